@@ -1,0 +1,27 @@
+"""Every difference between DOLFINx 0.9, 0.10 and 0.11 that this package meets, and nothing else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+try:  # DOLFINx >= 0.10
+    from dolfinx.io import gmsh as _gmshio
+except ImportError:  # DOLFINx 0.9
+    from dolfinx.io import gmshio as _gmshio  # type: ignore[no-redef, attr-defined]
+
+
+def model_to_mesh(
+    model: Any, comm: Any, rank: int, dim: int, partitioner: Any = None
+) -> tuple[dmesh.Mesh, Any, Any]:
+    """Mesh, cell tags and facet tags of a gmsh model that lives on one rank."""
+    data = _gmshio.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner)
+    return data[0], data[1], data[2]
+
+
+def interpolation_expression(expr: Any, space: Any) -> fem.Expression:
+    """``expr`` as DOLFINx interpolates it into ``space``."""
+    points = space.element.interpolation_points
+    return fem.Expression(expr, points() if callable(points) else points)

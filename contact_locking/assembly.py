@@ -1,0 +1,291 @@
+"""The discrete problem of a parameter set: everything that exists before the first solve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from contact_locking import domain as domains
+from contact_locking import forms, foundation
+from contact_locking.coefficients import AXES, Material, build_material, evaluate
+from contact_locking.conditions import (
+    ComponentCondition,
+    Constraints,
+    check_held,
+    constrain,
+    free_motions,
+    rigid_motions,
+)
+from contact_locking.domain import Domain, agree
+from contact_locking.errors import InputError, with_key
+from contact_locking.expressions import parse
+from contact_locking.parameters import ContactParameters, LoadParameters, Parameters, Smoothing
+from contact_locking.smoothing import Convolution, HelmholtzFilter, Identity
+from contact_locking.smoothing import Smoothing as SmoothingOperator
+from contact_locking.surface import ContactSurface
+from contact_locking.system import FrictionBound
+
+FloatArray = npt.NDArray[np.float64]
+
+# Expressions in loads are integrated to this degree; P1 test functions need no more.
+_LOAD_DEGREE = 4
+# Without a radius R averages over this share of the extent of Gamma_C.
+_DEFAULT_RADIUS_SHARE = 0.1
+
+
+@dataclass
+class Problem:
+    """Everything that exists before the first solve; made by :func:`assemble`."""
+
+    parameters: Parameters
+    domain: Domain
+    material: Material
+    data: forms.ProblemData
+    u: fem.Function
+    constraints: Constraints
+    bound: FrictionBound | None
+    free: int
+    warnings: list[str]
+
+    def facts(self) -> dict[str, Any]:
+        """What would be solved, for ``contact-locking check``."""
+        dofmap = self.u.function_space.dofmap
+        facts = {
+            "dimension": self.domain.dim,
+            "cells": self.domain.num_cells,
+            "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
+            "regions": sorted(self.domain.cell_names),
+            "boundary parts": sorted(self.domain.facet_names),
+            "smallest eigenvalue of A": self.material.ellipticity,
+        }
+        if self.bound is not None:
+            count = len(self.bound.surface.nodes)
+            facts["contact points"] = int(self.domain.comm.allreduce(count))
+        return facts
+
+
+def penalty(parameters: Parameters) -> tuple[float, float]:
+    """``n`` and ``epsilon``, the latter ``1/n`` unless it is given."""
+    n, epsilon = parameters.penalty.n, parameters.penalty.epsilon
+    return n, 1.0 / n if epsilon is None else epsilon
+
+
+def assemble(parameters: Parameters, comm: MPI.Intracomm) -> Problem:
+    """Mesh, material, loads, conditions, contact and friction; collective.
+
+    Raises InputError for everything about the data that only the mesh can tell.
+    """
+    warnings: list[str] = []
+    domain = _domain(parameters, comm)
+    parameters.check_dimension(domain.dim)
+    material = build_material(domain, parameters.material)
+    space = fem.functionspace(domain.mesh, ("P", 1, (domain.dim,)))
+    _check_parts(domain, parameters)
+    constraints = constrain(domain, space, _conditions(domain, parameters.loads))
+    n, epsilon = penalty(parameters)
+    surface, contact = _contact(domain, space, parameters.contact)
+    data = forms.ProblemData(
+        elastic_stress=material.elastic_stress,
+        inverse_limit=material.inverse_limit,
+        dx=ufl.Measure("dx", domain=domain.mesh),
+        loads=_loads(domain, parameters.loads),
+        contact=contact,
+        n=fem.Constant(domain.mesh, n),
+        epsilon=fem.Constant(domain.mesh, epsilon),
+    )
+    u = fem.Function(space, name="displacement")
+    free = _check_rigid_motions(domain, space, data, constraints, surface, parameters)
+    bound = None
+    if surface is not None:
+        smoothing = _smoothing(surface, parameters.friction.smoothing, warnings)
+        coefficient = _friction_coefficient(comm, parameters.friction.coefficient)
+        bound = FrictionBound(surface, smoothing, coefficient, u, data)
+    return Problem(
+        parameters, domain, material, data, u, constraints, bound, free, warnings
+    )
+
+
+def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+    geometry = parameters.mesh.geometry
+    if geometry is not None:
+        return domains.from_geometry(geometry, comm)
+    assert parameters.mesh.file is not None
+    return domains.from_file(Path(parameters.mesh.file), comm)
+
+
+def _check_parts(domain: Domain, parameters: Parameters) -> None:
+    """Names exist, and Gamma_C carries neither a load nor a full displacement condition."""
+    contact = domain.facets(parameters.contact.on, "contact.on")
+    for i, condition in enumerate(parameters.loads.displacements):
+        key = f"loads.displacements.{i}.on"
+        both = np.intersect1d(domain.facets(condition.on, key), contact)
+        if domain.comm.allreduce(len(both)):
+            raise InputError(
+                "Gamma_C and Gamma_D overlap: contact and a displacement are both asked for on "
+                f"{_quoted(condition.on)}",
+                key,
+            )
+
+
+def _conditions(domain: Domain, loads: LoadParameters) -> list[ComponentCondition]:
+    wanted = []
+    for i, condition in enumerate(loads.displacements):
+        for j, value in enumerate(condition.value):
+            if value is not None:
+                key = f"loads.displacements.{i}.value.{j}"
+                field = partial(_on_points, domain.comm, value, key)
+                wanted.append(ComponentCondition(condition.on, j, field, key))
+    return wanted
+
+
+def _on_points(comm: MPI.Intracomm, value: float | str, key: str, x: FloatArray) -> FloatArray:
+    return evaluate(comm, value, x, key)
+
+
+def _loads(domain: Domain, loads: LoadParameters) -> list[tuple[Any, ufl.Measure]]:
+    found = []
+    if loads.body_force is not None:
+        value, degree = _ufl_vector(domain, loads.body_force, "loads.body_force")
+        dx = ufl.Measure("dx", domain=domain.mesh, metadata={"quadrature_degree": degree})
+        found.append((value, dx))
+    for i, traction in enumerate(loads.tractions):
+        key = f"loads.tractions.{i}"
+        value, degree = _ufl_vector(domain, traction.value, f"{key}.value")
+        found.append((value, domain.ds(traction.on, f"{key}.on", quadrature_degree=degree)))
+    return found
+
+
+def _contact(
+    domain: Domain, space: fem.FunctionSpace, given: ContactParameters
+) -> tuple[ContactSurface | None, forms.ContactData | None]:
+    if not given.on:
+        return None, None
+    surface = ContactSurface(domain, space, given.on)
+    points = surface.points.T
+    if given.foundation is None:
+        gap, normal = evaluate(domain.comm, given.gap, points, "contact.gap"), surface.body_normals()
+    else:
+        body = _foundation(given, domain.dim)
+        gap, normal = body.gap(points), body.contact_normal(points).T
+        facing = np.sum(normal * surface.body_normals(), axis=1)
+        if domain.comm.allreduce(bool(np.any(facing <= 0.0)), op=MPI.LOR):
+            raise InputError(
+                "the foundation lies behind a part of Gamma_C: there the outward normal of the "
+                "body points away from it; turn the half space's normal towards the body, or "
+                "take away from contact.on what does not face the foundation",
+                "contact.foundation",
+            )
+    return surface, forms.ContactData(
+        ds=surface.ds,
+        normal=surface.vector_function(normal, "contact_normal"),
+        gap=surface.scalar_function(gap, "gap"),
+        bound=surface.scalar_function(np.zeros(len(gap)), "friction_bound"),
+    )
+
+
+def _foundation(given: ContactParameters, dim: int) -> foundation.Foundation:
+    assert given.foundation is not None
+    half_space, sphere, cylinder = (
+        given.foundation.half_space,
+        given.foundation.sphere,
+        given.foundation.cylinder,
+    )
+    if half_space is not None:
+        return foundation.HalfSpace(tuple(half_space.point), tuple(half_space.normal))
+    if sphere is not None:
+        return foundation.Round(tuple(sphere.centre), sphere.radius)
+    assert cylinder is not None
+    axis = None if dim == 2 else tuple(cylinder.axis or (0.0, 1.0, 0.0))
+    return foundation.Round(tuple(cylinder.centre), cylinder.radius, axis)
+
+
+def _smoothing(
+    surface: ContactSurface, given: Smoothing, warnings: list[str]
+) -> SmoothingOperator:
+    if given.kernel == "none":
+        return Identity()
+    comm = surface.domain.comm
+    radius = given.radius
+    if radius is None:
+        places = np.concatenate(comm.allgather(surface.points))
+        radius = _DEFAULT_RADIUS_SHARE * float(np.linalg.norm(np.ptp(places, axis=0)))
+    size = surface.domain.facet_diameter(surface.facets)
+    if radius < size:
+        warnings.append(
+            f"friction.smoothing.radius: {radius:g} is smaller than the mesh size {size:.3g} on "
+            "Gamma_C, so R hardly smooths; refine the mesh there or enlarge the radius"
+        )
+    if given.kernel == "convolution":
+        return Convolution(comm, surface.points, surface.weights, radius)
+    return HelmholtzFilter(surface.weights, surface.laplacian(), radius)
+
+
+def _friction_coefficient(
+    comm: MPI.Intracomm, value: float | str
+) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """``mu(x, s)`` at points (k, d) and slips (k,); collective."""
+    key = "friction.coefficient"
+    expression = parse(value, (*AXES, "s"))
+
+    def local(points: FloatArray, slip: FloatArray) -> FloatArray:
+        places = dict(zip(AXES, points.T, strict=False))
+        mu = with_key(key, lambda: np.broadcast_to(expression.numpy(**places, s=slip), slip.shape))
+        if np.any(mu < 0.0):
+            least = f"{float(np.min(mu)):g}"
+            raise InputError(f"the friction coefficient must not be negative, it is {least}", key)
+        return mu
+
+    return lambda points, slip: agree(comm, lambda: local(points, slip))
+
+
+def _check_rigid_motions(
+    domain: Domain,
+    space: fem.FunctionSpace,
+    data: forms.ProblemData,
+    constraints: Constraints,
+    surface: ContactSurface | None,
+    parameters: Parameters,
+) -> int:
+    """How many rigid motions contact alone holds; InputError if one is not held at all."""
+    free = free_motions(domain, space, constraints)
+    if not free.shape[1]:
+        return 0
+    motions = free.T @ rigid_motions(space)
+    load = fem.assemble_vector(
+        fem.form(forms.external_work(ufl.TestFunction(space), data))
+    ).array
+    work = domain.comm.allreduce(motions @ load)
+    normals = None
+    if surface is not None and data.contact is not None:
+        blocks = motions.reshape(len(motions), -1, domain.dim)[:, surface.blocks]
+        nu = data.contact.normal.x.array.reshape(-1, domain.dim)[surface.blocks]
+        local = np.einsum("fkd,kd->kf", blocks, nu)
+        normals = np.concatenate(domain.comm.allgather(local))
+    friction = parameters.friction.coefficient != 0
+    check_held(free, normals, work, domain.dim, friction)
+    return int(free.shape[1])
+
+
+def _ufl_vector(domain: Domain, values: list[float | str], key: str) -> tuple[Any, int]:
+    """A vector of numbers or expressions as UFL, with the degree to integrate it to."""
+    names = AXES[: domain.dim]
+    components = [parse(value, names) for value in values]
+    if all(c.is_constant for c in components):
+        numbers = [float(c.numpy()) for c in components]
+        return fem.Constant(domain.mesh, numbers), 1
+    x = ufl.SpatialCoordinate(domain.mesh)
+    places = {name: x[i] for i, name in enumerate(names)}
+    return ufl.as_vector([c.ufl(**places) for c in components]), _LOAD_DEGREE
+
+
+def _quoted(names: tuple[str, ...]) -> str:
+    return ", ".join(repr(name) for name in names)

@@ -1,0 +1,195 @@
+"""The material of a body as coefficients of the forms: constants where it is uniform, P0 else.
+
+P1 strains are constant in a cell, so a coefficient that varies in space is taken at the cell's
+midpoint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from ufl.core.expr import Expr
+
+from contact_locking import material as law
+from contact_locking.domain import Domain, agree
+from contact_locking.errors import InputError, with_key
+from contact_locking.expressions import parse
+from contact_locking.parameters import Elasticity, MaterialParameters
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Material:
+    """What the forms and the certificate need to know of the material.
+
+    ``elastic_stress`` maps a UFL strain to a stress; ``limit`` is M as a P0 function (inf where
+    nothing locks) and ``inverse_limit`` 1/M; ``ellipticity`` and ``stiffness`` are the smallest
+    (alpha) and largest eigenvalue of A over the body.
+    """
+
+    elastic_stress: Callable[[Expr], Expr]
+    limit: fem.Function
+    inverse_limit: fem.Function
+    ellipticity: float
+    stiffness: float
+
+
+def build_material(domain: Domain, given: MaterialParameters) -> Material:
+    """Evaluate the material on the mesh; collective.
+
+    Raises InputError if A is not symmetric or not elliptic somewhere, or M not positive.
+    """
+    cells = Cells(domain)
+    limit, inverse = fem.Function(cells.space), fem.Function(cells.space)
+    limit.x.array[:] = np.inf
+    for where, value, key in _locking_limits(domain, cells, given):
+        limit.x.array[cells.dofs[where]] = cells.evaluate(value, where, key)
+        smallest = _minimum(domain, limit.x.array[cells.dofs[where]])
+        if not smallest > 0.0:
+            raise InputError(f"the locking limit must be positive, it reaches {smallest:g}", key)
+    inverse.x.array[:] = 1.0 / limit.x.array
+    stress, lowest, highest = _elasticity(domain, cells, given)
+    return Material(stress, limit, inverse, lowest, highest)
+
+
+class Cells:
+    """All local cells with their midpoints (d, k), their regions and their P0 dofs."""
+
+    def __init__(self, domain: Domain) -> None:
+        index_map = domain.mesh.topology.index_map(domain.dim)
+        self._comm = domain.comm
+        self.all = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        self.midpoints = dmesh.compute_midpoints(domain.mesh, domain.dim, self.all)
+        self.midpoints = self.midpoints[:, : domain.dim].T
+        self.space = fem.functionspace(domain.mesh, ("DG", 0))
+        self.dofs = self.space.dofmap.list.reshape(-1)
+
+    def evaluate(self, value: float | str, cells: IntArray, key: str) -> FloatArray:
+        """A number or expression of x, y[, z] at the midpoints of the given cells.
+
+        Collective.
+        """
+        return evaluate(self._comm, value, self.midpoints[:, cells], key)
+
+
+def evaluate(comm: MPI.Intracomm, value: float | str, x: FloatArray, key: str) -> FloatArray:
+    """A number or expression of x, y[, z] at points (d, k), as (k,); collective.
+
+    Raises InputError, with the key, on all ranks if a value on any rank is not finite.
+    """
+    expression = parse(value, AXES)
+    places = dict(zip(AXES, x, strict=False))
+    result = agree(comm, lambda: with_key(key, lambda: expression.numpy(**places)))
+    return np.broadcast_to(np.asarray(result, dtype=float), x.shape[1:]).copy()
+
+
+def _locking_limits(
+    domain: Domain, cells: Cells, given: MaterialParameters
+) -> Iterator[tuple[IntArray, float | str, str]]:
+    yield cells.all, given.locking_limit, "material.locking_limit"
+    for name, region in given.regions.items():
+        if region.locking_limit is not None:
+            where = domain.cells(name, f"material.regions.{name}")
+            yield where, region.locking_limit, f"material.regions.{name}.locking_limit"
+
+
+def _elasticities(
+    domain: Domain, cells: Cells, given: MaterialParameters
+) -> list[tuple[IntArray, Elasticity, str]]:
+    parts = [(cells.all, given.elasticity, "material.elasticity")]
+    for name, region in given.regions.items():
+        where = domain.cells(name, f"material.regions.{name}")
+        if region.elasticity is not None:
+            parts.append((where, region.elasticity, f"material.regions.{name}.elasticity"))
+    return parts
+
+
+def _elasticity(
+    domain: Domain, cells: Cells, given: MaterialParameters
+) -> tuple[Callable[[Expr], Expr], float, float]:
+    """The stress law and the extreme eigenvalues of A."""
+    parts = _elasticities(domain, cells, given)
+    if any(elasticity.stiffness is not None for _, elasticity, _ in parts):
+        return _anisotropic(domain, cells, parts)
+    lame = np.empty((2, len(cells.all)))
+    for where, elasticity, key in parts:
+        lame[:, where] = _lame(cells, where, elasticity, key)
+    eigenvalues = law.isotropic_eigenvalues(lame[0], lame[1], domain.dim)
+    lowest, highest = _eigenvalue_range(domain, np.array(eigenvalues), parts[-1][2])
+    least = [_minimum(domain, row) for row in lame]
+    if len(parts) == 1 and least == [-_minimum(domain, -row) for row in lame]:
+        constants = [fem.Constant(domain.mesh, value) for value in least]
+        return lambda eps: law.isotropic_stress(eps, *constants), lowest, highest
+    fields = [fem.Function(cells.space) for _ in range(2)]
+    for field, values in zip(fields, lame, strict=True):
+        field.x.array[cells.dofs] = values
+    return lambda eps: law.isotropic_stress(eps, *fields), lowest, highest
+
+
+def _anisotropic(
+    domain: Domain, cells: Cells, parts: list[tuple[IntArray, Elasticity, str]]
+) -> tuple[Callable[[Expr], Expr], float, float]:
+    size = len(law.MANDEL_PAIRS[domain.dim])
+    matrices = np.empty((len(cells.all), size, size))
+    for where, elasticity, key in parts:
+        if elasticity.stiffness is None:
+            lame = _lame(cells, where, elasticity, key)
+            matrices[where] = law.isotropic_stiffness(*lame, domain.dim)
+            continue
+        for i, row in enumerate(elasticity.stiffness):
+            for j, entry in enumerate(row):
+                place = f"{key}.stiffness"
+                matrices[where, i, j] = cells.evaluate(entry, where, place)
+        part = matrices[where]
+        skew = np.abs(part - np.swapaxes(part, 1, 2))
+        if -_minimum(domain, -skew) > 1e-10 * -_minimum(domain, -np.abs(part)):
+            raise InputError("the stiffness matrix is not symmetric", f"{key}.stiffness")
+    eigenvalues = np.linalg.eigvalsh(matrices)
+    lowest, highest = _eigenvalue_range(domain, eigenvalues, parts[-1][2])
+    space = fem.functionspace(domain.mesh, ("DG", 0, (size, size)))
+    field = fem.Function(space)
+    dofs = space.dofmap.list.reshape(-1)
+    field.x.array.reshape(-1, size, size)[dofs] = matrices
+    return lambda eps: law.anisotropic_stress(eps, field), lowest, highest
+
+
+def _lame(cells: Cells, where: IntArray, given: Elasticity, key: str) -> FloatArray:
+    """Both Lame coefficients (2, k) at the given cells."""
+    if given.young is not None and given.poisson is not None:
+        young = cells.evaluate(given.young, where, f"{key}.young")
+        poisson = cells.evaluate(given.poisson, where, f"{key}.poisson")
+        return np.array(law.lame_from_young(young, poisson))
+    assert given.lame_lambda is not None and given.mu is not None
+    return np.array(
+        [
+            cells.evaluate(given.lame_lambda, where, f"{key}.lambda"),
+            cells.evaluate(given.mu, where, f"{key}.mu"),
+        ]
+    )
+
+
+def _eigenvalue_range(domain: Domain, eigenvalues: FloatArray, key: str) -> tuple[float, float]:
+    lowest, highest = _minimum(domain, eigenvalues), -_minimum(domain, -eigenvalues)
+    if not lowest > 0.0 or not np.isfinite(highest):
+        raise InputError(
+            f"the elasticity is not elliptic: its smallest eigenvalue is {lowest:g}, it must be "
+            "positive everywhere",
+            key,
+        )
+    return lowest, highest
+
+
+def _minimum(domain: Domain, values: FloatArray) -> float:
+    """The minimum over all ranks, NaN counted as less than anything."""
+    local = float(np.min(np.where(np.isnan(values), -np.inf, values), initial=np.inf))
+    return float(domain.comm.allreduce(local, op=MPI.MIN))

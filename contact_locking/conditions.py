@@ -1,0 +1,140 @@
+"""Displacement conditions, component by component, and the rigid motions they leave free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from scipy.optimize import linprog
+
+from contact_locking.domain import Domain
+from contact_locking.errors import InputError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class ComponentCondition:
+    """``u_i = value(x)`` on the named boundary parts; ``value`` maps (d, k) to (k,)."""
+
+    on: tuple[str, ...]
+    component: int
+    value: Callable[[FloatArray], FloatArray]
+    key: str
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """The conditions as DOLFINx takes them, and the local dofs (ghosts included) they fix."""
+
+    conditions: list[fem.DirichletBC]
+    dofs: IntArray
+
+    def apply(self, u: fem.Function) -> None:
+        """Write the prescribed values into ``u``."""
+        for condition in self.conditions:
+            condition.set(u.x.array)
+        u.x.scatter_forward()
+
+
+def constrain(
+    domain: Domain, space: fem.FunctionSpace, wanted: Sequence[ComponentCondition]
+) -> Constraints:
+    """Make the conditions of a P1 vector space; collective.
+
+    Where two conditions meet in a node, the later one holds.
+    """
+    conditions, fixed = [], [np.empty(0, dtype=np.int32)]
+    scalars = [space.sub(i).collapse()[0] for i in range(domain.dim)] if wanted else []
+    for item in wanted:
+        sub, scalar = space.sub(item.component), scalars[item.component]
+        facets = domain.facets(item.on, item.key)
+        value = fem.Function(scalar)
+        value.interpolate(lambda x, item=item: item.value(x[: domain.dim]))
+        dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
+        conditions.append(fem.dirichletbc(value, dofs, sub))
+        fixed.append(np.asarray(dofs[0], dtype=np.int32))
+    return Constraints(conditions, np.unique(np.concatenate(fixed)))
+
+
+def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
+    """The d translations and the rotations about the origin at all local dofs, ghosts included.
+
+    Shape (3, k) in 2D and (6, k) in 3D.
+    """
+    x = space.tabulate_dof_coordinates()
+    dim = space.mesh.topology.dim
+    motions = np.zeros((dim + dim * (dim - 1) // 2, len(x), dim))
+    for i in range(dim):
+        motions[i, :, i] = 1.0
+    pairs = [(i, j) for i in range(dim) for j in range(i + 1, dim)]
+    for k, (i, j) in enumerate(pairs):
+        motions[dim + k, :, i] = -x[:, j]
+        motions[dim + k, :, j] = x[:, i]
+    return motions.reshape(len(motions), -1)
+
+
+def free_motions(domain: Domain, space: fem.FunctionSpace, constraints: Constraints) -> FloatArray:
+    """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective."""
+    motions = rigid_motions(space)
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    fixed = motions[:, constraints.dofs[constraints.dofs < owned]]
+    everything = motions[:, :owned]
+    gram = domain.comm.allreduce(fixed @ fixed.T)
+    # Rotations are lengths: measured against the whole body, the numbers are comparable.
+    scale = 1.0 / np.sqrt(np.diag(domain.comm.allreduce(everything @ everything.T)))
+    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+    return scale[:, None] * vectors[:, values <= 1e-12]
+
+
+def check_held(
+    free: FloatArray, contact: FloatArray | None, work: FloatArray, dim: int, friction: bool
+) -> None:
+    """Refuse a body that can move rigidly without resistance.
+
+    ``free`` (m, f) are the motions that the displacement conditions leave, ``contact`` (k, f)
+    their normal components at the nodes of Gamma_C and ``work`` (f,) the work of the loads along
+    them.  A minimiser exists if no motion c != 0 has ``contact c <= 0`` (leaves the foundation,
+    or slides along it) and ``work . c >= 0`` (is not resisted by the loads).
+    """
+    count = free.shape[1]
+    if count == 0:
+        return
+    scaled = np.zeros((0, count)) if contact is None else contact
+    size = max(float(np.abs(scaled).max(initial=0.0)), 1e-300)
+    force = max(float(np.abs(work).max()), 1e-300)
+    rows = np.vstack([scaled / size, -work[None, :] / force])
+    for i in range(count):
+        for sign in (1.0, -1.0):
+            found = linprog(
+                -sign * np.eye(count)[i], A_ub=rows, b_ub=np.full(len(rows), 1e-9), bounds=(-1, 1)
+            )
+            if found.status == 0 and -found.fun > 1e-3:
+                motion = _describe(free @ found.x, dim)
+                slides = contact is not None and np.abs(scaled @ found.x).max(initial=0.0) < 1e-6
+                why = (
+                    "nothing holds the body"
+                    if contact is None
+                    else "it slides along the foundation"
+                    + (" and friction alone does not decide where it rests" if friction else "")
+                    if slides
+                    else "the loads do not press the body onto the foundation"
+                )
+                raise InputError(
+                    f"the displacement conditions leave a rigid motion free ({motion}): {why}; "
+                    "fix a boundary part, or a component of it, in loads.displacements",
+                    "loads.displacements",
+                )
+
+
+def _describe(motion: FloatArray, dim: int) -> str:
+    names = [f"translation along {AXES[i]}" for i in range(dim)]
+    names += ["rotation"] if dim == 2 else [f"rotation about {a}" for a in "zyx"]
+    share = np.abs(motion) / np.abs(motion).max()
+    return " with ".join(name for name, s in zip(names, share, strict=True) if s > 0.1)

@@ -1,0 +1,20 @@
+"""Unilateral contact with a rigid foundation: the normal penalty with a gap."""
+
+from __future__ import annotations
+
+from ufl.core.expr import Expr
+
+from contact_locking.convex import positive_part
+
+
+def contact_pressure(u_normal: Expr, gap: Expr, epsilon: Expr) -> Expr:
+    """``p = (1/eps) [u_nu - gap]^+``, so that ``sigma_nu = -p`` (25).
+
+    ``u_normal`` and ``gap`` are lengths; ``1/eps`` is a stress per length.
+    """
+    return positive_part(u_normal - gap) / epsilon
+
+
+def contact_energy(u_normal: Expr, gap: Expr, epsilon: Expr) -> Expr:
+    """``([u_nu - gap]^+)^2/(2 eps)``, whose derivative in u_nu is :func:`contact_pressure`."""
+    return positive_part(u_normal - gap) ** 2 / (2.0 * epsilon)

@@ -1,0 +1,51 @@
+"""The exceptions that the library raises.
+
+The command line turns each into one message and an exit code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+class ContactLockingError(Exception):
+    """Base of every error that this package raises on purpose.
+
+    ``exit_code`` is what the command line returns for it.
+    """
+
+    exit_code = 1
+
+
+class InputError(ContactLockingError):
+    """The study file, the mesh or an argument cannot be used as given.
+
+    The message names the offending key or name, what was given and what would be right.
+    ``key`` is the dotted key of the study file where it is known, so that a caller that holds
+    the file can add the line.
+    """
+
+    exit_code = 2
+
+    def __init__(self, message: str, key: str | None = None) -> None:
+        super().__init__(message)
+        self.key = key
+
+
+class NotConverged(ContactLockingError):
+    """A solver stopped before its criteria held; the message says which one and the way out."""
+
+    exit_code = 3
+
+
+def with_key(key: str, work: Callable[[], T]) -> T:
+    """Run ``work``; an InputError that comes out of it without a key is given this one."""
+    try:
+        return work()
+    except InputError as error:
+        if error.key is not None:
+            raise
+        raise InputError(str(error), key) from error

@@ -1,0 +1,123 @@
+"""The penalised problem (25)/(26): the one place where the laws are summed.
+
+The friction bound is a coefficient, so what is summed here is the derivative of a convex energy,
+and its tangent is symmetric.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import ufl
+from dolfinx import fem
+from ufl.core.expr import Expr
+
+from contact_locking.contact import contact_energy, contact_pressure
+from contact_locking.convex import normal_part, tangential_part
+from contact_locking.friction import friction_energy, friction_traction
+from contact_locking.locking import locking_energy, locking_stress
+from contact_locking.material import strain
+
+
+@dataclass(frozen=True)
+class ContactData:
+    """Gamma_C: measure, and as P1 functions the contact normal, the gap and the friction bound."""
+
+    ds: ufl.Measure
+    normal: fem.Function
+    gap: fem.Function
+    bound: fem.Function
+
+
+@dataclass(frozen=True)
+class ProblemData:
+    """The data of (25) as UFL.
+
+    ``elastic_stress`` maps a strain to a stress, ``inverse_limit`` is 1/M, ``loads`` pairs a
+    traction or body force with its measure; ``n`` and ``epsilon`` are the penalty parameters,
+    and ``contact`` is None for a body that touches nothing.
+    """
+
+    elastic_stress: Callable[[Expr], Expr]
+    inverse_limit: Expr
+    dx: ufl.Measure
+    loads: Sequence[tuple[Expr, ufl.Measure]]
+    contact: ContactData | None
+    n: fem.Constant
+    epsilon: fem.Constant
+
+
+def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
+    """``a(u, v) = int A eps(u) : eps(v)``."""
+    return ufl.inner(data.elastic_stress(strain(u)), strain(v)) * data.dx
+
+
+def external_work(v: Expr, data: ProblemData) -> Expr:
+    """``(f, v) = int f0 . v + int g . v`` (13)."""
+    zero = fem.Constant(data.dx.ufl_domain(), [0.0] * v.ufl_shape[0])
+    return ufl.inner(zero, v) * data.dx + sum(
+        ufl.inner(load, v) * measure for load, measure in data.loads
+    )
+
+
+def internal_forces(
+    u: Expr, v: Expr, data: ProblemData, locking: Expr, pressure: Expr, friction: Expr
+) -> Expr:
+    """``a(u, v) + (Z, eps(v)) + int p v_nu + int t . v_tau`` for given Z, p and t = -sigma_tau."""
+    form = elastic_form(u, v, data) + ufl.inner(locking, strain(v)) * data.dx
+    if data.contact is not None:
+        nu = data.contact.normal
+        traction = pressure * normal_part(v, nu) + ufl.inner(friction, tangential_part(v, nu))
+        form += traction * data.contact.ds
+    return form
+
+
+def pressure(u: Expr, data: ProblemData) -> Expr:
+    """The contact pressure ``-sigma_nu`` of the penalty law."""
+    assert data.contact is not None
+    return contact_pressure(normal_part(u, data.contact.normal), data.contact.gap, data.epsilon)
+
+
+def friction(u: Expr, data: ProblemData) -> Expr:
+    """The friction traction ``-sigma_tau`` of the regularised law."""
+    assert data.contact is not None
+    slip = tangential_part(u, data.contact.normal)
+    return friction_traction(slip, data.contact.bound, data.epsilon)
+
+
+def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
+    """The left side of (25) minus its right side."""
+    touches = data.contact is not None
+    return internal_forces(
+        u,
+        v,
+        data,
+        locking_stress(strain(u), data.inverse_limit, data.n),
+        pressure(u, data) if touches else None,
+        friction(u, data) if touches else None,
+    ) - external_work(v, data)
+
+
+def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
+    """The Gateaux derivative of :func:`residual` at ``u`` in the direction ``du``."""
+    return ufl.derivative(residual(u, v, data), u, du)
+
+
+def energy(u: fem.Function, data: ProblemData) -> Expr:
+    """The potential of (25) at a frozen bound; its derivative is :func:`residual`."""
+    form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
+    form += locking_energy(strain(u), data.inverse_limit, data.n) * data.dx
+    if data.contact is not None:
+        nu, bound = data.contact.normal, data.contact.bound
+        density = contact_energy(normal_part(u, nu), data.contact.gap, data.epsilon)
+        density += friction_energy(tangential_part(u, nu), bound, data.epsilon)
+        form += density * data.contact.ds
+    return form
+
+
+def contact_stiffness(v: Expr, du: Expr, data: ProblemData, factor: fem.Constant) -> Expr:
+    """``(factor/eps) int du_nu v_nu``: the tangent of contact as if all of Gamma_C touched."""
+    assert data.contact is not None
+    nu = data.contact.normal
+    return factor / data.epsilon * normal_part(du, nu) * normal_part(v, nu) * data.contact.ds

@@ -1,0 +1,74 @@
+"""Linear elasticity: the operator A of the paper's (h1)-(h4), isotropic or fully anisotropic.
+
+Symmetric tensors are written as Mandel vectors where a matrix acts on them:
+``(xx, yy, sqrt(2) xy)`` in 2D and ``(xx, yy, zz, sqrt(2) yz, sqrt(2) xz, sqrt(2) xy)`` in 3D.  The
+square roots make the Euclidean norm of the vector the Frobenius norm of the tensor, so the
+eigenvalues of the matrix are those of A.  Two dimensions mean plane strain.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from ufl.core.expr import Expr
+
+FloatArray = npt.NDArray[np.float64]
+
+MANDEL_PAIRS: dict[int, tuple[tuple[int, int], ...]] = {
+    2: ((0, 0), (1, 1), (0, 1)),
+    3: ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)),
+}
+
+
+def strain(u: Expr) -> Expr:
+    """``eps(u) = sym grad u``, a symmetric (d, d) tensor without unit."""
+    return ufl.sym(ufl.grad(u))
+
+
+def isotropic_stress(eps: Expr, lame_lambda: Expr, lame_mu: Expr) -> Expr:
+    """``A eps = lambda tr(eps) I + 2 mu eps``, in the unit of the Lame coefficients."""
+    return lame_lambda * ufl.tr(eps) * ufl.Identity(eps.ufl_shape[0]) + 2.0 * lame_mu * eps
+
+
+def anisotropic_stress(eps: Expr, stiffness: Expr) -> Expr:
+    """``A eps`` with ``A`` given as a Mandel matrix: 3 x 3 in 2D, 6 x 6 in 3D."""
+    return mandel_tensor(ufl.dot(stiffness, mandel_vector(eps)), eps.ufl_shape[0])
+
+
+def mandel_vector(tensor: Expr) -> Expr:
+    """The Mandel vector of a symmetric (d, d) tensor."""
+    pairs = MANDEL_PAIRS[tensor.ufl_shape[0]]
+    return ufl.as_vector([tensor[i, j] * (1.0 if i == j else np.sqrt(2.0)) for i, j in pairs])
+
+
+def mandel_tensor(vector: Expr, dim: int) -> Expr:
+    """The symmetric (d, d) tensor of a Mandel vector; the inverse of :func:`mandel_vector`."""
+    entry: dict[tuple[int, int], Any] = {}
+    for k, (i, j) in enumerate(MANDEL_PAIRS[dim]):
+        entry[i, j] = entry[j, i] = vector[k] / (1.0 if i == j else np.sqrt(2.0))
+    return ufl.as_tensor([[entry[i, j] for j in range(dim)] for i in range(dim)])
+
+
+def lame_from_young(young: Any, poisson: Any) -> tuple[Any, Any]:
+    """``lambda = E nu/((1 + nu)(1 - 2 nu))``, ``mu = E/(2 (1 + nu))``; numbers or arrays."""
+    lame_lambda = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+    return lame_lambda, young / (2.0 * (1.0 + poisson))
+
+
+def isotropic_stiffness(lame_lambda: Any, lame_mu: Any, dim: int) -> FloatArray:
+    """``lambda m m^T + 2 mu I`` with ``m`` the Mandel vector of the identity.
+
+    Scalars give one matrix (s, s), arrays of length k give (k, s, s); s = 3 in 2D, 6 in 3D.
+    """
+    size = len(MANDEL_PAIRS[dim])
+    identity = np.array([1.0 if i == j else 0.0 for i, j in MANDEL_PAIRS[dim]])
+    volumetric = np.multiply.outer(np.asarray(lame_lambda), np.outer(identity, identity))
+    return volumetric + 2.0 * np.multiply.outer(np.asarray(lame_mu), np.eye(size))
+
+
+def isotropic_eigenvalues(lame_lambda: Any, lame_mu: Any, dim: int) -> tuple[Any, Any]:
+    """The two eigenvalues of isotropic A: ``2 mu`` (shear), ``2 mu + d lambda`` (volume)."""
+    return 2.0 * lame_mu, 2.0 * lame_mu + dim * lame_lambda

@@ -1,0 +1,164 @@
+"""From parameters to a solution: assemble, solve, collect."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+
+from contact_locking.assembly import Problem, assemble, penalty
+from contact_locking.certificate import proved_bounds
+from contact_locking.domain import Domain
+from contact_locking.parameters import Parameters
+from contact_locking.progress import Monitor
+from contact_locking.results import (
+    BodyFields,
+    ContactFields,
+    body_summary,
+    equilibrium_residual,
+    no_contact_summary,
+)
+from contact_locking.solution import Solution
+from contact_locking.solver import Settings, SolverReport
+from contact_locking.solver import solve as solve_system
+from contact_locking.solver.continuation import PenaltyPath
+from contact_locking.system import PenalisedSystem
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def solve(
+    parameters: Parameters,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+) -> Solution:
+    """Solve (25)/(26) for the given parameters; collective.
+
+    ``petsc_options`` override ``solver.petsc``, and both the defaults.  A solve that does not
+    reach its criteria still returns what it reached, with ``summary["converged"]`` False and the
+    reason beside it.  Raises InputError for data that cannot be used.
+    """
+    monitor = monitor or Monitor()
+    start = time.perf_counter()
+    monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
+    problem = assemble(parameters, comm)
+    for warning in problem.warnings:
+        monitor.message(f"warning: {warning}")
+    given = parameters.solver
+    options = {**given.petsc, **(petsc_options or {})}
+    settings = Settings(
+        tolerance=given.tolerance,
+        max_iterations=given.max_iterations,
+        friction_tolerance=given.friction_tolerance,
+        max_friction_updates=given.max_friction_updates,
+        linear=given.linear,
+        petsc=options,
+    )
+    system = PenalisedSystem(
+        problem.data, problem.u, problem.constraints, problem.bound, problem.free > 0
+    )
+    n, epsilon = penalty(parameters)
+    length = float(np.ptp(_bounding_box(problem.domain), axis=0).max())
+    path = PenaltyPath.towards(n, epsilon, problem.material.stiffness, length)
+    system.set_penalty(n, epsilon)
+    problem.constraints.apply(problem.u)
+    report = solve_system(given.method, system, path, settings, monitor)
+    system.set_penalty(n, epsilon)
+    solution = _collect(problem, report, settings)
+    solution.summary["wall_seconds"] = time.perf_counter() - start
+    if problem.bound is not None:
+        problem.bound.smoothing.destroy()
+    return solution
+
+
+def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
+    """Do all that :func:`solve` does before its first iteration and say what would be solved."""
+    problem = assemble(parameters, comm)
+    if problem.bound is not None:
+        problem.bound.smoothing.destroy()
+    return {**problem.facts(), "warnings": problem.warnings}
+
+
+def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solution:
+    domain, data, u = problem.domain, problem.data, problem.u
+    body = BodyFields(domain, u, data, problem.material)
+    contact = None if problem.bound is None else ContactFields(problem.bound, u, data)
+    residual = equilibrium_residual(u, data, problem.constraints, body, contact)
+    summary: dict[str, Any] = {
+        "title": problem.parameters.title,
+        "converged": report.converged,
+        "reason": report.reason,
+        "suggestion": report.suggestion,
+        **body_summary(domain, u, data, body),
+        **(no_contact_summary(domain.dim) if contact is None else contact.summary()),
+        "iterations": {
+            "tangents": report.tangents,
+            "linear": report.linear,
+            "friction": report.friction,
+        },
+        "residual": residual,
+        "friction_fixed_point": {
+            "change": report.friction_change,
+            "contraction": report.contraction,
+        },
+        "stages": report.stages,
+        "bounds": proved_bounds(
+            domain, u, data, problem.material, problem.constraints, problem.free,
+            dict(settings.petsc),
+        ),
+        "warnings": problem.warnings,
+    }
+    if report.converged and not residual <= settings.tolerance:
+        summary |= {
+            "converged": False,
+            "reason": f"the equilibrium residual is {residual:.1e}, above {settings.tolerance:g}",
+        }
+    return _solution(problem, body, contact, summary)
+
+
+def _solution(
+    problem: Problem, body: BodyFields, contact: ContactFields | None, summary: dict[str, Any]
+) -> Solution:
+    if contact is not None:
+        surface = contact.surface
+        pressure = surface.scalar_function(contact.pressure, "contact_pressure")
+        smoothed = surface.scalar_function(contact.smoothed_stress, "smoothed_stress")
+        traction = surface.vector_function(contact.traction, "tangential_traction")
+        state = surface.scalar_function(contact.state.astype(float), "contact_state")
+    else:
+        scalar = problem.u.function_space.sub(0).collapse()[0]
+        pressure, smoothed, state = (
+            fem.Function(scalar, name=name)
+            for name in ("contact_pressure", "smoothed_stress", "contact_state")
+        )
+        traction = fem.Function(problem.u.function_space, name="tangential_traction")
+    return Solution(
+        parameters=problem.parameters,
+        domain=problem.domain,
+        displacement=problem.u,
+        strain_norm=body.strain_norm,
+        locking_limit=body.locking_limit,
+        locked=body.locked,
+        elastic_stress=body.elastic_stress,
+        locking_stress=body.locking_stress,
+        contact_pressure=pressure,
+        smoothed_stress=smoothed,
+        tangential_traction=traction,
+        contact_state=state,
+        contact_points=None if contact is None else contact.gather(),
+        summary=summary,
+    )
+
+
+def _bounding_box(domain: Domain) -> FloatArray:
+    """The least and greatest coordinates (2, d); collective."""
+    x = domain.mesh.geometry.x[:, : domain.dim]
+    low = domain.comm.allreduce(x.min(axis=0, initial=np.inf), op=MPI.MIN)
+    high = domain.comm.allreduce(x.max(axis=0, initial=-np.inf), op=MPI.MAX)
+    return np.array([low, high])

@@ -1,0 +1,184 @@
+"""From a solved displacement to the fields, the contact points and the numbers of the summary."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dolfinx
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, la
+from mpi4py import MPI
+from ufl.core.expr import Expr
+
+from contact_locking import _compat, forms
+from contact_locking.coefficients import Material
+from contact_locking.conditions import Constraints
+from contact_locking.convex import tangential_part
+from contact_locking.domain import Domain
+from contact_locking.locking import locking_stress
+from contact_locking.material import strain
+from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints
+from contact_locking.system import FrictionBound
+
+FloatArray = npt.NDArray[np.float64]
+
+# |eps| >= M (1 - 1e-6) counts as locked.
+_LOCKED_MARGIN = 1e-6
+# The regularised law approaches its bound but never reaches it; from 99 % on a point slips.
+_SLIP_SHARE = 0.99
+
+
+class BodyFields:
+    """P0 fields of the body, interpolated exactly (P1 strains are constant in a cell)."""
+
+    def __init__(self, domain: Domain, u: fem.Function, data: forms.ProblemData, m: Material):
+        eps, tensor = strain(u), (domain.dim, domain.dim)
+        stress = data.elastic_stress(eps)
+        locking = locking_stress(eps, data.inverse_limit, data.n)
+        norm = ufl.sqrt(ufl.inner(eps, eps))
+        self.strain_norm = _p0(domain, norm, "strain_norm")
+        self.elastic_stress = _p0(domain, stress, "elastic_stress", tensor)
+        self.locking_stress = _p0(domain, locking, "locking_stress", tensor)
+        self.locking_limit = m.limit
+        self.locked = fem.Function(m.limit.function_space, name="locked")
+        threshold = m.limit.x.array * (1.0 - _LOCKED_MARGIN)
+        self.locked.x.array[:] = self.strain_norm.x.array >= threshold
+
+
+class ContactFields:
+    """Nodal fields of Gamma_C, as arrays over the owned nodes."""
+
+    def __init__(self, bound: FrictionBound, u: fem.Function, data: forms.ProblemData) -> None:
+        assert data.contact is not None
+        surface = self.surface = bound.surface
+        self.normal = data.contact.normal.x.array.reshape(-1, surface.domain.dim)[surface.blocks]
+        self.u_normal = surface.average(ufl.inner(u, data.contact.normal))()
+        self.u_tangent = surface.average(tangential_part(u, data.contact.normal))()
+        self.gap = data.contact.gap.x.array[surface.nodes]
+        self.pressure = surface.average(forms.pressure(u, data))()
+        self.traction = -surface.average(forms.friction(u, data))()
+        self.smoothed_stress = -bound.smoothing.apply(self.pressure)
+        self.bound = bound.values.copy()
+        slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
+        touches = self.pressure > 0.0
+        self.state = np.where(touches, np.where(slips, SLIP, STICK), OPEN)
+
+    def gather(self) -> ContactPoints | None:
+        """All points on rank 0, in an order that no distribution changes; None elsewhere."""
+        columns = (
+            self.surface.points,
+            self.normal,
+            self.u_normal,
+            self.u_tangent,
+            self.gap,
+            self.pressure,
+            self.traction,
+            self.bound,
+            self.state,
+        )
+        gathered = [self.surface.domain.comm.gather(column) for column in columns]
+        if self.surface.domain.comm.rank != 0:
+            return None
+        whole = [np.concatenate(parts) for parts in gathered]
+        order = _order_along(whole[0])
+        return ContactPoints(*(column[order] for column in whole))
+
+    def summary(self) -> dict[str, Any]:
+        """The keys of summary.json that belong to Gamma_C; collective."""
+        surface = self.surface
+        penetration = float(np.max(self.u_normal - self.gap, initial=0.0))
+        return {
+            "penetration_max": float(surface.domain.comm.allreduce(penetration, op=MPI.MAX)),
+            "contact_force": (-surface.integral(self.pressure[:, None] * self.normal)).tolist(),
+            "friction_force": surface.integral(self.traction).tolist(),
+            "contact_area": float(surface.integral((self.state != OPEN).astype(float))),
+            "slip_area": float(surface.integral((self.state == SLIP).astype(float))),
+        }
+
+
+def no_contact_summary(dim: int) -> dict[str, Any]:
+    """The same keys for a body without Gamma_C."""
+    return {
+        "penetration_max": 0.0,
+        "contact_force": [0.0] * dim,
+        "friction_force": [0.0] * dim,
+        "contact_area": 0.0,
+        "slip_area": 0.0,
+    }
+
+
+def body_summary(
+    domain: Domain, u: fem.Function, data: forms.ProblemData, fields: BodyFields
+) -> dict[str, Any]:
+    """Energies, strains and sizes; collective."""
+    dofmap = u.function_space.dofmap
+    owned = domain.mesh.topology.index_map(domain.dim).size_local
+    largest = float(np.max(fields.strain_norm.x.array[:owned], initial=0.0))
+    one = fem.Constant(domain.mesh, 1.0)
+    return {
+        "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
+        "cells": domain.num_cells,
+        "ranks": domain.comm.size,
+        "dolfinx": dolfinx.__version__,
+        "compliance": integral(domain, forms.external_work(u, data)),
+        "elastic_energy": integral(domain, 0.5 * forms.elastic_form(u, u, data)),
+        "strain_norm_max": float(domain.comm.allreduce(largest, op=MPI.MAX)),
+        "locked_fraction": integral(domain, fields.locked * data.dx)
+        / integral(domain, one * data.dx),
+    }
+
+
+def equilibrium_residual(
+    u: fem.Function,
+    data: forms.ProblemData,
+    constraints: Constraints,
+    fields: BodyFields,
+    contact: ContactFields | None,
+) -> float:
+    """Equilibrium with the stored Z, p and t, relative to the forces; collective.
+
+    ``|a(u,v) + (Z, eps(v)) + int p v_nu - int sigma_tau . v_tau - (f,v)|`` over the free dofs,
+    divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
+    """
+    v = ufl.TestFunction(u.function_space)
+    pressure = traction = None
+    if contact is not None:
+        pressure = contact.surface.scalar_function(contact.pressure)
+        traction = contact.surface.vector_function(-contact.traction)
+    internal = forms.internal_forces(u, v, data, fields.locking_stress, pressure, traction)
+    load = _vector(forms.external_work(v, data))
+    free = _vector(internal)
+    free.array[:] -= load.array
+    free.array[constraints.dofs] = 0.0
+    scale = max(la.norm(load), la.norm(_vector(forms.elastic_form(u, v, data))))
+    return float(la.norm(free) / scale) if scale > 0.0 else float(la.norm(free))
+
+
+def integral(domain: Domain, form: Expr) -> float:
+    """The value of a functional; collective."""
+    return float(domain.comm.allreduce(fem.assemble_scalar(fem.form(form))))
+
+
+def _vector(form: Expr) -> la.Vector:
+    vector = fem.assemble_vector(fem.form(form))
+    vector.scatter_reverse(la.InsertMode.add)
+    vector.scatter_forward()
+    return vector
+
+
+def _p0(domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()) -> fem.Function:
+    space = fem.functionspace(domain.mesh, ("DG", 0, shape) if shape else ("DG", 0))
+    function = fem.Function(space, name=name)
+    function.interpolate(_compat.interpolation_expression(expr, space))
+    function.x.scatter_forward()
+    return function
+
+
+def _order_along(x: FloatArray) -> npt.NDArray[np.int64]:
+    """In 2D along the principal direction of Gamma_C, in 3D lexicographically."""
+    # Rounding makes coordinates that are equal up to the last digits tie.
+    size = float(np.ptp(x, axis=0).max()) or 1.0
+    rounded = np.round(x / size, 9)
+    return np.lexsort(rounded.T[::-1])

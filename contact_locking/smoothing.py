@@ -1,0 +1,107 @@
+"""R, the mollifier of the normal stress on Gamma_C that makes Coulomb friction non-local.
+
+R acts on nodal values: one number per node of Gamma_C, held by the rank that owns the node.  Every
+``apply`` is collective and its result does not depend on how the nodes are distributed.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Smoothing(Protocol):
+    """A linear map on the nodal values of Gamma_C that keeps constants."""
+
+    def apply(self, values: FloatArray) -> FloatArray:
+        """``R w`` at the owned nodes from ``w`` at the owned nodes; collective."""
+
+    def destroy(self) -> None:
+        """Free what PETSc holds; collective."""
+
+
+class Identity:
+    """``R w = w``: local Coulomb friction, the limit r -> 0."""
+
+    def apply(self, values: FloatArray) -> FloatArray:
+        return values.copy()
+
+    def destroy(self) -> None:
+        pass
+
+
+class Convolution:
+    """``(R w)(x) = int k(|x-y|) w(y) dy / int k(|x-y|) dy``, ``k(d) = exp(-1/(1 - (d/r)^2))``.
+
+    The kernel vanishes for ``d >= r`` and is smooth.  The denominator keeps constants at every
+    point, also near the ends of Gamma_C.  Integrals use the nodal weights of the vertex rule.
+
+    ``points`` (k, d) and ``weights`` (k,) belong to the owned nodes, ``radius`` is a length.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, points: FloatArray, weights: FloatArray, radius: float
+    ) -> None:
+        self._comm = comm
+        everywhere = np.concatenate(comm.allgather(points))
+        all_weights = np.concatenate(comm.allgather(weights))
+        shape = (len(points), len(everywhere))
+        if 0 in shape:
+            self._matrix = csr_matrix(shape)
+            return
+        pairs = cKDTree(points).sparse_distance_matrix(
+            cKDTree(everywhere), radius, output_type="ndarray"
+        )
+        inside = pairs["v"] < radius * (1.0 - 1e-12)
+        row, column, distance = (pairs[name][inside] for name in "ijv")
+        kernel = np.exp(-1.0 / (1.0 - (distance / radius) ** 2)) * all_weights[column]
+        total = np.bincount(row, kernel, minlength=len(points))
+        self._matrix = csr_matrix((kernel / total[row], (row, column)), shape=shape)
+
+    def apply(self, values: FloatArray) -> FloatArray:
+        return self._matrix @ np.concatenate(self._comm.allgather(values))
+
+    def destroy(self) -> None:
+        pass
+
+
+class HelmholtzFilter:
+    """``(I - r^2 Laplace_Gamma) w~ = w`` with natural ends: ``(m + r^2 K) w~ = m w``.
+
+    ``mass`` (k,) is the lumped surface mass at the owned nodes, ``stiffness`` the P1 surface
+    Laplacian K on Gamma_C as a distributed matrix whose local rows are those nodes.  The lumped
+    mass keeps the filtered values positive where K is an M-matrix; K 1 = 0 keeps constants.
+    """
+
+    def __init__(self, mass: FloatArray, stiffness: PETSc.Mat, radius: float) -> None:
+        self._mass = mass
+        self._operator = stiffness.copy()
+        self._operator.scale(radius**2)
+        self._rhs = stiffness.createVecLeft()
+        self._solution = stiffness.createVecLeft()
+        self._rhs.array_w[:] = mass
+        self._operator.setDiagonal(self._operator.getDiagonal() + self._rhs)
+        self._solver = PETSc.KSP().create(stiffness.getComm())
+        self._solver.setOperators(self._operator)
+        self._solver.setErrorIfNotConverged(True)
+        self._solver.setType(PETSc.KSP.Type.PREONLY)
+        pc = self._solver.getPC()
+        pc.setType(PETSc.PC.Type.LU)
+        pc.setFactorSolverType("mumps")
+
+    def apply(self, values: FloatArray) -> FloatArray:
+        self._rhs.array_w[:] = self._mass * values
+        self._solver.solve(self._rhs, self._solution)
+        return self._solution.array_r.copy()
+
+    def destroy(self) -> None:
+        for item in (self._solver, self._operator, self._rhs, self._solution):
+            item.destroy()

@@ -1,0 +1,59 @@
+"""The outer fixed point on the friction bound ``g = mu(|u_tau|) |R sigma_nu|`` (Lemma 4.7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from contact_locking.errors import NotConverged
+from contact_locking.progress import Monitor
+from contact_locking.solver.report import Settings, SolverReport
+from contact_locking.system import FrictionBound
+
+
+def fixed_point(
+    bound: FrictionBound,
+    solve: Callable[[], None],
+    settings: Settings,
+    report: SolverReport,
+    monitor: Monitor,
+) -> None:
+    """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
+
+    ``solve`` solves for the displacement under the present bound.  Afterwards the forms hold a
+    bound that agrees with the displacement to the tolerance, and ``report.contraction`` is the
+    geometric mean of the ratios of successive changes.  Raises NotConverged after
+    ``max_friction_updates``.
+    """
+    changes: list[float] = []
+    for update in range(1, settings.max_friction_updates + 1):
+        solve()
+        new = bound.evaluate()
+        size = bound.norm(new)
+        change = bound.norm(new - bound.values)
+        relative = change / size if size > 0.0 else change
+        bound.values = new
+        changes.append(relative)
+        report.friction += 1
+        report.friction_change = relative
+        report.contraction = contraction_factor(changes, settings.friction_tolerance)
+        monitor.friction_update(update, relative, report.contraction)
+        if relative <= settings.friction_tolerance:
+            return
+    raise NotConverged(
+        f"the friction bound still changes by {changes[-1]:.1e} of itself after "
+        f"{settings.max_friction_updates} updates (contraction factor {report.contraction:.2f})"
+    )
+
+
+def contraction_factor(changes: list[float], floor: float) -> float | None:
+    """The geometric mean ratio of successive changes, those below ``floor`` left out.
+
+    The first change is left out too when there are enough: it measures the start, not the map.
+    """
+    seen = [c for c in changes if c > 0.1 * floor]
+    seen = seen[1:] if len(seen) > 3 else seen
+    if len(seen) < 2:
+        return None
+    return float(np.exp(np.mean(np.log(np.divide(seen[1:], seen[:-1])))))

@@ -1,0 +1,57 @@
+"""Linear algebra: which PETSc options a tangent is solved with, and how users override them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from petsc4py import PETSc
+
+PREFIX = "contact_locking_"
+
+# Above these many unknowns CG with GAMG was faster than a factorisation (3D: 3.1 s against 9.3 s at
+# 108 k dofs; in 2D MUMPS stays ahead at 526 k).
+_DIRECT_LIMIT = {2: 1_000_000, 3: 60_000}
+
+DIRECT: dict[str, Any] = {
+    "ksp_type": "preonly",
+    "pc_type": "cholesky",
+    "pc_factor_mat_solver_type": "mumps",
+}
+ITERATIVE: dict[str, Any] = {
+    "ksp_type": "cg",
+    "ksp_rtol": 1e-4,
+    "ksp_max_it": 2000,
+    "pc_type": "gamg",
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_pc_type": "jacobi",
+    "mg_levels_ksp_max_it": 3,
+}
+
+
+def default_options(linear: str, dim: int, size: int) -> dict[str, Any]:
+    """PETSc options for ``linear`` = direct, iterative, or auto (by dimension and size)."""
+    if linear == "auto":
+        linear = "direct" if size <= _DIRECT_LIMIT[dim] else "iterative"
+    return dict(DIRECT if linear == "direct" else ITERATIVE)
+
+
+@contextlib.contextmanager
+def options_set(defaults: Mapping[str, Any], overrides: Mapping[str, Any]) -> Iterator[None]:
+    """Put options under this package's prefix into PETSc's database, and take them out again.
+
+    What the user already has in the database (``-contact_locking_...``) wins over ``overrides``,
+    and those over ``defaults``.
+    """
+    database = PETSc.Options(PREFIX)
+    ours = []
+    for key, value in {**defaults, **overrides}.items():
+        if not database.hasName(key):
+            database.setValue(key, value)
+            ours.append(key)
+    try:
+        yield
+    finally:
+        for key in ours:
+            database.delValue(key)

@@ -1,0 +1,172 @@
+"""Semismooth Newton on (26) for one penalty and one friction bound, driven by PETSc's SNES.
+
+At a frozen bound the residual is the gradient of a convex energy.  The step length is therefore
+sought on the directional derivative, never on the residual norm (which must grow on the way
+through a locking front) nor on the energy (which has no digits left near the minimum).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from petsc4py import PETSc
+
+from contact_locking.errors import NotConverged
+from contact_locking.progress import Monitor
+from contact_locking.solver.linear import PREFIX, default_options, options_set
+from contact_locking.solver.report import Settings, SolverReport
+from contact_locking.system import PenalisedSystem
+
+ConvergedReason = PETSc.SNES.ConvergedReason
+
+
+class CriticalPointStep:
+    """A SNES step of type python: the Newton direction, shortened to a critical point.
+
+    With ``phi'(t) = -F(x - t y) . y`` the full step is taken if ``phi'(1) <= |phi'(0)|/2``, else
+    the root of ``phi'`` in (0, 1) is bracketed until ``|phi'|`` has halved.
+    """
+
+    SLOPE_SHARE = 0.5
+    MAX_TRIALS = 30
+
+    def __init__(self, tangent_made: Callable[[], None]) -> None:
+        self._tangent_made = tangent_made
+
+    def step(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> None:
+        matrix = snes.getJacobian()[0]
+        snes.computeJacobian(x, matrix)
+        self._tangent_made()
+        snes.ksp.setOperators(matrix)
+        snes.ksp.solve(f, y)
+        y.scale(self._length(snes, x, f, y))
+
+    def _length(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> float:
+        start = -f.dot(y)
+        if not start < 0.0:
+            raise NotConverged("the tangent is not positive definite")
+        trial, gradient = x.duplicate(), f.duplicate()
+
+        def slope(t: float) -> float:
+            trial.waxpy(-t, y, x)
+            snes.computeFunction(trial, gradient)
+            return -float(gradient.dot(y))
+
+        try:
+            end = slope(1.0)
+            if end <= self.SLOPE_SHARE * abs(start):
+                return 1.0
+            return self._root(slope, start, end)
+        finally:
+            trial.destroy()
+            gradient.destroy()
+
+    def _root(self, slope: Callable[[float], float], start: float, end: float) -> float:
+        """The Illinois variant of regula falsi on (0, 1), for ``start < 0 < end``."""
+        low, high, at_low, at_high = 0.0, 1.0, start, end
+        side = 0
+        t = 1.0
+        for _ in range(self.MAX_TRIALS):
+            t = (low * at_high - high * at_low) / (at_high - at_low)
+            value = slope(t)
+            if abs(value) <= self.SLOPE_SHARE * abs(start):
+                break
+            if value < 0.0:
+                low, at_low = t, value
+                at_high *= 0.5 if side == -1 else 1.0
+                side = -1
+            else:
+                high, at_high = t, value
+                at_low *= 0.5 if side == 1 else 1.0
+                side = 1
+        return t
+
+
+class NewtonSolver:
+    """SNES over a :class:`PenalisedSystem`; keeps the matrix and its symbolic factorisation."""
+
+    def __init__(self, system: PenalisedSystem, settings: Settings, monitor: Monitor) -> None:
+        self._system, self._settings, self._monitor = system, settings, monitor
+        self._matrix = system.create_matrix()
+        self._near_nullspace = system.near_nullspace()
+        self._matrix.setNearNullSpace(self._near_nullspace)
+        self._x, self._f = self._matrix.createVecRight(), self._matrix.createVecLeft()
+        self._report = SolverReport()
+        self._tolerance = settings.tolerance
+        self._snes = snes = PETSc.SNES().create(system.comm)
+        snes.setOptionsPrefix(PREFIX)
+        snes.setFunction(lambda _, x, f: system.residual(x, f), self._f)
+        snes.setJacobian(self._assemble, self._matrix)
+        snes.setType(PETSc.SNES.Type.PYTHON)
+        snes.setPythonContext(CriticalPointStep(self._count_tangent))
+        snes.ksp.setErrorIfNotConverged(True)
+        dim = system.u.function_space.mesh.topology.dim
+        defaults = default_options(settings.linear, dim, system.size)
+        # SNES's own divergence test takes the growth of the residual norm for divergence.
+        defaults |= {"snes_divergence_tolerance": -1.0}
+        with options_set(defaults, settings.petsc):
+            snes.setFromOptions()
+            snes.ksp.setFromOptions()
+        snes.setTolerances(max_it=settings.max_iterations)
+        snes.setConvergenceTest(self._test)
+
+    def solve(self, tolerance: float, report: SolverReport) -> None:
+        """Solve from the system's displacement to ``|F| <= tolerance max(|f|, |a(u, .)|)``.
+
+        Raises NotConverged, with the displacement left as it was, if that is not reached.
+        """
+        self._report, self._tolerance = report, tolerance
+        self._system.displacement(self._x)
+        start = self._x.copy()
+        reason = None
+        try:
+            self._snes.solve(None, self._x)
+            reason = self._snes.getConvergedReason()
+        except (PETSc.Error, NotConverged) as error:
+            failure = str(error) if isinstance(error, NotConverged) else "the linear solve failed"
+        else:
+            failure = _describe(reason)
+        report.linear += self._snes.getLinearSolveIterations()
+        if reason is None or reason < 0:
+            self._system.set_displacement(start)
+            start.destroy()
+            raise NotConverged(failure)
+        start.destroy()
+        self._system.set_displacement(self._x)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        for item in (self._snes, self._matrix, self._near_nullspace, self._x, self._f):
+            item.destroy()
+
+    def _count_tangent(self) -> None:
+        self._report.tangents += 1
+
+    def _assemble(self, _: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat) -> None:
+        self._system.tangent(x, matrix)
+
+    def _test(
+        self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]
+    ) -> PETSc.SNES.ConvergedReason | None:
+        residual = norms[2]
+        if not np.isfinite(residual):
+            return ConvergedReason.DIVERGED_FNORM_NAN
+        self._system.set_displacement(snes.getSolution())
+        scale = self._system.force_scale()
+        self._monitor.iteration(iteration, residual / scale if scale > 0.0 else residual)
+        if residual <= self._tolerance * scale:
+            return ConvergedReason.CONVERGED_FNORM_ABS
+        if iteration >= snes.getTolerances()[3]:
+            return ConvergedReason.DIVERGED_MAX_IT
+        return None
+
+
+def _describe(reason: int) -> str:
+    names = {
+        ConvergedReason.DIVERGED_MAX_IT: "too many Newton steps",
+        ConvergedReason.DIVERGED_FNORM_NAN: "the residual is not finite",
+        ConvergedReason.DIVERGED_LINEAR_SOLVE: "the linear solve failed",
+        ConvergedReason.DIVERGED_LINE_SEARCH: "the line search failed",
+    }
+    return names.get(reason, f"SNES stopped with reason {reason}")

@@ -1,0 +1,43 @@
+"""What a solver is told and what it reports; the same for every strategy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Tolerances and limits.
+
+    ``tolerance`` bounds the equilibrium residual relative to the forces, ``friction_tolerance``
+    the last change of the friction bound relative to it; ``linear`` is auto, direct or
+    iterative; ``petsc`` holds options that override every default, without prefix.
+    """
+
+    tolerance: float = 1e-8
+    max_iterations: int = 100
+    friction_tolerance: float = 1e-8
+    max_friction_updates: int = 100
+    linear: str = "auto"
+    petsc: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class SolverReport:
+    """How a solve went.  Counters add up over all stages; ``reason`` is in words.
+
+    ``contraction`` is the factor by which the friction fixed point shrank its update, None where
+    there was too little to observe; ``suggestion`` names the way out of a failure.
+    """
+
+    converged: bool = False
+    reason: str = ""
+    suggestion: str = ""
+    tangents: int = 0
+    linear: int = 0
+    friction: int = 0
+    contraction: float | None = None
+    friction_change: float | None = None
+    stages: list[dict[str, float | int]] = field(default_factory=list)

@@ -1,0 +1,116 @@
+"""Gamma_C as the discrete problem sees it: its nodes, their weights, and nodal averages.
+
+Integrals over Gamma_C use the vertex rule, so that contact and friction act node by node: for an
+affine gap the condition at the nodes is the condition everywhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, la
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from contact_locking.domain import Domain
+
+FloatArray = npt.NDArray[np.float64]
+
+VERTEX_RULE = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+
+
+class ContactSurface:
+    """The nodes of Gamma_C in the P1 spaces, with the weights of the vertex rule.
+
+    ``nodes`` are the owned nodes as indices into the scalar space, ``blocks`` the same nodes as
+    blocks of the vector space, ``points`` (k, d) their places, ``weights`` (k,) their shares of
+    the measure of Gamma_C.  Collective to make.
+    """
+
+    def __init__(self, domain: Domain, space: fem.FunctionSpace, names: tuple[str, ...]) -> None:
+        self.domain = domain
+        self.facets = domain.facets(names, "contact.on")
+        self.ds = domain.ds(names, "contact.on", **VERTEX_RULE)
+        self.vector_space = space
+        self.scalar_space, to_vector = space.sub(0).collapse()
+        self._block_of = np.asarray(to_vector) // domain.dim
+        owned = self.scalar_space.dofmap.index_map.size_local
+        # A rank may own a node of Gamma_C without owning a facet there; the weights find it.
+        mass = self._assemble(ufl.TestFunction(self.scalar_space) * self.ds)
+        self.nodes = np.flatnonzero(mass[:owned] > 0.0).astype(np.int32)
+        self.blocks = self._block_of[self.nodes]
+        self.weights = mass[self.nodes]
+        self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
+
+    def body_normals(self) -> FloatArray:
+        """The outward unit normals (k, d) of the body at the nodes, facets averaged; collective."""
+        normals = self.average(ufl.FacetNormal(self.domain.mesh))()
+        return normals / np.linalg.norm(normals, axis=1)[:, None]
+
+    def scalar_function(self, values: FloatArray, name: str = "f") -> fem.Function:
+        """A P1 function with the given values (k,) on Gamma_C and zero elsewhere; collective."""
+        function = fem.Function(self.scalar_space, name=name)
+        function.x.array[self.nodes] = values
+        function.x.scatter_forward()
+        return function
+
+    def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
+        """A P1 vector function with the given values (k, d) on Gamma_C; collective."""
+        function = fem.Function(self.vector_space, name=name)
+        function.x.array.reshape(-1, self.domain.dim)[self.blocks] = values
+        function.x.scatter_forward()
+        return function
+
+    def integral(self, values: FloatArray) -> FloatArray:
+        """``int w`` over Gamma_C of nodal values (k,) or (k, d); collective."""
+        return self.domain.comm.allreduce(np.tensordot(self.weights, values, axes=(0, 0)))
+
+    def average(self, integrand: Expr) -> NodalAverage:
+        """The map to nodal averages ``int w phi_i / int phi_i`` of a scalar or a vector ``w``."""
+        return NodalAverage(self, integrand)
+
+    def laplacian(self) -> PETSc.Mat:
+        """``int grad_Gamma w . grad_Gamma v`` on the owned nodes of Gamma_C; collective."""
+        from dolfinx.fem import petsc
+
+        w, v = ufl.TrialFunction(self.scalar_space), ufl.TestFunction(self.scalar_space)
+        nu = ufl.FacetNormal(self.domain.mesh)
+        grads = [ufl.grad(f) - ufl.dot(ufl.grad(f), nu) * nu for f in (w, v)]
+        full = petsc.assemble_matrix(fem.form(ufl.inner(*grads) * self.ds))
+        full.assemble()
+        first = self.scalar_space.dofmap.index_map.local_range[0]
+        rows = PETSc.IS().createGeneral(
+            (self.nodes + first).astype(PETSc.IntType), comm=self.domain.comm
+        )
+        surface = full.createSubMatrix(rows, rows)
+        rows.destroy()
+        full.destroy()
+        return surface
+
+    def _assemble(self, form: Expr) -> FloatArray:
+        vector = fem.assemble_vector(fem.form(form))
+        vector.scatter_reverse(la.InsertMode.add)
+        return vector.array
+
+
+class NodalAverage:
+    """A compiled ``int w phi_i / int phi_i`` over Gamma_C; values (k,) or (k, d), collective."""
+
+    def __init__(self, surface: ContactSurface, integrand: Expr) -> None:
+        self._surface = surface
+        self._vector = integrand.ufl_shape != ()
+        space = surface.vector_space if self._vector else surface.scalar_space
+        test = ufl.TestFunction(space)
+        self._form = fem.form(ufl.inner(integrand, test) * surface.ds)
+        self._work = fem.Function(space)
+
+    def __call__(self) -> FloatArray:
+        surface, work = self._surface, self._work.x
+        work.array[:] = 0.0
+        fem.assemble_vector(work.array, self._form)
+        work.scatter_reverse(la.InsertMode.add)
+        if self._vector:
+            values = work.array.reshape(-1, surface.domain.dim)[surface.blocks]
+            return values / surface.weights[:, None]
+        return work.array[surface.nodes] / surface.weights

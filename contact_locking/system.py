@@ -1,0 +1,166 @@
+"""The discrete penalised problem as a solver sees it: vectors, matrices, and the friction bound."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, la
+from dolfinx.fem import petsc
+from petsc4py import PETSc
+
+from contact_locking import forms
+from contact_locking.conditions import Constraints, rigid_motions
+from contact_locking.convex import tangential_part
+from contact_locking.smoothing import Smoothing
+from contact_locking.surface import ContactSurface
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class FrictionBound:
+    """``g = mu(x, |u_tau|) |R sigma_nu|`` at the nodes of Gamma_C (6), with ``sigma_nu = -p``.
+
+    ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,).
+    """
+
+    def __init__(
+        self,
+        surface: ContactSurface,
+        smoothing: Smoothing,
+        coefficient: Callable[[FloatArray, FloatArray], FloatArray],
+        u: fem.Function,
+        data: forms.ProblemData,
+    ) -> None:
+        assert data.contact is not None
+        self.surface = surface
+        self.smoothing = smoothing
+        self._coefficient = coefficient
+        self._bound = data.contact.bound
+        self._pressure = surface.average(forms.pressure(u, data))
+        self._slip = surface.average(tangential_part(u, data.contact.normal))
+
+    def evaluate(self) -> FloatArray:
+        """The bound (k,) that belongs to the present displacement; collective."""
+        slip = np.linalg.norm(self._slip(), axis=1)
+        smoothed = np.abs(self.smoothing.apply(self._pressure()))
+        return self._coefficient(self.surface.points, slip) * smoothed
+
+    @property
+    def values(self) -> FloatArray:
+        """The bound (k,) that the forms use now."""
+        return self._bound.x.array[self.surface.nodes]
+
+    @values.setter
+    def values(self, bound: FloatArray) -> None:
+        self._bound.x.array[self.surface.nodes] = bound
+        self._bound.x.scatter_forward()
+
+    def norm(self, values: FloatArray) -> float:
+        """The L2 norm on Gamma_C by the vertex rule; collective."""
+        local = float(np.sum(self.surface.weights * values**2))
+        return float(np.sqrt(self.surface.domain.comm.allreduce(local)))
+
+
+class PenalisedSystem:
+    """Residual and tangent of (26) over PETSc, at a penalty and a friction bound that can be set.
+
+    ``u`` carries the displacement; its constrained dofs must hold their values, and stay as they
+    are.  ``held_by_contact`` says that some rigid motion is stopped by contact alone.
+    """
+
+    # The share of the contact stiffness kept where the body does not touch, if contact alone
+    # holds it: it makes the tangent regular and leaves the residual, so the solution, alone.
+    CONTACT_FLOOR = 1e-6
+
+    def __init__(
+        self,
+        data: forms.ProblemData,
+        u: fem.Function,
+        constraints: Constraints,
+        bound: FrictionBound | None,
+        held_by_contact: bool = False,
+    ) -> None:
+        space = u.function_space
+        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
+        self.data, self.u, self.bound = data, u, bound
+        self.comm = space.mesh.comm
+        self._constraints = constraints
+        self._residual = fem.form(forms.residual(u, v, data))
+        tangent = forms.tangent(u, v, du, data)
+        if held_by_contact:
+            floor = fem.Constant(space.mesh, self.CONTACT_FLOOR)
+            tangent += forms.contact_stiffness(v, du, data, floor)
+        self._tangent = fem.form(tangent)
+        self._elastic = fem.form(forms.elastic_form(u, v, data))
+        self._work = fem.Function(space)
+        self._load_norm = self._norm_of(fem.form(forms.external_work(v, data)))
+        self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+
+    @property
+    def size(self) -> int:
+        """Number of displacement unknowns, constrained ones included."""
+        dofmap = self.u.function_space.dofmap
+        return int(dofmap.index_map.size_global * dofmap.index_map_bs)
+
+    def set_penalty(self, n: float, epsilon: float) -> None:
+        self.data.n.value = n
+        self.data.epsilon.value = epsilon
+
+    def create_matrix(self) -> PETSc.Mat:
+        """A matrix with the tangent's sparsity, declared symmetric positive definite."""
+        matrix = petsc.create_matrix(self._tangent)
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        return matrix
+
+    def near_nullspace(self) -> PETSc.NullSpace:
+        """The rigid body motions, orthonormalised, for algebraic multigrid; collective."""
+        basis = []
+        for motion in rigid_motions(self.u.function_space):
+            vector = self.u.x.petsc_vec.duplicate()
+            vector.array_w[:] = motion[: self._owned]
+            for other in basis:
+                vector.axpy(-vector.dot(other), other)
+            vector.normalize()
+            basis.append(vector)
+        nullspace = PETSc.NullSpace().create(vectors=basis, comm=self.comm)
+        for vector in basis:
+            vector.destroy()
+        return nullspace
+
+    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """``f = F(x)``, zero at constrained dofs; leaves ``u = x``; collective."""
+        self.set_displacement(x)
+        self._assemble(self._residual)
+        self._work.x.array[self._constraints.dofs] = 0.0
+        f.array_w[:] = self._work.x.array[: self._owned]
+
+    def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
+        """The tangent at ``x``, rows and columns of constrained dofs replaced by the identity."""
+        self.set_displacement(x)
+        matrix.zeroEntries()
+        petsc.assemble_matrix(matrix, self._tangent, bcs=self._constraints.conditions)
+        matrix.assemble()
+
+    def force_scale(self) -> float:
+        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included: what a residual is small to."""
+        return max(self._load_norm, self._norm_of(self._elastic))
+
+    def set_displacement(self, x: PETSc.Vec) -> None:
+        self.u.x.array[: self._owned] = x.array_r
+        self.u.x.scatter_forward()
+
+    def displacement(self, x: PETSc.Vec) -> None:
+        """Copy the displacement into ``x``."""
+        x.array_w[:] = self.u.x.array[: self._owned]
+
+    def _assemble(self, form: fem.Form) -> None:
+        self._work.x.array[:] = 0.0
+        fem.assemble_vector(self._work.x.array, form)
+        self._work.x.scatter_reverse(la.InsertMode.add)
+
+    def _norm_of(self, form: fem.Form) -> float:
+        self._assemble(form)
+        return float(la.norm(self._work.x))
