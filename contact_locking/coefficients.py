@@ -53,7 +53,7 @@ def build_material(domain: Domain, given: MaterialParameters) -> Material:
     limit, inverse = fem.Function(cells.space), fem.Function(cells.space)
     limit.x.array[:] = np.inf
     for where, value, key in _locking_limits(domain, cells, given):
-        limit.x.array[cells.dofs[where]] = cells.evaluate(value, where, key)
+        limit.x.array[cells.dofs[where]] = cells.evaluate(value, where, key, infinite=True)
         smallest = _minimum(domain, limit.x.array[cells.dofs[where]])
         if not smallest > 0.0:
             raise InputError(f"the locking limit must be positive, it reaches {smallest:g}", key)
@@ -74,20 +74,25 @@ class Cells:
         self.space = fem.functionspace(domain.mesh, ("DG", 0))
         self.dofs = self.space.dofmap.list.reshape(-1)
 
-    def evaluate(self, value: float | str, cells: IntArray, key: str) -> FloatArray:
+    def evaluate(
+        self, value: float | str, cells: IntArray, key: str, infinite: bool = False
+    ) -> FloatArray:
         """A number or expression of x, y[, z] at the midpoints of the given cells.
 
         Collective.
         """
-        return evaluate(self._comm, value, self.midpoints[:, cells], key)
+        return evaluate(self._comm, value, self.midpoints[:, cells], key, infinite)
 
 
-def evaluate(comm: MPI.Intracomm, value: float | str, x: FloatArray, key: str) -> FloatArray:
+def evaluate(
+    comm: MPI.Intracomm, value: float | str, x: FloatArray, key: str, infinite: bool = False
+) -> FloatArray:
     """A number or expression of x, y[, z] at points (d, k), as (k,); collective.
 
-    Raises InputError, with the key, on all ranks if a value on any rank is not finite.
+    Raises InputError, with the key, on all ranks if a value on any rank is not a number or, unless
+    ``infinite``, not finite.
     """
-    expression = parse(value, AXES)
+    expression = parse(value, AXES, allow_infinite=infinite)
     places = dict(zip(AXES, x, strict=False))
     result = agree(comm, lambda: with_key(key, lambda: expression.numpy(**places)))
     return np.broadcast_to(np.asarray(result, dtype=float), x.shape[1:]).copy()

@@ -280,8 +280,8 @@ class _Parser:
                 return self.apply(node, "negative", self.number(operand, below))
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
                 a, b = self.number(left, below), self.number(right, below)
-                power = isinstance(op, ast.Pow) and isinstance(b, _Number)
-                if power and abs(b.value) > MAX_EXPONENT:
+                exponent = b.value if isinstance(op, ast.Pow) and isinstance(b, _Number) else 0.0
+                if abs(exponent) > MAX_EXPONENT:
                     self.refuse(right, f"exponents are limited to {MAX_EXPONENT:g}")
                 return self.apply(node, _OPERATORS[type(op)], a, b)
             case ast.BinOp(op=ast.BitXor()):

@@ -159,6 +159,6 @@ def _solution(
 def _bounding_box(domain: Domain) -> FloatArray:
     """The least and greatest coordinates (2, d); collective."""
     x = domain.mesh.geometry.x[:, : domain.dim]
-    low = domain.comm.allreduce(x.min(axis=0, initial=np.inf), op=MPI.MIN)
-    high = domain.comm.allreduce(x.max(axis=0, initial=-np.inf), op=MPI.MAX)
-    return np.array([low, high])
+    low = domain.comm.allgather(x.min(axis=0, initial=np.inf))
+    high = domain.comm.allgather(x.max(axis=0, initial=-np.inf))
+    return np.array([np.min(low, axis=0), np.max(high, axis=0)])

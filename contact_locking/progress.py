@@ -1,5 +1,120 @@
+"""How a running solve tells what it is doing: to nobody, or to a terminal or a log."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import Any, Self
+
+
 class Monitor:
-    def message(self, text): pass
-    def stage(self, index, count, n, epsilon): pass
-    def friction_update(self, k, change, factor): pass
-    def iteration(self, k, residual): pass
+    """Hears of a solve's progress and says nothing; the base of those that do.
+
+    Every rank calls its monitor with the same values, so give a speaking one to rank 0 only.
+    """
+
+    def message(self, text: str) -> None:
+        """Something worth a line of its own."""
+
+    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
+        """A solve for penalties n and epsilon begins; it is number ``index`` from 1."""
+
+    def friction_update(self, k: int, change: float, factor: float | None) -> None:
+        """Update k of the friction bound changed it by ``change`` of itself.
+
+        ``factor`` is the contraction observed so far, None while there is too little to tell.
+        """
+
+    def iteration(self, k: int, residual: float) -> None:
+        """``residual`` is the relative residual after k iterations, from 0."""
+
+    def finish(self) -> None:
+        """The last stage is over."""
+
+
+class TerminalMonitor(Monitor):
+    """A live line on a terminal, a short line per stage and friction update in a log.
+
+    To be used as a context manager; ``console`` is a ``rich.console.Console``.
+    """
+
+    def __init__(self, console: Any) -> None:
+        self._console = console
+        self._live = console.status("") if console.is_terminal else None
+        self._stage = ""
+        self._iterations = 0
+        self._updates = 0
+        self._detail = ""
+        self._residual = float("nan")
+        self._began = time.perf_counter()
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is None:
+            self.finish()
+        if self._live is not None:
+            self._live.stop()
+
+    def message(self, text: str) -> None:
+        if self._live is not None and not text.startswith("warning"):
+            self._live.update(self._plain(text))
+        else:
+            self._line(text)
+
+    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
+        self.finish()
+        of = f"/{count_estimate}" if index <= count_estimate else ""
+        self._stage = f"stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
+        self._iterations, self._updates, self._detail = 0, 0, ""
+        self._began = time.perf_counter()
+        self._refresh()
+
+    def friction_update(self, k: int, change: float, factor: float | None) -> None:
+        self._updates = k
+        rate = "" if factor is None else f", contraction {factor:.2f}"
+        self._detail = f"friction update {k}: change {change:.1e}{rate}"
+        if self._live is None:
+            self._line(f"  {self._detail}")
+        self._refresh()
+
+    def iteration(self, k: int, residual: float) -> None:
+        # Iteration 0 is the start of one more solve within the stage.
+        self._iterations += k > 0
+        self._residual = residual
+        self._refresh()
+
+    def finish(self) -> None:
+        if not self._stage:
+            return
+        updates = f", {self._updates} friction updates" if self._updates else ""
+        seconds = time.perf_counter() - self._began
+        self._line(
+            f"{self._stage}  {self._iterations} iterations{updates}, "
+            f"residual {self._residual:.1e}, {seconds:.1f} s"
+        )
+        self._stage = ""
+
+    def _refresh(self) -> None:
+        if self._live is not None and self._stage:
+            now = f"iteration {self._iterations}, residual {self._residual:.1e}"
+            self._live.update(self._plain("  ".join(filter(None, (self._stage, self._detail, now)))))
+
+    def _line(self, text: str) -> None:
+        style = "yellow" if text.startswith("warning") else None
+        self._console.print(self._plain(text), style=style, soft_wrap=True)
+
+    @staticmethod
+    def _plain(text: str) -> Any:
+        # Brackets in names and numbers are not rich's markup.
+        from rich.text import Text
+
+        return Text(text)

@@ -20,6 +20,9 @@ from contact_locking.system import PenalisedSystem
 
 ConvergedReason = PETSc.SNES.ConvergedReason
 
+# A residual this small (relative to the forces) that no longer shrinks may be rounding.
+_NEAR = 1e-4
+
 
 class CriticalPointStep:
     """A SNES step of type python: the Newton direction, shortened to a critical point.
@@ -31,15 +34,15 @@ class CriticalPointStep:
     SLOPE_SHARE = 0.5
     MAX_TRIALS = 30
 
-    def __init__(self, tangent_made: Callable[[], None]) -> None:
-        self._tangent_made = tangent_made
+    def __init__(self, counted: Callable[[int], None]) -> None:
+        self._counted = counted
 
     def step(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> None:
         matrix = snes.getJacobian()[0]
         snes.computeJacobian(x, matrix)
-        self._tangent_made()
         snes.ksp.setOperators(matrix)
         snes.ksp.solve(f, y)
+        self._counted(snes.ksp.getIterationNumber())
         y.scale(self._length(snes, x, f, y))
 
     def _length(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> float:
@@ -93,13 +96,13 @@ class NewtonSolver:
         self._matrix.setNearNullSpace(self._near_nullspace)
         self._x, self._f = self._matrix.createVecRight(), self._matrix.createVecLeft()
         self._report = SolverReport()
-        self._tolerance = settings.tolerance
+        self._tolerance, self._last = settings.tolerance, np.inf
         self._snes = snes = PETSc.SNES().create(system.comm)
         snes.setOptionsPrefix(PREFIX)
         snes.setFunction(lambda _, x, f: system.residual(x, f), self._f)
         snes.setJacobian(self._assemble, self._matrix)
         snes.setType(PETSc.SNES.Type.PYTHON)
-        snes.setPythonContext(CriticalPointStep(self._count_tangent))
+        snes.setPythonContext(CriticalPointStep(self._count))
         snes.ksp.setErrorIfNotConverged(True)
         dim = system.u.function_space.mesh.topology.dim
         defaults = default_options(settings.linear, dim, system.size)
@@ -127,7 +130,6 @@ class NewtonSolver:
             failure = str(error) if isinstance(error, NotConverged) else "the linear solve failed"
         else:
             failure = _describe(reason)
-        report.linear += self._snes.getLinearSolveIterations()
         if reason is None or reason < 0:
             self._system.set_displacement(start)
             start.destroy()
@@ -140,8 +142,9 @@ class NewtonSolver:
         for item in (self._snes, self._matrix, self._near_nullspace, self._x, self._f):
             item.destroy()
 
-    def _count_tangent(self) -> None:
+    def _count(self, iterations: int) -> None:
         self._report.tangents += 1
+        self._report.linear += iterations
 
     def _assemble(self, _: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat) -> None:
         self._system.tangent(x, matrix)
@@ -155,11 +158,26 @@ class NewtonSolver:
         self._system.set_displacement(snes.getSolution())
         scale = self._system.force_scale()
         self._monitor.iteration(iteration, residual / scale if scale > 0.0 else residual)
-        if residual <= self._tolerance * scale:
+        stalls = self._last < 2.0 * residual <= _NEAR * scale
+        self._last = residual if iteration else np.inf
+        if residual <= self._tolerance * scale or (stalls and residual <= self._rounding(snes)):
             return ConvergedReason.CONVERGED_FNORM_ABS
         if iteration >= snes.getTolerances()[3]:
             return ConvergedReason.DIVERGED_MAX_IT
         return None
+
+
+    def _rounding(self, snes: PETSc.SNES) -> float:
+        """What one unit in the last place of the displacement does to the residual, five-fold."""
+        x, f = snes.getSolution().copy(), self._f.duplicate()
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], x.getLocalSize())
+        x.array_w[:] *= 1.0 + np.finfo(float).eps * signs
+        self._system.residual(x, f)
+        f.axpy(-1.0, snes.getFunction()[0])
+        noise = float(f.norm())
+        x.destroy()
+        f.destroy()
+        return 5.0 * noise
 
 
 def _describe(reason: int) -> str:

@@ -13,7 +13,7 @@ from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.system import PenalisedSystem
 
 # Stages before the last only have to be good starting points.
-_INTERMEDIATE_TOLERANCE = 1e-3
+_INTERMEDIATE_TOLERANCE = 1e-2
 # The last digits of the friction bound need an equilibrium that is sharper than the bound.
 _INNER_SHARE = 0.1
 

@@ -1,0 +1,7 @@
+"""``python -m contact_locking`` is ``contact-locking``."""
+
+import sys
+
+from contact_locking.cli import main
+
+sys.exit(main())

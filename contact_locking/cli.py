@@ -1,0 +1,286 @@
+"""The command ``contact-locking``.
+
+Exit codes: 0 converged, 1 an unexpected error, 2 bad input, 3 not converged, 130 interrupted.
+What a command needs is imported when it runs: help and schema are there at once, and a file
+that is wrong is found wrong without DOLFINx.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from contact_locking import __version__, terminal
+from contact_locking.errors import ContactLockingError, InputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from contact_locking.solution import Solution
+    from contact_locking.study_file import StudyFile
+
+CONVERGED, UNEXPECTED, NOT_CONVERGED, INTERRUPTED = 0, 1, 3, 130
+
+_DESCRIPTION = "Frictional contact of locking materials: solves what a study file describes."
+_EXIT_CODES = "exit codes: 0 converged, 1 unexpected error, 2 bad input, 3 not converged"
+_PETSC_HINT = "Options of PETSc come last, after --, such as: -- -ksp_type cg -pc_type gamg"
+_ASSIGNMENT = re.compile(r"[\w.]+=")
+_NEGATIVE_NUMBER = re.compile(r"-\.?\d")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code; no exception leaves it.
+
+    ``argv`` are the words after the program's name, those it was started with by default.
+    """
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        code = _run_command(words)
+    except ContactLockingError as error:
+        # All ranks have raised it.
+        terminal.complain(f"error: {error}")
+        code = error.exit_code
+    except SystemExit as stop:  # argparse, after --help and --version
+        code = int(stop.code or 0)
+    except KeyboardInterrupt:
+        return terminal.abort(INTERRUPTED, "interrupted")
+    except BrokenPipeError:
+        # Nobody reads the output any more; let the interpreter flush it to nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UNEXPECTED
+    except Exception as error:
+        text = f"error: unexpected {type(error).__name__}: {error}"
+        if "--debug" in words:
+            return terminal.abort(UNEXPECTED, text, error)
+        hint = "This is a defect; please report it with the study file and the output of --debug."
+        return terminal.abort(UNEXPECTED, f"{' '.join(text.split())}\n{hint}")
+    terminal.leave_together()
+    return code
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Solve, write the results, and say what came out."""
+    overrides = list(arguments.set)
+    if arguments.output is not None:
+        # A JSON string is a YAML string.
+        overrides.append(f"output.directory={json.dumps(arguments.output, ensure_ascii=False)}")
+    study = _load(arguments.file, overrides)
+    comm = _world_with_dolfinx()
+    from contact_locking import output, problem
+    from contact_locking.progress import Monitor, TerminalMonitor
+
+    parameters = study.parameters
+    directory = parameters.output.directory
+    speaks = comm.rank == 0 and not arguments.quiet
+    with _explained(study):
+        output.prepare(directory, comm)
+        if speaks and parameters.study is not None:
+            print("The file describes a study; run solves its base case.")
+        with TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor()) as monitor:
+            solution = problem.solve(parameters, comm, monitor, arguments.petsc)
+        warnings = output.write(solution, directory)
+    if arguments.quiet:
+        warnings = [*solution.summary["warnings"], *warnings]
+    for warning in warnings:
+        terminal.complain(f"warning: {warning}")
+    ratio = _largest_strain_ratio(solution)
+    if speaks:
+        rows = terminal.summary_rows(solution.summary, ratio, directory)
+        print(terminal.two_columns(rows))
+    if solution.converged:
+        return CONVERGED
+    summary = solution.summary
+    terminal.complain(
+        f"error: not converged: {summary['reason']}\n"
+        f"{summary.get('suggestion', '')}\nWhat was reached is in {directory}."
+    )
+    return NOT_CONVERGED
+
+
+def check(arguments: argparse.Namespace) -> int:
+    """Say what is wrong or what would run, and solve nothing."""
+    study = _load(arguments.file, arguments.set)
+    parameters = study.parameters
+    comm = _world_with_dolfinx()
+    from contact_locking import output, problem
+
+    with _explained(study):
+        output.prepare(parameters.output.directory, comm)
+        facts = problem.check(parameters, comm)
+    for warning in facts.pop("warnings"):
+        terminal.complain(f"warning: {warning}")
+    if comm.rank == 0:
+        rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
+        rows += [(name, _shown(value)) for name, value in facts.items()]
+        if parameters.study is not None:
+            rows.append(("cases of the study", str(len(list(parameters.study.cases())))))
+        print(f"{arguments.file} can be run:\n{terminal.two_columns(rows)}")
+    return 0
+
+
+def mesh(arguments: argparse.Namespace) -> int:
+    """Write the mesh of the study file's builder."""
+    study = _load(arguments.file, arguments.set)
+    geometry = study.parameters.mesh.geometry
+    if geometry is None:
+        raise InputError(
+            study.explain(InputError("the mesh is a file already, nothing is built", "mesh.file"))
+        )
+    from contact_locking import meshes
+
+    if terminal.is_root():
+        try:
+            meshes.write(geometry, arguments.output)
+        except ImportError as error:
+            raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
+        except OSError as error:
+            message = f"cannot write {arguments.output}: {error.strerror}"
+            raise InputError(message) from error
+        except (ValueError, RuntimeError) as error:
+            raise InputError(str(error)) from error
+        print(f"{arguments.output}: written")
+    return 0
+
+
+def schema(arguments: argparse.Namespace) -> int:
+    """Print every key with its default, unit and description."""
+    from contact_locking import study_file
+
+    if terminal.is_root():
+        text = json.dumps(study_file.schema(), indent=2) if arguments.json else None
+        print(study_file.schema_text().rstrip() if text is None else text)
+    return 0
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}\n{self.format_usage().rstrip()}")
+
+
+def _run_command(words: list[str]) -> int:
+    petsc: list[str] = []
+    if "--" in words:
+        split = words.index("--")
+        words, petsc = words[:split], words[split + 1 :]
+    arguments = _parser().parse_args(_one_setting_each(words))
+    if petsc and arguments.command is not run:
+        raise InputError("options of PETSc, after --, go with run only")
+    arguments.petsc = _petsc_options(petsc)
+    code = int(arguments.command(arguments))
+    sys.stdout.flush()
+    return code
+
+
+def _parser() -> _Parser:
+    parser = _Parser("contact-locking", description=_DESCRIPTION, epilog=_EXIT_CODES)
+    parser.add_argument("--version", action="version", version=f"contact-locking {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    def add(name: str, function: Any, about: str, epilog: str | None = None) -> _Parser:
+        command = commands.add_parser(name, help=about, description=about, epilog=epilog)
+        command.set_defaults(command=function)
+        command.add_argument("--debug", action="store_true", help="show the traceback of an error")
+        return command
+
+    def add_for_file(*arguments: Any) -> _Parser:
+        command = add(*arguments)
+        command.add_argument("file", metavar="FILE", type=Path, help="a study file")
+        command.add_argument(
+            "--set",
+            metavar="KEY=VALUE",
+            action="append",
+            default=[],
+            help="change a key of the file, such as penalty.n=1e6; several may follow",
+        )
+        return command
+
+    one = add_for_file("run", run, "Solve a study file; also under mpirun.", _PETSC_HINT)
+    one.add_argument("--output", metavar="DIR", help="folder of the results")
+    one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    add_for_file("check", check, "Say what is wrong or what would run, and solve nothing.")
+    one = add_for_file("mesh", mesh, "Write the mesh of a study file as a Gmsh file.")
+    one.add_argument("-o", "--output", metavar="FILE.msh", type=Path, required=True)
+    one = add("schema", schema, "Print every key with its default, unit and description.")
+    one.add_argument("--json", action="store_true", help="as JSON schema")
+    return parser
+
+
+def _one_setting_each(words: Sequence[str]) -> list[str]:
+    """``--set a=1 b=2`` as ``--set a=1 --set b=2``, so that FILE may follow it too."""
+    spread: list[str] = []
+    inside = False
+    for word in words:
+        if inside and spread[-1] != "--set" and _ASSIGNMENT.match(word):
+            spread.append("--set")
+        else:
+            inside = word == "--set" or (inside and spread[-1] == "--set")
+        spread.append(word)
+    return spread
+
+
+def _petsc_options(words: Sequence[str]) -> dict[str, str | None]:
+    """``-ksp_type cg -ksp_view`` as ``{"ksp_type": "cg", "ksp_view": None}``."""
+    options: dict[str, str | None] = {}
+    name = ""
+    for word in words:
+        if word.startswith("-") and not _NEGATIVE_NUMBER.match(word):
+            name = word.lstrip("-")
+            options[name] = None
+        elif name and options[name] is None:
+            options[name] = word
+        else:
+            raise InputError(f"{word!r} after -- is no option of PETSc; they begin with a dash")
+    return options
+
+
+def _load(path: Path, overrides: Sequence[str]) -> StudyFile:
+    from contact_locking import study_file
+
+    return study_file.load(path, overrides)
+
+
+@contextlib.contextmanager
+def _explained(study: StudyFile) -> Iterator[None]:
+    """Add the place in the file to an InputError that knows its key."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(study.explain(error), error.key) from error
+
+
+def _world_with_dolfinx() -> MPI.Intracomm:
+    """MPI's world, with PETSc initialised for it without the command line's words."""
+    try:
+        import petsc4py
+
+        petsc4py.init([])
+        import dolfinx.fem.petsc  # noqa: F401
+        from mpi4py import MPI
+    except ImportError as error:
+        raise ContactLockingError(
+            f"DOLFINx cannot be imported here: {error}\n"
+            "It needs DOLFINx 0.9 or newer with PETSc; the README says how to get it."
+        ) from error
+    return MPI.COMM_WORLD
+
+
+def _largest_strain_ratio(solution: Solution) -> float:
+    """max |eps|/M over the body; collective."""
+    from mpi4py import MPI
+
+    strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array
+    largest = float((strain / limit).max(initial=0.0))
+    return float(solution.domain.comm.allreduce(largest, op=MPI.MAX))
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(map(str, value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

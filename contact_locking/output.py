@@ -1,0 +1,225 @@
+"""The results of a solve as files that appear complete or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TextIO, TypeVar
+
+import numpy as np
+from dolfinx import fem, io
+from mpi4py import MPI
+
+from contact_locking import plotting, study_file
+from contact_locking.domain import on_root
+from contact_locking.errors import InputError
+from contact_locking.solution import STATE_NAMES, Solution
+
+T = TypeVar("T")
+
+KEY = "output.directory"
+SUMMARY, FIELDS, PICTURE = "summary.json", "fields.bp", "picture.png"
+PARAMETERS, CONTACT = "parameters.yaml", "contact.csv"
+# The summary comes last: where it is, the rest is there too.
+_ORDER = (PARAMETERS, CONTACT, FIELDS, PICTURE, SUMMARY)
+_AXES = "xyz"
+
+
+def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
+    """Raise InputError if results cannot be written to ``directory``; leaves no trace; collective.
+
+    To be called before the solve, which may take hours.
+    """
+
+    target = Path(directory)
+
+    def attempt() -> None:
+        missing = [p for p in (target, *target.parents) if not p.exists()]
+        try:
+            os.rmdir(_make_staging(target))
+        finally:
+            for folder in missing:
+                # It is not there if that was what failed.
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+
+    _on_root(comm, target, attempt)
+
+
+def write(solution: Solution, directory: str | Path) -> list[str]:
+    """Write all files of a solution and return warnings, the same on all ranks; collective.
+
+    summary.json, parameters.yaml, contact.csv, and as ``output`` asks for them fields.bp and
+    picture.png; of an earlier run in the folder nothing stays.  Each file is made in a folder
+    beside its place and moved there when all are complete.  A picture that cannot be drawn is a
+    warning; a folder that cannot be written to raises InputError.
+    """
+    comm, target = solution.domain.comm, Path(directory)
+    staging = Path(_on_root(comm, target, lambda: _make_staging(target)))
+    wanted = solution.parameters.output
+    warnings = []
+    try:
+        if wanted.fields:
+            _write_fields(solution, staging / FIELDS)
+        if wanted.picture:
+            problem = plotting.picture(solution, staging / PICTURE)
+            if problem is not None:
+                warnings.append(f"no picture was drawn: {problem}")
+
+        def finish() -> None:
+            _write_texts(solution, staging)
+            for name in _ORDER:
+                _put_in_place(staging, target, name)
+
+        _on_root(comm, target, finish)
+    finally:
+        if comm.rank == 0:
+            shutil.rmtree(staging, ignore_errors=True)
+    return warnings
+
+
+def summary_text(summary: dict[str, Any]) -> str:
+    """The summary as JSON.
+
+    JSON has no infinity and no NaN: such a number becomes null, and ``not_finite`` says for its
+    dotted key which it was.
+    """
+    not_finite: dict[str, str] = {}
+    plain = _jsonable(summary, "", not_finite)
+    if not_finite:
+        plain["not_finite"] = not_finite
+    return json.dumps(plain, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def fields(solution: Solution) -> Iterator[tuple[str, fem.Function]]:
+    """All fields by name, as discontinuous P1 functions.
+
+    P1 and P0 are both contained in discontinuous P1, so nothing is lost, and a VTX file holds
+    only functions of one element.
+    """
+    mesh = solution.domain.mesh
+    spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
+    for name in (
+        "displacement",
+        "strain_norm",
+        "locked",
+        "elastic_stress",
+        "locking_stress",
+        "contact_pressure",
+        "tangential_traction",
+        "smoothed_stress",
+        "contact_state",
+    ):
+        function = getattr(solution, name)
+        shape = function.ufl_shape
+        if shape not in spaces:
+            element = ("DG", 1, shape) if shape else ("DG", 1)
+            spaces[shape] = fem.functionspace(mesh, element)
+        copy = fem.Function(spaces[shape], name=name)
+        copy.interpolate(function)
+        yield name, copy
+
+
+def _write_fields(solution: Solution, path: Path) -> None:
+    functions = [function for _, function in fields(solution)]
+    with io.VTXWriter(solution.domain.comm, path, functions, engine="BP4") as file:
+        file.write(0.0)
+
+
+def _write_texts(solution: Solution, folder: Path) -> None:
+    """Everything that rank 0 writes alone."""
+    (folder / PARAMETERS).write_text(study_file.dump(solution.parameters), encoding="utf-8")
+    (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
+    with (folder / CONTACT).open("w", encoding="utf-8", newline="") as stream:
+        write_contact(solution, stream)
+
+
+def write_contact(solution: Solution, stream: TextIO) -> None:
+    """A row per contact point, in the order of ``contact_points``; a header alone without any."""
+    axes = _AXES[: solution.domain.dim]
+    table = csv.writer(stream, lineterminator="\n")
+    table.writerow(
+        [
+            *axes,
+            "u_normal",
+            *(f"u_tangent_{axis}" for axis in axes),
+            "gap",
+            "pressure",
+            *(f"traction_tangent_{axis}" for axis in axes),
+            "bound",
+            "state",
+        ]
+    )
+    points = solution.contact_points
+    if points is None:
+        return
+    numbers = np.column_stack(
+        [
+            points.x,
+            points.u_normal,
+            points.u_tangent,
+            points.gap,
+            points.pressure,
+            points.traction,
+            points.bound,
+        ]
+    )
+    for row, state in zip(numbers.tolist(), points.state, strict=True):
+        table.writerow([*row, STATE_NAMES[int(state)]])
+
+
+def _jsonable(value: Any, key: str, not_finite: dict[str, str]) -> Any:
+    match value:
+        case dict():
+            return {
+                str(name): _jsonable(item, f"{key}.{name}" if key else str(name), not_finite)
+                for name, item in value.items()
+            }
+        case list() | tuple() | np.ndarray():
+            return [_jsonable(item, f"{key}.{i}", not_finite) for i, item in enumerate(value)]
+        case np.generic():
+            return _jsonable(value.item(), key, not_finite)
+        case float() if not math.isfinite(value):
+            not_finite[key] = str(value)
+            return None
+    return value
+
+
+def _on_root(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
+    """``on_root``, where what the system refuses becomes an InputError about the folder."""
+
+    def attempt() -> T:
+        try:
+            return work()
+        except OSError as error:
+            where = error.filename or directory
+            raise InputError(
+                f"results cannot be written to {directory}: {error.strerror} ({where}); "
+                "give a folder that can be written to",
+                KEY,
+            ) from error
+
+    return on_root(comm, attempt)
+
+
+def _make_staging(directory: Path) -> str:
+    directory.mkdir(parents=True, exist_ok=True)
+    return tempfile.mkdtemp(prefix=".partial-", dir=directory)
+
+
+def _put_in_place(staging: Path, target: Path, name: str) -> None:
+    """Swap a finished file or folder for the old one, which goes with the staging folder."""
+    new, place = staging / name, target / name
+    # A file is replaced in one step; a folder, or what this run does not have, moves away first.
+    if place.is_dir() or not new.exists():
+        with contextlib.suppress(FileNotFoundError):
+            place.rename(staging / f"old-{name}")
+    if new.exists():
+        os.replace(new, place)

@@ -1,0 +1,123 @@
+"""What the command line says and which process says it: rank 0, once."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import traceback
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+    from rich.console import Console
+
+# How launchers tell a process that it may be one of several.
+_LAUNCHERS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "MPI_LOCALNRANKS")
+# Time that rank 0 has to speak before another rank does, where only some may have failed.
+_GRACE_SECONDS = 1.0
+
+
+def world() -> MPI.Intracomm | None:
+    """All processes, or None for one alone; MPI is imported only if there may be others."""
+    if "mpi4py.MPI" not in sys.modules and not any(name in os.environ for name in _LAUNCHERS):
+        return None
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
+
+
+def is_root() -> bool:
+    """Whether this is rank 0, or the only process."""
+    comm = world()
+    return comm is None or comm.rank == 0
+
+
+def console() -> Console:
+    """Standard output through rich; wide enough for paths where it is no terminal."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+
+
+def complain(text: str) -> None:
+    """Print to standard error, from rank 0; lines after the first are indented."""
+    if is_root():
+        head, *rest = text.splitlines()
+        print("\n".join([head, *(f"       {line}" for line in rest)]), file=sys.stderr, flush=True)
+
+
+def leave_together() -> None:
+    """Wait for all ranks, as a launcher ends the others when one leaves with an error."""
+    sys.stdout.flush()
+    comm = world()
+    if comm is not None:
+        comm.Barrier()
+
+
+def abort(code: int, text: str, error: BaseException | None = None) -> int:
+    """Say why, and end all ranks, of which perhaps only this one has failed.
+
+    Returns ``code`` for a process alone; prints the traceback of ``error`` if there is one.
+    """
+    comm = world()
+    if comm is not None and comm.rank > 0:
+        # If rank 0 has failed as well it says so, and its abort ends this wait.
+        time.sleep(_GRACE_SECONDS)
+        text = f"{text} (on rank {comm.rank})"
+    if error is not None:
+        traceback.print_exception(error)
+    print(text, file=sys.stderr, flush=True)
+    sys.stdout.flush()
+    if comm is not None:
+        comm.Abort(code)
+    return code
+
+
+def two_columns(rows: Sequence[tuple[str, str]]) -> str:
+    """Names and values, a line each."""
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:{width}}  {value}" for name, value in rows)
+
+
+def summary_rows(
+    summary: Mapping[str, Any], ratio: float, directory: str | Path
+) -> list[tuple[str, str]]:
+    """The summary in short; ``ratio`` is the largest |eps|/M, zero where M is infinite."""
+    iterations = summary["iterations"]
+    against = f" = {ratio:.4g} M" if ratio > 0.0 else "  (no locking limit)"
+    return [
+        ("converged", "yes" if summary["converged"] else "no"),
+        ("size", f"{summary['dofs']} dofs, {summary['cells']} cells, {summary['ranks']} rank(s)"),
+        (
+            "iterations",
+            f"{iterations['tangents']} tangents, {iterations['linear']} linear, "
+            f"{iterations['friction']} friction updates",
+        ),
+        ("residual", f"{summary['residual']:.1e}"),
+        ("largest |eps|", f"{summary['strain_norm_max']:.4g}{against}"),
+        ("locked share", f"{100 * summary['locked_fraction']:.1f} %"),
+        ("contact force", _vector(summary["contact_force"])),
+        ("friction force", _vector(summary["friction_force"])),
+        (
+            "contact, slip area",
+            f"{summary['contact_area']:.4g}, {summary['slip_area']:.4g}",
+        ),
+        ("proved bounds", _bounds(summary["bounds"])),
+        ("time", f"{summary['wall_seconds']:.1f} s"),
+        ("results in", str(directory)),
+    ]
+
+
+def _vector(values: Iterable[float]) -> str:
+    return "(" + ", ".join(f"{value + 0.0:.4g}" for value in values) + ")"
+
+
+def _bounds(bounds: Mapping[str, Mapping[str, Any]]) -> str:
+    broken = [name for name, entry in bounds.items() if entry["holds"] is False]
+    if broken:
+        return f"violated: {', '.join(broken)}"
+    held = sum(entry["holds"] is True for entry in bounds.values())
+    return f"{held} hold" if held else "none applies"

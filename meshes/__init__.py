@@ -1,0 +1,30 @@
+"""Geometries that Gmsh meshes, by name.
+
+A geometry is a frozen dataclass that checks its parameters without Gmsh. It is meshed by
+
+    with build(BUILDERS["block"](h=0.05)) as model: ...
+
+on one process; `model` is ``gmsh.model`` with physical groups named as the class says.
+"""
+
+from .annulus import Annulus
+from .ball import Ball
+from .block import Block
+from .disc import Disc
+from .geometry import Geometry
+from .inclusion import Inclusion
+from .l_shape import LShape
+from .punch import Punch
+from .session import build, empty_model, write
+
+BUILDERS: dict[str, type[Geometry]] = {
+    "block": Block,
+    "punch": Punch,
+    "disc": Disc,
+    "ball": Ball,
+    "annulus": Annulus,
+    "l_shape": LShape,
+    "inclusion": Inclusion,
+}
+
+__all__ = ["BUILDERS", "Geometry", "build", "empty_model", "write"]

@@ -1,0 +1,95 @@
+"""The annulus between two circles, or a quarter of it."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from .geometry import GROWTH, Geometry, Point, Zone, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Annulus(Geometry):
+    """inner_radius < |x| < outer_radius; quartered by x > 0 and y > 0.
+
+    Facets: inner, outer; of the quarter also bottom (y = 0) and left (x = 0). The contact zone is
+    the inner circle.
+    """
+
+    inner_radius: float = parameter(1.0, "length", "radius of the hole")
+    outer_radius: float = parameter(2.0, "length", "radius of the annulus")
+    quarter: bool = parameter(False, "1", "only x > 0 and y > 0")
+
+    def validate(self) -> None:
+        """Check that there is something between the circles."""
+        if self.outer_radius <= self.inner_radius:
+            raise ValueError(
+                f"outer_radius: {self.outer_radius:g} is not more than the inner radius, "
+                f"{self.inner_radius:g}"
+            )
+
+    @property
+    def dim(self) -> int:
+        """2."""
+        return 2
+
+    @property
+    def thickness(self) -> float:
+        """Distance of the circles."""
+        return self.outer_radius - self.inner_radius
+
+    @property
+    def angle(self) -> float:
+        """Of the sector that is kept."""
+        return math.pi / 2 if self.quarter else 2 * math.pi
+
+    @property
+    def measure(self) -> float:
+        """Area of the sector."""
+        return self.angle / 2 * (self.outer_radius**2 - self.inner_radius**2)
+
+    @property
+    def zone(self) -> Zone:
+        """Two layers of elements around the hole."""
+        reach = self.inner_radius + 2 * self.finest
+        depth = 2 * self.finest + self.finest / GROWTH
+        return Zone("Ball", {"Radius": reach}, self.angle * reach * depth)
+
+    @property
+    def facet_names(self) -> tuple[str, ...]:
+        """As far as they are there."""
+        return ("inner", "outer", "bottom", "left") if self.quarter else ("inner", "outer")
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """Quarters of circles, so that the centre of mass of each tells its radius."""
+        origin = occ.addPoint(0, 0, 0)
+        axes = [(1, 0), (0, 1), (-1, 0), (0, -1)][: 2 if self.quarter else 4]
+        rings = [
+            [occ.addPoint(radius * x, radius * y, 0) for x, y in axes]
+            for radius in (self.inner_radius, self.outer_radius)
+        ]
+        inner, outer = (
+            [
+                occ.addCircleArc(start, origin, end)
+                for start, end in pairwise(points if self.quarter else [*points, points[0]])
+            ]
+            for points in rings
+        )
+        if self.quarter:
+            bottom, left = (occ.addLine(*ends) for ends in zip(*rings, strict=True))
+            loops = [occ.addCurveLoop([bottom, *outer, left, *inner])]
+        else:
+            loops = [occ.addCurveLoop(outer), occ.addCurveLoop(inner)]
+        return {"body": [occ.addPlaneSurface(loops)]}
+
+    def facet_name(self, centre: Point) -> str:
+        """By its centre of mass, for a quarter of a circle at sin(pi/4) / (pi/4) of the radius."""
+        x, y, _ = centre
+        if self.at(y, 0):
+            return "bottom"
+        if self.at(x, 0):
+            return "left"
+        middle = (self.inner_radius + self.outer_radius) / 2
+        return (
+            "inner" if math.hypot(x, y) < middle * math.sin(math.pi / 4) * 4 / math.pi else "outer"
+        )

@@ -1,0 +1,122 @@
+"""The disc, its lower half or the right half of that, which touches y = 0 from above."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from .geometry import Geometry, Point, Zone, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Round(Geometry):
+    """A round body that touches the ground at the origin: what disc and ball share.
+
+    Its centre is ``radius`` above the origin; contact is the part of the circle or sphere within
+    ``contact_width`` of the vertical axis at the bottom, side the rest of it.
+    """
+
+    radius: float = parameter(1.0, "length", "radius of the body")
+    contact_width: float | None = parameter(
+        None, "length", "half-width of the part of the boundary named contact; null: radius / 4"
+    )
+    quarter: bool = parameter(False, "1", "only the part between the planes of symmetry")
+
+    def validate(self) -> None:
+        """Check the contact width."""
+        if self.reach >= self.radius:
+            raise ValueError(
+                f"contact_width: {self.reach:g} is not less than the radius, {self.radius:g}"
+            )
+        if self.reach < 1e-3 * self.radius:
+            # The contact would be as flat as the tolerances of the geometry kernel.
+            raise ValueError(
+                f"contact_width: {self.reach:g} is less than a thousandth of the radius, "
+                f"{self.radius:g}"
+            )
+        if self.finest > self.reach:
+            raise ValueError(
+                f"contact_width: {self.reach:g} is less than one element of size "
+                f"{self.finest:g}; make h_contact smaller"
+            )
+
+    @property
+    def thickness(self) -> float:
+        """The radius."""
+        return self.radius
+
+    @property
+    def reach(self) -> float:
+        """The contact width, by default a quarter of the radius."""
+        return self.radius / 4 if self.contact_width is None else self.contact_width
+
+    @property
+    def rise(self) -> float:
+        """Height at which contact ends."""
+        return self.radius - math.sqrt(self.radius**2 - self.reach**2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disc(Round):
+    """|x - (0, radius)| < radius; halved by y < radius, quartered by x > 0 as well.
+
+    Facets: contact, side, top (y = radius, where it is halved), symmetry (x = 0, where it is
+    quartered). The contact zone is within ``contact_width`` of the origin.
+    """
+
+    half: bool = parameter(True, "1", "only the lower half, with a flat top")
+
+    def validate(self) -> None:
+        """Refuse a quarter that is no half."""
+        super().validate()
+        if self.quarter and not self.half:
+            raise ValueError("quarter: only the half disc can be quartered; set half: true")
+
+    @property
+    def dim(self) -> int:
+        """2."""
+        return 2
+
+    @property
+    def measure(self) -> float:
+        """Area of the part that is kept."""
+        return math.pi * self.radius**2 / (4 if self.quarter else 2 if self.half else 1)
+
+    @property
+    def zone(self) -> Zone:
+        """What is within ``contact_width`` of the origin."""
+        area = math.pi * self.reach**2 / (4 if self.quarter else 2)
+        return Zone("Ball", {"Radius": self.reach}, area)
+
+    @property
+    def facet_names(self) -> tuple[str, ...]:
+        """As far as they are there."""
+        return ("contact", "side", *["top"] * self.half, *["symmetry"] * self.quarter)
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """Arcs with a vertex at the origin, each less than half a circle."""
+        r, w = self.radius, self.reach
+        end = (r, r) if self.half else (0.0, 2 * r)
+        right = [(0.0, 0.0), (w, self.rise), end]
+        left = [] if self.quarter else [(-x, y) for x, y in reversed(right[1:])]
+        points = [occ.addPoint(x, y, 0) for x, y in left + right]
+        if not self.half:
+            # Both sides end at the highest point.
+            points[-1] = points[0]
+        centre = occ.addPoint(0, r, 0)
+        curves = [occ.addCircleArc(a, centre, b) for a, b in pairwise(points)]
+        if self.quarter:
+            curves += [occ.addLine(points[-1], centre), occ.addLine(centre, points[0])]
+        elif self.half:
+            curves.append(occ.addLine(points[-1], points[0]))
+        body = occ.addPlaneSurface([occ.addCurveLoop(curves)])
+        return {"body": [body]}
+
+    def facet_name(self, centre: Point) -> str:
+        """By its centre of mass, which for an arc lies between the heights of its ends."""
+        x, y, _ = centre
+        if self.quarter and self.at(x, 0):
+            return "symmetry"
+        if self.half and self.at(y, self.radius):
+            return "top"
+        return "contact" if y < self.rise else "side"

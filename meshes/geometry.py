@@ -1,0 +1,203 @@
+"""What every geometry has in common: checked parameters, named groups, a graded element size."""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, fields
+from numbers import Real
+from typing import Any
+
+Point = tuple[float, float, float]
+
+#: Lengths outside this range meet the absolute tolerances of the geometry kernel.
+LENGTHS = (1e-5, 1e5)
+#: More cells than this are taken for a mistake in an element size.
+MOST_CELLS = 20_000_000
+#: Growth of the element size per unit of distance from the refined zone.
+GROWTH = 0.3
+
+
+def parameter(default: Any, unit: str, description: str) -> Any:
+    """A dataclass field that carries its unit and its description to the schema."""
+    return field(default=default, metadata={"unit": unit, "description": description})
+
+
+@dataclass(frozen=True)
+class Zone:
+    """The region meshed with ``h_contact``, as one of Gmsh's mesh size fields.
+
+    ``kind`` is "Box" or "Ball", ``options`` are that field's own; ``measure`` is the area (2D) or
+    volume (3D) of the part of the body in it, with which the number of cells is estimated.
+    """
+
+    kind: str
+    options: dict[str, float]
+    measure: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Geometry(ABC):
+    """A body that Gmsh can mesh with first-order simplices.
+
+    A subclass gives its parameters as fields, the shape, and the name of every part of its
+    boundary. Raises ValueError("name: what is wrong") where a parameter cannot be used.
+    """
+
+    h: float = parameter(0.1, "length", "target element size")
+    h_contact: float | None = parameter(
+        None, "length", "element size at the contact zone, from where it grows to h; null: h"
+    )
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if isinstance(entry.default, bool):
+                if not isinstance(value, bool):
+                    raise ValueError(f"{entry.name}: must be true or false, not {value!r}")
+            elif isinstance(entry.default, float) or (entry.default is None and value is not None):
+                object.__setattr__(self, entry.name, length(entry.name, value))
+        self.validate()
+        if self.h > self.thickness * (1 + 1e-9):
+            raise ValueError(
+                f"h: {self.h:g} is more than the thickness of the body, {self.thickness:g}"
+            )
+        if self.finest > self.h:
+            raise ValueError(f"h_contact: {self.finest:g} is more than h, {self.h:g}")
+        cells = self.estimated_cells()
+        if cells > MOST_CELLS:
+            # The zone at the contact is the usual culprit where it holds most of the cells.
+            coarse = self._cells(self.measure, self.h)
+            culprit = "h" if coarse > 0.5 * cells else "h_contact"
+            raise ValueError(
+                f"{culprit}: {getattr(self, culprit):g} would make about {cells:.0e} cells; "
+                f"at most {MOST_CELLS:.0e} are allowed"
+            )
+
+    @property
+    @abstractmethod
+    def dim(self) -> int:
+        """Dimension of the body, 2 or 3."""
+
+    @property
+    @abstractmethod
+    def thickness(self) -> float:
+        """Smallest width of the body; the largest ``h`` that makes sense."""
+
+    @property
+    @abstractmethod
+    def measure(self) -> float:
+        """Area (2D) or volume (3D) of the exact, curved body."""
+
+    @property
+    @abstractmethod
+    def zone(self) -> Zone:
+        """The region that ``h_contact`` refines."""
+
+    @property
+    @abstractmethod
+    def facet_names(self) -> tuple[str, ...]:
+        """Names of the parts of the boundary, which cover it without overlap."""
+
+    @property
+    def cell_names(self) -> tuple[str, ...]:
+        """Names of the parts of the body, which cover it without overlap."""
+        return ("body",)
+
+    @abstractmethod
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """Add the body to the OpenCASCADE kernel ``occ``; give the tags of its parts by name."""
+
+    @abstractmethod
+    def facet_name(self, centre: Point) -> str:
+        """Name of the boundary entity whose centre of mass is ``centre``."""
+
+    @abstractmethod
+    def validate(self) -> None:
+        """Check what is particular to this geometry; lengths are positive and finite already."""
+
+    @property
+    def finest(self) -> float:
+        """Smallest element size, ``h_contact`` or else ``h``."""
+        return self.h if self.h_contact is None else self.h_contact
+
+    def estimated_cells(self) -> float:
+        """Number of cells to expect, |body| / |cell of size h| summed over both sizes."""
+        coarse = self._cells(self.measure, self.h)
+        if self.h_contact is None:
+            return coarse
+        return coarse + self._cells(self.zone.measure, self.h_contact)
+
+    def build(self, model: Any) -> None:
+        """Shape, name and mesh the body in the empty current ``model`` = ``gmsh.model``."""
+        parts = self.shape(model.occ)
+        model.occ.synchronize()
+        # The centre of an arc, say, would be meshed as a node of no cell.
+        loose = [
+            (0, tag) for _, tag in model.getEntities(0) if not len(model.getAdjacencies(0, tag)[0])
+        ]
+        model.occ.remove(loose)
+        model.occ.synchronize()
+        facets: dict[str, list[int]] = {name: [] for name in self.facet_names}
+        # The outer boundary only: what two parts share has no name.
+        for dim, tag in model.getBoundary(model.getEntities(self.dim), oriented=False):
+            facets[self.facet_name(model.occ.getCenterOfMass(dim, tag))].append(tag)
+        for dim, groups in ((self.dim, parts), (self.dim - 1, facets)):
+            for number, (name, tags) in enumerate(groups.items(), start=1):
+                model.addPhysicalGroup(dim, tags, number, name=name)
+        self.set_sizes(model)
+        model.mesh.generate(self.dim)
+
+    def set_sizes(self, model: Any) -> None:
+        """Prescribe the element size: ``h_contact`` in the zone, growing outside it up to ``h``."""
+        size = model.mesh.field
+        tag = size.add(self.zone.kind)
+        # Gmsh divides by the thickness, so it may be small but not zero.
+        thickness = max((self.h - self.finest) / GROWTH, 1e-3 * self.h)
+        values = {"VIn": self.finest, "VOut": self.h, "Thickness": thickness}
+        for option, value in (self.zone.options | values).items():
+            size.setNumber(tag, option, value)
+        size.setAsBackgroundMesh(tag)
+
+    def at(self, coordinate: float, plane: float) -> bool:
+        """Whether a coordinate is that of a plane, up to the round-off of the kernel."""
+        return abs(coordinate - plane) <= 1e-6 * self.thickness
+
+    def _cells(self, measure: float, h: float) -> float:
+        # Measure of the equilateral triangle and of the regular tetrahedron of edge 1.
+        cell = math.sqrt(3) / 4 if self.dim == 2 else math.sqrt(2) / 12
+        return measure / (cell * h**self.dim)
+
+
+def length(name: str, value: Any) -> float:
+    """``value`` as a float, if it is a usable length; raises ValueError otherwise."""
+    number = real(name, value)
+    if number <= 0:
+        raise ValueError(f"{name}: must be positive, not {number:g}")
+    if not LENGTHS[0] <= number <= LENGTHS[1]:
+        raise ValueError(
+            f"{name}: {number:g} is outside {LENGTHS[0]:g} to {LENGTHS[1]:g}; "
+            "choose another unit of length"
+        )
+    return number
+
+
+def real(name: str, value: Any) -> float:
+    """``value`` as a finite float; raises ValueError if it is not one."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise ValueError(f"{name}: must be a number, not {value!r}")
+    if not math.isfinite(value):
+        raise ValueError(f"{name}: must be finite, not {float(value):g}")
+    return float(value)
+
+
+def vector(name: str, values: Any, dim: int) -> tuple[float, ...]:
+    """``values`` as ``dim`` finite floats; raises ValueError if they are not."""
+    if not isinstance(values, list | tuple) or len(values) != dim:
+        raise ValueError(f"{name}: must be a list of {dim} numbers in {dim}D, not {values!r}")
+    return tuple(real(name, value) for value in values)
+
+
+def dimension(value: Any) -> int:
+    """``value`` as a dimension, 2 or 3; raises ValueError if it is neither."""
+    if isinstance(value, bool) or value not in (2, 3):
+        raise ValueError(f"dim: must be 2 or 3, not {value!r}")
+    return int(value)

@@ -1,0 +1,55 @@
+"""A block with a round inclusion of another material."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from .block import Box
+from .geometry import parameter, vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inclusion(Box):
+    """A block with a disc or a ball in it, meshed as one.
+
+    Cells: body and inclusion. Facets: those of the block. The contact zone is the bottom.
+    """
+
+    radius: float = parameter(0.25, "length", "radius of the inclusion")
+    centre: tuple[float, ...] = parameter(
+        (), "length", "centre of the inclusion; empty: the middle of the block"
+    )
+
+    def validate(self) -> None:
+        """Check that the inclusion is inside, and not smaller than an element."""
+        super().validate()
+        given = [edge / 2 for edge in self.size] if self.centre in (None, (), []) else self.centre
+        centre = vector("centre", given, self.dim)
+        object.__setattr__(self, "centre", centre)
+        if self.h > self.radius:
+            raise ValueError(
+                f"h: {self.h:g} is more than the radius of the inclusion, {self.radius:g}"
+            )
+        gap = min(min(x, edge - x) for x, edge in zip(centre, self.size, strict=True)) - self.radius
+        if gap < 0.05 * self.radius:
+            raise ValueError(
+                f"radius: an inclusion of {self.radius:g} around {list(centre)} does not stay "
+                f"inside the block {list(self.size)}"
+            )
+
+    @property
+    def cell_names(self) -> tuple[str, ...]:
+        """The block around it and the inclusion."""
+        return ("body", "inclusion")
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """The block, divided by the inclusion."""
+        (block,) = super().shape(occ)["body"]
+        if self.dim == 2:
+            core = occ.addDisk(*self.centre, 0, self.radius, self.radius)
+        else:
+            core = occ.addSphere(*self.centre, self.radius)
+        _, (parts, inner) = occ.fragment([(self.dim, block)], [(self.dim, core)])
+        return {
+            "body": [tag for dim, tag in parts if (dim, tag) not in inner],
+            "inclusion": [tag for _, tag in inner],
+        }

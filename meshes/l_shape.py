@@ -1,0 +1,66 @@
+"""The L-shaped block, with a re-entrant edge."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from .block import Box
+from .geometry import Point, length, parameter, vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class LShape(Box):
+    """A block without its upper right corner, the notch: a foot and an upright.
+
+    Facets: those of the block, where right is the end of the foot and top that of the upright;
+    inner_horizontal, the upper side of the foot; inner_vertical, the right side of the upright.
+    The contact zone is the bottom.
+    """
+
+    notch: tuple[float, ...] = parameter(
+        (), "length", "what is cut away along x and up; empty: half of the block"
+    )
+
+    def validate(self) -> None:
+        """Check that the notch leaves a foot and an upright."""
+        super().validate()
+        edges = (self.size[0], self.size[-1])
+        given = [edge / 2 for edge in edges] if self.notch in (None, (), []) else self.notch
+        notch = tuple(length("notch", cut) for cut in vector("notch", given, 2))
+        object.__setattr__(self, "notch", notch)
+        if notch[0] >= edges[0] or notch[1] >= edges[1]:
+            raise ValueError(f"notch: {list(notch)} is not inside the block {list(self.size)}")
+
+    @property
+    def thickness(self) -> float:
+        """The thinnest of upright, foot and, in 3D, depth."""
+        return min(self.size[0] - self.notch[0], self.size[-1] - self.notch[1], *self.size)
+
+    @property
+    def measure(self) -> float:
+        """That of the block without the notch."""
+        share = math.prod(self.notch) / (self.size[0] * self.size[-1])
+        return super().measure * (1 - share)
+
+    @property
+    def facet_names(self) -> tuple[str, ...]:
+        """The sides of the block, and the two of the notch."""
+        return (*self.sides, "inner_horizontal", "inner_vertical")
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """The block, the notch cut away."""
+        (block,) = super().shape(occ)["body"]
+        depth = self.size[1:-1]
+        corner = (
+            self.size[0] - self.notch[0],
+            *(0.0 for _ in depth),
+            self.size[-1] - self.notch[1],
+        )
+        notch = self.cuboid(occ, corner, (self.notch[0], *depth, self.notch[1]))
+        parts, _ = occ.cut([(self.dim, block)], [(self.dim, notch)])
+        return {"body": [tag for _, tag in parts]}
+
+    def facet_name(self, centre: Point) -> str:
+        """By the side, and in the notch by the height."""
+        inner = self.at(centre[self.dim - 1], self.size[-1] - self.notch[1])
+        return self.side(centre) or ("inner_horizontal" if inner else "inner_vertical")

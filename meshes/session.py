@@ -1,0 +1,98 @@
+"""A silent and repeatable Gmsh: the same geometry gives the same mesh each time."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from .geometry import Geometry
+
+OPTIONS = {
+    "General.Terminal": 0,
+    "General.NumThreads": 1,
+    "Mesh.RandomSeed": 1,
+    "Mesh.Algorithm": 6,  # frontal Delaunay
+    "Mesh.Algorithm3D": 1,  # Delaunay
+    "Mesh.ElementOrder": 1,
+    # The size comes from the geometry's own field alone.
+    "Mesh.MeshSizeFromPoints": 0,
+    "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.MeshSizeExtendFromBoundary": 0,
+    "Mesh.MshFileVersion": 4.1,
+    "Mesh.Binary": 0,
+    "Mesh.SaveAll": 0,
+}
+
+
+@contextmanager
+def empty_model(model_name: str = "body") -> Iterator[Any]:
+    """``gmsh.model`` with nothing in it, which lives until the end of the block.
+
+    Leaves signal handlers, the command line and a Gmsh that the caller has initialised alone.
+    To be called on one process.
+    """
+    import gmsh
+
+    with _initialised(gmsh):
+        gmsh.model.add(model_name)
+        try:
+            yield gmsh.model
+        finally:
+            gmsh.model.setCurrent(model_name)
+            gmsh.model.remove()
+
+
+@contextmanager
+def build(geometry: Geometry, model_name: str = "body") -> Iterator[Any]:
+    """Mesh ``geometry``; gives ``gmsh.model``, which lives until the end of the block.
+
+    As `empty_model`; raises RuntimeError if Gmsh cannot make the mesh.
+    """
+    with empty_model(model_name) as model:
+        try:
+            geometry.build(model)
+        except Exception as error:  # Gmsh's own errors have no type of their own
+            raise RuntimeError(f"Gmsh cannot mesh {geometry}: {error}") from error
+        yield model
+
+
+def write(geometry: Geometry, path: str | os.PathLike[str]) -> None:
+    """Mesh ``geometry`` and write it as a Gmsh file (format 4.1), complete or not at all.
+
+    Raises ValueError if the name does not end in .msh, OSError if it cannot be written.
+    """
+    import gmsh
+
+    target = Path(path)
+    if target.suffix != ".msh":
+        raise ValueError(f"path: the name of a Gmsh file ends in .msh, {target.name} does not")
+    partial = target.with_name(f".{target.stem}.{os.getpid()}.msh")
+    partial.touch()
+    try:
+        with build(geometry, target.stem):
+            gmsh.write(str(partial))
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def _initialised(gmsh: Any) -> Iterator[None]:
+    """Gmsh with ``OPTIONS``, put back afterwards as it was."""
+    ours = not gmsh.isInitialized()
+    if ours:
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    before = {name: gmsh.option.getNumber(name) for name in OPTIONS}
+    current = None if ours else gmsh.model.getCurrent()
+    try:
+        for name, value in OPTIONS.items():
+            gmsh.option.setNumber(name, value)
+        yield
+    finally:
+        if ours:
+            gmsh.finalize()
+        else:
+            for name, value in before.items():
+                gmsh.option.setNumber(name, value)
+            gmsh.model.setCurrent(current)

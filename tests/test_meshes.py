@@ -1,0 +1,364 @@
+"""The geometries: what their groups are and measure, how they are refined, how they are written.
+
+Every process meshes its own copy, so the file runs on any number of ranks.
+"""
+
+import math
+import signal
+import sys
+from collections import Counter
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contact_locking.meshes import BUILDERS, Geometry, build, write
+
+gmsh = pytest.importorskip("gmsh")
+
+PI = math.pi
+CAP = 2 * PI * (1 - math.sqrt(1 - 0.25**2))  # of the unit sphere, within 1/4 of its axis
+ARC = math.asin(0.25)
+
+# Builder, parameters, exact measure of every group; the builder's own default where not given.
+CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
+    "block 2D": (
+        "block",
+        {"size": [2, 1]},
+        {"body": 2, "left": 1, "right": 1, "bottom": 2, "top": 2},
+    ),
+    "block 3D": (
+        "block",
+        {"dim": 3, "size": [2, 1.5, 1], "h": 0.3, "h_contact": 0.2},
+        {"body": 3, "left": 1.5, "right": 1.5, "front": 2, "back": 2, "bottom": 3, "top": 3},
+    ),
+    "structured block 2D": (
+        "block",
+        {"size": [2, 1], "structured": True},
+        {"body": 2, "left": 1, "right": 1, "bottom": 2, "top": 2},
+    ),
+    "structured block 3D": (
+        "block",
+        {"dim": 3, "size": [2, 1.5, 1], "h": 0.3, "structured": True},
+        {"body": 3, "left": 1.5, "right": 1.5, "front": 2, "back": 2, "bottom": 3, "top": 3},
+    ),
+    "punch 2D": (
+        "punch",
+        {"h_contact": 0.05},
+        {"body": 1, "symmetry": 1, "right": 1, "bottom": 1, "top": 0.75, "contact": 0.25},
+    ),
+    "punch 3D": (
+        "punch",
+        {"dim": 3, "size": [2, 1, 1.5], "half_width": 0.9, "h": 0.3},
+        {"body": 3, "symmetry": 1.5, "right": 1.5, "symmetry_y": 3, "back": 3, "bottom": 2}
+        | {"top": 2 - 0.81, "contact": 0.81},
+    ),
+    "disc": ("disc", {"half": False}, {"body": PI, "contact": 2 * ARC, "side": 2 * (PI - ARC)}),
+    "half disc": (
+        "disc",
+        {"radius": 8, "h": 0.8, "h_contact": 0.4},
+        {"body": 32 * PI, "contact": 16 * ARC, "side": 8 * PI - 16 * ARC, "top": 16},
+    ),
+    "quarter disc": (
+        "disc",
+        {"quarter": True, "contact_width": math.sqrt(0.5)},
+        {"body": PI / 4, "contact": PI / 4, "side": PI / 4, "top": 1, "symmetry": 1},
+    ),
+    "half ball": (
+        "ball",
+        {"h": 0.15, "h_contact": 0.05},
+        {"body": 2 * PI / 3, "contact": CAP, "side": 2 * PI - CAP, "top": PI},
+    ),
+    "quarter of a half ball": (
+        "ball",
+        {"h": 0.15, "h_contact": 0.05, "quarter": True},
+        {"body": PI / 6, "contact": CAP / 4, "side": PI / 2 - CAP / 4, "top": PI / 4}
+        | {"symmetry_x": PI / 4, "symmetry_y": PI / 4},
+    ),
+    "annulus": ("annulus", {}, {"body": 3 * PI, "inner": 2 * PI, "outer": 4 * PI}),
+    "quarter annulus": (
+        "annulus",
+        {"quarter": True},
+        {"body": 3 * PI / 4, "inner": PI / 2, "outer": PI, "bottom": 1, "left": 1},
+    ),
+    "L-shape 2D": (
+        "l_shape",
+        {"size": [2, 1]},
+        {"body": 1.5, "bottom": 2, "left": 1, "right": 0.5, "top": 1}
+        | {"inner_horizontal": 1, "inner_vertical": 0.5},
+    ),
+    "L-shape 3D": (
+        "l_shape",
+        {"dim": 3, "size": [2, 0.5, 1], "notch": [1.6, 0.7], "h": 0.2},
+        {"body": 0.44, "bottom": 1, "left": 0.5, "right": 0.15, "top": 0.2, "front": 0.88}
+        | {"back": 0.88, "inner_horizontal": 0.8, "inner_vertical": 0.35},
+    ),
+    "inclusion 2D": (
+        "inclusion",
+        {},
+        {"body": 1 - PI / 16, "inclusion": PI / 16, "left": 1, "right": 1, "bottom": 1, "top": 1},
+    ),
+    "inclusion 3D": (
+        "inclusion",
+        {"dim": 3, "size": [1, 1, 2], "radius": 0.4, "centre": [0.5, 0.5, 1.4], "h": 0.15},
+        {"body": 2 - 4 / 3 * PI * 0.4**3, "inclusion": 4 / 3 * PI * 0.4**3}
+        | {"left": 2, "right": 2, "front": 2, "back": 2, "bottom": 1, "top": 1},
+    ),
+}
+
+Array = np.ndarray[Any, Any]
+Groups = dict[str, Array]
+
+
+def make(name: str, **given: Any) -> Geometry:
+    """The geometry of that name, with these parameters."""
+    return BUILDERS[name](**given)
+
+
+def read(model: Any, dim: int) -> tuple[Array, Groups, Groups]:
+    """Points, and the corner numbers of the simplices of every group of cells and of facets."""
+    tags, points, _ = model.mesh.getNodes()
+    number = np.full(int(tags.max()) + 1, -1)
+    number[tags] = np.arange(len(tags))
+    both: list[Groups] = []
+    for d in (dim, dim - 1):
+        groups: Groups = {}
+        for _, group in model.getPhysicalGroups(d):
+            corners = [
+                number[nodes.astype(int)].reshape(-1, d + 1)
+                for entity in model.getEntitiesForPhysicalGroup(d, group)
+                for nodes in model.mesh.getElements(d, entity)[2]
+            ]
+            groups[model.getPhysicalName(d, group)] = np.concatenate(corners)
+        both.append(groups)
+    return points.reshape(-1, 3), both[0], both[1]
+
+
+def measures(points: Array, simplices: Array) -> Array:
+    """sqrt(det(E E^T)) / k! of every simplex with the edge vectors E = x_i - x_0, i = 1 .. k."""
+    edges = points[simplices[:, 1:]] - points[simplices[:, :1]]
+    gram = np.linalg.det(edges @ edges.transpose(0, 2, 1))
+    return np.sqrt(gram) / math.factorial(edges.shape[1])
+
+
+def longest_edge(points: Array, simplices: Array) -> Array:
+    """Of every simplex."""
+    corners = points[simplices]
+    return np.linalg.norm(corners[:, :, None] - corners[:, None], axis=-1).max(axis=(1, 2))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_groups_cover_body_and_boundary_exactly_once(case: str) -> None:
+    name, given, exact = CASES[case]
+    geometry = make(name, **given)
+    with build(geometry) as model:
+        points, cells, facets = read(model, geometry.dim)
+
+    assert tuple(cells) == geometry.cell_names
+    assert tuple(facets) == geometry.facet_names
+    assert set(cells) | set(facets) == set(exact)
+
+    # Facets inscribed in a curve of radius r leave out a share of up to 3/8 (h / r)^2, the ball's.
+    radius = given.get("radius", {"annulus": 1, "inclusion": 0.25}.get(name, 1))
+    curved = name in ("disc", "ball", "annulus", "inclusion")
+    for group, simplices in (cells | facets).items():
+        ratio = 4 * geometry.finest / radius if group == "contact" else geometry.h / radius
+        tolerance = 0.4 * ratio**2 if curved else 1e-10
+        assert measures(points, simplices).sum() == pytest.approx(exact[group], rel=tolerance)
+    assert geometry.measure == pytest.approx(sum(exact[part] for part in cells))
+
+    # The facets of a single cell are the boundary, and every one of them has one name.
+    inside = np.concatenate(list(cells.values()))
+    count: Counter[tuple[int, ...]] = Counter()
+    for corner in range(geometry.dim + 1):
+        opposite = np.sort(np.delete(inside, corner, axis=1), axis=1)
+        count.update(tuple(map(int, facet)) for facet in opposite)
+    boundary = sorted(facet for facet, times in count.items() if times == 1)
+    named = sorted(tuple(sorted(map(int, facet))) for group in facets.values() for facet in group)
+    assert named == boundary
+    assert set(np.unique(inside)) == set(range(len(points))), "a node belongs to no cell"
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_estimate_of_the_cells_is_of_the_right_size(case: str) -> None:
+    name, given, _ = CASES[case]
+    geometry = make(name, **given)
+    with build(geometry) as model:
+        cells = sum(len(tags) for tags in model.mesh.getElements(geometry.dim)[1])
+    if given.get("structured"):
+        assert cells == geometry.estimated_cells()
+    else:
+        assert 0.4 < cells / geometry.estimated_cells() < 2.2
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "contact", "far"),
+    [
+        ("block", {"h": 0.2, "h_contact": 0.02}, "bottom", "top"),
+        ("block", {"dim": 3, "h": 0.3, "h_contact": 0.08}, "bottom", "top"),
+        ("punch", {"h": 0.2, "h_contact": 0.02}, "contact", "bottom"),
+        ("punch", {"dim": 3, "h": 0.3, "h_contact": 0.05}, "contact", "bottom"),
+        ("disc", {"h": 0.2, "h_contact": 0.02}, "contact", "top"),
+        ("disc", {"h": 0.2, "h_contact": 0.02, "half": False}, "contact", "side"),
+        ("ball", {"h": 0.3, "h_contact": 0.05}, "contact", "top"),
+        ("ball", {"h": 0.3, "h_contact": 0.05, "quarter": True}, "contact", "top"),
+        ("annulus", {"h": 0.3, "h_contact": 0.05}, "inner", "outer"),
+        ("l_shape", {"h": 0.2, "h_contact": 0.03}, "bottom", "top"),
+        ("inclusion", {"h": 0.2, "h_contact": 0.03}, "bottom", "top"),
+    ],
+)
+def test_contact_is_meshed_with_h_contact_and_the_far_side_with_h(
+    name: str, given: dict[str, Any], contact: str, far: str
+) -> None:
+    geometry = make(name, **given)
+    with build(geometry) as model:
+        points, _, facets = read(model, geometry.dim)
+    assert longest_edge(points, facets[contact]).mean() == pytest.approx(
+        given["h_contact"], rel=0.3
+    )
+    assert longest_edge(points, facets[contact]).max() < 2 * given["h_contact"]
+    assert np.median(longest_edge(points, facets[far])) == pytest.approx(given["h"], rel=0.4)
+
+
+@pytest.mark.parametrize("name", ["disc", "ball"])
+@pytest.mark.parametrize("quarter", [False, True])
+def test_round_bodies_touch_the_ground_in_a_node_at_the_origin(name: str, quarter: bool) -> None:
+    geometry = make(name, radius=2.0, h=0.5, quarter=quarter)
+    with build(geometry) as model:
+        points, _, facets = read(model, geometry.dim)
+    ground = points[:, geometry.dim - 1]
+    assert ground.min() == pytest.approx(0, abs=1e-12)
+    assert np.linalg.norm(points, axis=1).min() == pytest.approx(0, abs=1e-12)
+    axis_distance = np.linalg.norm(points[:, : geometry.dim - 1], axis=1)
+    assert axis_distance[np.unique(facets["contact"])].max() == pytest.approx(0.5)
+    centre = np.zeros(3)
+    centre[geometry.dim - 1] = 2.0
+    curved = np.unique(np.concatenate([facets["contact"].ravel(), facets["side"].ravel()]))
+    assert np.linalg.norm(points[curved] - centre, axis=1) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_structured_block_has_no_edge_longer_than_the_diagonal_of_a_grid_cell(dim: int) -> None:
+    geometry = make("block", dim=dim, h=0.3, structured=True)
+    with build(geometry) as model:
+        points, cells, _ = read(model, dim)
+    # ceil(1 / 0.3) = 4 cells along each edge, of size 1/4.
+    assert np.unique(points[:, :dim].round(9)) == pytest.approx([0, 0.25, 0.5, 0.75, 1])
+    assert len(points) == 5**dim
+    assert longest_edge(points, cells["body"]).max() <= 0.25 * math.sqrt(dim) + 1e-12
+    assert measures(points, cells["body"]) == pytest.approx(0.25**dim / math.factorial(dim))
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [("block", {"dim": 3, "h": 0.25}), ("ball", {"h": 0.25, "h_contact": 0.1}), ("annulus", {})],
+)
+def test_same_parameters_give_the_same_mesh_to_the_bit(
+    name: str, given: dict[str, Any], tmp_path: Path
+) -> None:
+    geometry = make(name, **given)
+    write(geometry, tmp_path / "first.msh")
+    with build(make("disc")):
+        pass  # another mesh in between, which must not change the next
+    write(geometry, tmp_path / "second.msh")
+    assert (tmp_path / "first.msh").read_bytes() == (tmp_path / "second.msh").read_bytes()
+
+
+def test_written_file_holds_the_same_mesh_and_names(tmp_path: Path) -> None:
+    geometry = make("inclusion", h=0.2)
+    with build(geometry) as model:
+        points, cells, facets = read(model, 2)
+    path = tmp_path / "inclusion.msh"
+    path.write_text("an older file")
+    write(geometry, path)
+    assert path.read_text().startswith("$MeshFormat\n4.1 0 8")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["inclusion.msh"]
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(path))
+        again, cells_again, facets_again = read(gmsh.model, 2)
+    finally:
+        gmsh.finalize()
+    before, after = cells | facets, cells_again | facets_again
+    assert list(after) == list(before)
+    for group in before:
+        assert np.sort(measures(again, after[group])) == pytest.approx(
+            np.sort(measures(points, before[group]))
+        )
+
+
+def test_failed_write_leaves_the_older_file_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "block.msh"
+    path.write_text("an older file")
+
+    def fail(name: str) -> None:
+        Path(name).write_text("half a mesh")
+        raise RuntimeError("disk full")
+
+    monkeypatch.setattr(gmsh, "write", fail)
+    with pytest.raises(RuntimeError, match="disk full"):
+        write(make("block", h=0.5), path)
+    assert path.read_text() == "an older file"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_write_refuses_another_format_and_a_missing_folder(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"path: .*\.msh"):
+        write(make("block"), tmp_path / "body.xdmf")
+    with pytest.raises(OSError):
+        write(make("block"), tmp_path / "nowhere" / "body.msh")
+
+
+def test_gmsh_is_silent_and_ignores_the_command_line_and_leaves_signals(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["program", "-clmax", "0.01", "-3", "nothing.geo"])
+    handler = signal.getsignal(signal.SIGINT)
+    geometry = make("block", h=0.5)
+    with build(geometry) as model:
+        assert signal.getsignal(signal.SIGINT) is handler
+        assert sum(len(tags) for tags in model.mesh.getElements(2)[1]) < 50
+    assert signal.getsignal(signal.SIGINT) is handler
+    assert not gmsh.isInitialized()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_gmsh_of_the_caller_is_left_as_it_was() -> None:
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.Algorithm", 5)
+        gmsh.model.add("body")
+        gmsh.model.occ.addPoint(1, 2, 3)
+        gmsh.model.occ.synchronize()
+        with build(make("block", h=0.5)) as model:
+            assert len(model.getEntities(2)) == 1
+        assert gmsh.isInitialized()
+        assert gmsh.option.getNumber("Mesh.Algorithm") == 5
+        assert gmsh.model.getCurrent() == "body"
+        assert gmsh.model.getEntities() == [(0, 1)]
+    finally:
+        gmsh.finalize()
+
+
+def test_gmsh_is_finalised_when_the_caller_fails() -> None:
+    with pytest.raises(KeyError, match="mine"), build(make("block", h=0.5)):
+        raise KeyError("mine")
+    assert not gmsh.isInitialized()
+
+
+@pytest.mark.parametrize("name", BUILDERS)
+def test_parameters_carry_unit_and_description_and_defaults_can_be_built(name: str) -> None:
+    geometry = make(name)
+    for entry in fields(geometry):
+        assert entry.metadata["unit"] in ("length", "1")
+        assert entry.metadata["description"]
+    assert geometry == make(name, **{e.name: getattr(geometry, e.name) for e in fields(geometry)})
+    with build(geometry) as model:
+        assert len(model.getPhysicalGroups(geometry.dim)) == len(geometry.cell_names)
