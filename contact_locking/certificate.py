@@ -18,10 +18,12 @@ from contact_locking.convex import positive_part, squared_norm, unit_ball_excess
 from contact_locking.domain import Domain
 from contact_locking.material import strain
 from contact_locking.results import integral
-from contact_locking.solver.linear import PREFIX, default_options, options_set
+from contact_locking.solver.linear import default_options, options_set
 
 # Rounding and the solver's tolerance may put a measured value this share above its bound.
 _SLACK = 1e-6
+# Options for the nonlinear solve do not reach the solve for the dual norm.
+_PREFIX = "contact_locking_norm_"
 
 
 def proved_bounds(
@@ -31,7 +33,6 @@ def proved_bounds(
     material: Material,
     constraints: Constraints,
     free_motions: int,
-    options: dict[str, Any],
 ) -> dict[str, dict[str, Any]]:
     """The a priori bounds of Lemma 4.5 iii and Theorem 4.9 a)-c) for the penalised solution.
 
@@ -61,7 +62,7 @@ def proved_bounds(
             name: {"value": value, "bound": None, "holds": None, "reason": reason}
             for name, value in values.items()
         }
-    load = dual_norm(domain, u.function_space, data, constraints, options)
+    load = dual_norm(domain, u.function_space, data, constraints)
     bounds = dict.fromkeys(values, load**2 / material.ellipticity)
     bounds["displacement_norm"] = load / material.ellipticity
     return {
@@ -79,7 +80,6 @@ def dual_norm(
     space: fem.FunctionSpace,
     data: forms.ProblemData,
     constraints: Constraints,
-    options: dict[str, Any],
 ) -> float:
     """``|f|_V = |z|_V`` with ``(z, v)_V = int eps(z) : eps(v) = (f, v)`` (10), (13); collective.
 
@@ -97,10 +97,11 @@ def dual_norm(
     right.array_w[constraints.dofs[constraints.dofs < owned]] = 0.0
     solution = right.duplicate()
     solver = PETSc.KSP().create(domain.comm)
-    solver.setOptionsPrefix(PREFIX)
+    solver.setOptionsPrefix(_PREFIX)
     solver.setOperators(matrix)
     size = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
-    with options_set(default_options("auto", domain.dim, size) | {"ksp_rtol": 1e-8}, options):
+    options = default_options("auto", domain.dim, size) | {"ksp_rtol": 1e-8}
+    with options_set(options, prefix=_PREFIX):
         solver.setFromOptions()
     solver.setErrorIfNotConverged(True)
     solver.solve(right, solution)

@@ -83,7 +83,11 @@ def run(arguments: argparse.Namespace) -> int:
         output.prepare(directory, comm)
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
-        with TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor()) as monitor:
+        with (
+            TerminalMonitor(terminal.console())
+            if speaks
+            else contextlib.nullcontext(Monitor()) as monitor
+        ):
             solution = problem.solve(parameters, comm, monitor, arguments.petsc)
         warnings = output.write(solution, directory)
     if arguments.quiet:
@@ -96,11 +100,9 @@ def run(arguments: argparse.Namespace) -> int:
         print(terminal.two_columns(rows))
     if solution.converged:
         return CONVERGED
-    summary = solution.summary
-    terminal.complain(
-        f"error: not converged: {summary['reason']}\n"
-        f"{summary.get('suggestion', '')}\nWhat was reached is in {directory}."
-    )
+    reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
+    lines = (f"not converged: {reason}", way_out, f"What was reached is in {directory}.")
+    terminal.complain("error: " + "\n".join(line for line in lines if line))
     return NOT_CONVERGED
 
 

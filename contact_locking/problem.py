@@ -67,7 +67,6 @@ def solve(
     length = float(np.ptp(_bounding_box(problem.domain), axis=0).max())
     path = PenaltyPath.towards(n, epsilon, problem.material.stiffness, length)
     system.set_penalty(n, epsilon)
-    problem.constraints.apply(problem.u)
     report = solve_system(given.method, system, path, settings, monitor)
     system.set_penalty(n, epsilon)
     solution = _collect(problem, report, settings)
@@ -109,8 +108,7 @@ def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solu
         },
         "stages": report.stages,
         "bounds": proved_bounds(
-            domain, u, data, problem.material, problem.constraints, problem.free,
-            dict(settings.petsc),
+            domain, u, data, problem.material, problem.constraints, problem.free
         ),
         "warnings": problem.warnings,
     }

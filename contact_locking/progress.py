@@ -65,7 +65,11 @@ class TerminalMonitor(Monitor):
             self._live.stop()
 
     def message(self, text: str) -> None:
-        if self._live is not None and not text.startswith("warning"):
+        if text.startswith("warning"):
+            self._line(text)
+            return
+        self.finish()
+        if self._live is not None:
             self._live.update(self._plain(text))
         else:
             self._line(text)
@@ -106,7 +110,9 @@ class TerminalMonitor(Monitor):
     def _refresh(self) -> None:
         if self._live is not None and self._stage:
             now = f"iteration {self._iterations}, residual {self._residual:.1e}"
-            self._live.update(self._plain("  ".join(filter(None, (self._stage, self._detail, now)))))
+            self._live.update(
+                self._plain("  ".join(filter(None, (self._stage, self._detail, now))))
+            )
 
     def _line(self, text: str) -> None:
         style = "yellow" if text.startswith("warning") else None
@@ -114,7 +120,7 @@ class TerminalMonitor(Monitor):
 
     @staticmethod
     def _plain(text: str) -> Any:
-        # Brackets in names and numbers are not rich's markup.
+        # Brackets in names and numbers are not rich's markup, and a live line has to be one line.
         from rich.text import Text
 
-        return Text(text)
+        return Text(text, no_wrap=True, overflow="ellipsis")

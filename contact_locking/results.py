@@ -19,6 +19,7 @@ from contact_locking.convex import tangential_part
 from contact_locking.domain import Domain
 from contact_locking.locking import locking_stress
 from contact_locking.material import strain
+from contact_locking.ordering import along_curve, lexicographic
 from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints
 from contact_locking.system import FrictionBound
 
@@ -79,10 +80,11 @@ class ContactFields:
             self.state,
         )
         gathered = [self.surface.domain.comm.gather(column) for column in columns]
+        segments = self.surface.facet_corners()
         if self.surface.domain.comm.rank != 0:
             return None
         whole = [np.concatenate(parts) for parts in gathered]
-        order = _order_along(whole[0])
+        order = lexicographic(whole[0]) if segments is None else along_curve(whole[0], segments)
         return ContactPoints(*(column[order] for column in whole))
 
     def summary(self) -> dict[str, Any]:
@@ -175,10 +177,3 @@ def _p0(domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()) -> f
     function.x.scatter_forward()
     return function
 
-
-def _order_along(x: FloatArray) -> npt.NDArray[np.int64]:
-    """In 2D along the principal direction of Gamma_C, in 3D lexicographically."""
-    # Rounding makes coordinates that are equal up to the last digits tie.
-    size = float(np.ptp(x, axis=0).max()) or 1.0
-    rounded = np.round(x / size, 9)
-    return np.lexsort(rounded.T[::-1])

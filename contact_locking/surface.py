@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
+from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
@@ -61,6 +62,15 @@ class ContactSurface:
         function.x.array.reshape(-1, self.domain.dim)[self.blocks] = values
         function.x.scatter_forward()
         return function
+
+    def facet_corners(self) -> FloatArray | None:
+        """The ends (s, 2, 2) of the segments of Gamma_C, on rank 0 in 2D, else None; collective."""
+        if self.domain.dim != 2:
+            return None
+        mesh = self.domain.mesh
+        corners = dmesh.entities_to_geometry(mesh, 1, self.facets)
+        gathered = self.domain.comm.gather(mesh.geometry.x[corners, :2])
+        return None if gathered is None else np.concatenate(gathered)
 
     def integral(self, values: FloatArray) -> FloatArray:
         """``int w`` over Gamma_C of nodal values (k,) or (k, d); collective."""

@@ -67,8 +67,7 @@ class FrictionBound:
 class PenalisedSystem:
     """Residual and tangent of (26) over PETSc, at a penalty and a friction bound that can be set.
 
-    ``u`` carries the displacement; its constrained dofs must hold their values, and stay as they
-    are.  ``held_by_contact`` says that some rigid motion is stopped by contact alone.
+    ``u`` carries the displacement, with the prescribed values in its constrained dofs at all times.  ``held_by_contact`` says that some rigid motion is stopped by contact alone.
     """
 
     # The share of the contact stiffness kept where the body does not touch, if contact alone
@@ -88,6 +87,7 @@ class PenalisedSystem:
         self.data, self.u, self.bound = data, u, bound
         self.comm = space.mesh.comm
         self._constraints = constraints
+        constraints.apply(u)
         self._residual = fem.form(forms.residual(u, v, data))
         tangent = forms.tangent(u, v, du, data)
         if held_by_contact:
@@ -149,8 +149,9 @@ class PenalisedSystem:
         return max(self._load_norm, self._norm_of(self._elastic))
 
     def set_displacement(self, x: PETSc.Vec) -> None:
+        """``u = x``, but with the prescribed values: an inexact linear solve may have moved them."""
         self.u.x.array[: self._owned] = x.array_r
-        self.u.x.scatter_forward()
+        self._constraints.apply(self.u)
 
     def displacement(self, x: PETSc.Vec) -> None:
         """Copy the displacement into ``x``."""

@@ -36,10 +36,16 @@ def is_root() -> bool:
 
 
 def console() -> Console:
-    """Standard output through rich; wide enough for paths where it is no terminal."""
+    """Standard output through rich; wide enough for long lines where it is no terminal.
+
+    Under a launcher it never is one: Open MPI hands every process a pseudo-terminal, wherever the
+    output goes in the end.
+    """
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    if world() is None and sys.stdout.isatty():
+        return Console(highlight=False)
+    return Console(highlight=False, width=120, force_terminal=False)
 
 
 def complain(text: str) -> None:

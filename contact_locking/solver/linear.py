@@ -38,15 +38,17 @@ def default_options(linear: str, dim: int, size: int) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def options_set(defaults: Mapping[str, Any], overrides: Mapping[str, Any]) -> Iterator[None]:
-    """Put options under this package's prefix into PETSc's database, and take them out again.
+def options_set(
+    defaults: Mapping[str, Any], overrides: Mapping[str, Any] | None = None, prefix: str = PREFIX
+) -> Iterator[None]:
+    """Put options under a prefix into PETSc's database, and take them out again.
 
     What the user already has in the database (``-contact_locking_...``) wins over ``overrides``,
     and those over ``defaults``.
     """
-    database = PETSc.Options(PREFIX)
+    database = PETSc.Options(prefix)
     ours = []
-    for key, value in {**defaults, **overrides}.items():
+    for key, value in {**defaults, **(overrides or {})}.items():
         if not database.hasName(key):
             database.setValue(key, value)
             ours.append(key)

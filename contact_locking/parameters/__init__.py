@@ -1,0 +1,158 @@
+"""What a study file may say: sections with defaults, units, descriptions, and their checks.
+
+Nothing here needs a mesh, MPI or DOLFINx, so a file is checked before anything is computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from pydantic import BaseModel, model_validator
+
+from contact_locking.errors import InputError
+from contact_locking.expressions import POSITION, nearest, parse
+
+from .base import Fault, FaultsError, Place, Section, Text, entry, marks, refuse_if
+from .boundary import (
+    ContactParameters,
+    Cylinder,
+    Displacement,
+    Foundation,
+    FrictionParameters,
+    HalfSpace,
+    LoadParameters,
+    Smoothing,
+    Sphere,
+    Traction,
+)
+from .material import Elasticity, MaterialParameters, Region
+from .mesh import MeshParameters
+from .numerics import OutputParameters, PenaltyParameters, SolverParameters
+from .study import StudyParameters
+
+__all__ = [
+    "ContactParameters",
+    "Cylinder",
+    "Displacement",
+    "Elasticity",
+    "Fault",
+    "FaultsError",
+    "Foundation",
+    "FrictionParameters",
+    "HalfSpace",
+    "LoadParameters",
+    "MaterialParameters",
+    "MeshParameters",
+    "OutputParameters",
+    "Parameters",
+    "PenaltyParameters",
+    "Region",
+    "Smoothing",
+    "SolverParameters",
+    "Sphere",
+    "StudyParameters",
+    "Traction",
+]
+
+
+class Parameters(Section):
+    """A study file: everything that defines one solve."""
+
+    title: Text = entry("", "what the study is about, for headings")
+    mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
+    material: MaterialParameters = entry(MaterialParameters(), "the material (1)")
+    loads: LoadParameters = entry(LoadParameters(), "loads and supports")
+    contact: ContactParameters = entry(ContactParameters(), "unilateral contact (5)")
+    friction: FrictionParameters = entry(FrictionParameters(), "Coulomb's friction (6)")
+    penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
+    solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
+    study: StudyParameters | None = entry(None, "makes a sweep of it", optional=True)
+    output: OutputParameters = entry(OutputParameters(), "the results")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Parameters:
+        refuse_if(self._faults())
+        return self
+
+    def check_dimension(self, dim: int) -> None:
+        """Raise InputError for the first value that does not fit a body of ``dim`` dimensions."""
+        for fault in self._dimension_faults(dim):
+            key = ".".join(map(str, fault.place))
+            raise InputError(fault.message, key)
+
+    def _faults(self) -> Iterator[Fault]:
+        if self.penalty.n == float("inf") and self.solver.method == "newton":
+            yield Fault(
+                ("penalty", "n"),
+                ".inf cannot be solved by Newton's method; "
+                "take solver.method: interior_point (or auto), or a finite n such as 1e6",
+            )
+        for index, displacement in enumerate(self.loads.displacements):
+            if both := [name for name in displacement.on if name in self.contact.on]:
+                yield Fault(
+                    ("loads", "displacements", index, "on"),
+                    f"'{both[0]}' is in contact.on as well; Gamma_D and Gamma_C must not overlap",
+                )
+        if self.study is not None:
+            for fault in self.study.key_faults(type(self)):
+                yield Fault(("study", *fault.place), fault.message)
+        if self.mesh.dim is not None:
+            yield from self._dimension_faults(self.mesh.dim)
+            yield from self._name_faults()
+
+    def _name_faults(self) -> Iterator[Fault]:
+        """Names that the builder does not give; those of a file are known when it is read."""
+        cells, facets = self.mesh.geometry.cell_names, self.mesh.geometry.facet_names
+        for name in self.material.regions:
+            yield from _unknown_name(("material", "regions", name), name, cells, "the body")
+        for kind in ("tractions", "displacements"):
+            for index, load in enumerate(getattr(self.loads, kind)):
+                for name in load.on:
+                    place = ("loads", kind, index, "on")
+                    yield from _unknown_name(place, name, facets, "the boundary")
+        for name in self.contact.on:
+            yield from _unknown_name(("contact", "on"), name, facets, "the boundary")
+
+    def _dimension_faults(self, dim: int) -> Iterator[Fault]:
+        for name, faults in (
+            ("material", self.material.dimension_faults(dim)),
+            ("loads", self.loads.dimension_faults(dim)),
+            ("contact", self.contact.dimension_faults(dim)),
+        ):
+            for fault in faults:
+                yield Fault((name, *fault.place), fault.message)
+        for place, text, variables in _expressions(self, ()):
+            try:
+                known = (*POSITION[:dim], *variables)
+                parse(text, known, allow_infinite=place[-1] == "locking_limit")
+            except InputError as error:
+                yield Fault(place, f"{error} in {dim}D")
+
+
+def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> Iterator[Fault]:
+    if name not in known:
+        message = f"no part of {what} is named '{name}'{nearest(name, known)}"
+        yield Fault(place, f"{message}; there are {', '.join(known)}")
+
+
+def _expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str, str]]:
+    """Place, text and further variables of every expression below a section."""
+    for name, field in type(section).model_fields.items():
+        here = (*place, field.alias or name)
+        scalar = marks(field).get("scalar")
+        for inner, value in _leaves(getattr(section, name), here):
+            if isinstance(value, BaseModel):
+                yield from _expressions(value, inner)
+            elif scalar and isinstance(value, str):
+                yield inner, value, "s" if scalar == "s" else ""
+
+
+def _leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
+    """Everything in nested lists and mappings that is neither."""
+    if isinstance(value, tuple | dict):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, item in items:
+            yield from _leaves(item, (*place, key))
+    else:
+        yield place, value

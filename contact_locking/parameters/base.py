@@ -1,0 +1,200 @@
+"""What the sections of a study file are made of: their base class and the types of their values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
+
+from contact_locking.errors import InputError
+from contact_locking.expressions import POSITION, parse
+
+Place = tuple[str | int, ...]
+
+
+class Fault(NamedTuple):
+    """One thing that is wrong: where, relative to the section that says so, and what."""
+
+    place: Place
+    message: str
+
+
+class FaultsError(ValueError):
+    """What a section finds wrong with its values; each with its own place."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("; ".join(fault.message for fault in self.faults))
+
+
+def refuse_if(faults: Iterable[Fault]) -> None:
+    """Raise FaultsError if there are any."""
+    if found := tuple(faults):
+        raise FaultsError(found)
+
+
+class Section(BaseModel):
+    """A mapping of the study file. Unknown keys are refused, an empty section has its defaults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _prepare(cls, data: Any) -> Any:
+        return {} if data is None else data
+
+
+def entry(default: Any, description: str, unit: str = "", **more: Any) -> Any:
+    """A key with its default (``...`` if it has to be given), description and unit.
+
+    Of ``more``, ``alias`` goes to pydantic. The rest is kept with the unit: ``scalar`` marks
+    expressions, ``optional`` the keys that are left out of a dump where they are null.
+    """
+    alias = more.pop("alias", None)
+    extra = {"unit": unit, **more}
+    return Field(default, description=description, alias=alias, json_schema_extra=extra)
+
+
+def marks(field: FieldInfo) -> dict[str, Any]:
+    """What `entry` keeps with a key beside pydantic's own: its unit, and so on."""
+    return dict(field.json_schema_extra) if isinstance(field.json_schema_extra, dict) else {}
+
+
+def show(value: Any) -> str:
+    """A value as a message repeats it: in YAML's words and not too long."""
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case float() if math.isnan(value):
+            return ".nan"
+        case float() if math.isinf(value):
+            return ".inf" if value > 0 else "-.inf"
+        case int() | float():
+            huge = isinstance(value, int) and abs(value) >= 10**20
+            text = "a huge integer" if huge else str(value).removesuffix(".0")
+        case str():
+            text = repr(value)
+        case list() | tuple():
+            text = f"[{', '.join(show(item) for item in value[:10])}{', ...' * (len(value) > 10)}]"
+        case dict() if not value:
+            text = "{}"
+        case dict():
+            text = f"a mapping with the keys {', '.join(map(str, list(value)[:10]))}"
+        case _:
+            text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def type_message(details: Any) -> str:
+    """What an error of pydantic about a value's type means, in the words of the study file."""
+    given = show(details["input"])
+    if details["type"] in ("list_type", "tuple_type"):
+        return f"must be a list in [ ], not {given}"
+    return f"cannot be {given}: {details['msg'][:1].lower()}{details['msg'][1:]}"
+
+
+def _number(value: Any, infinite: bool) -> float:
+    """The number, also where it is written as a constant expression such as "1/3"."""
+    wanted = "must be a number" if infinite else "must be a finite number"
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{wanted}, not {show(value)}")
+    try:
+        return float(parse(value, (), allow_infinite=infinite).numpy())
+    except InputError as error:
+        reason = f" ({error})" if isinstance(value, str) else ""
+        raise ValueError(f"{wanted}, not {show(value)}{reason}") from None
+
+
+def _finite(value: Any) -> float:
+    return _number(value, infinite=False)
+
+
+def _extended(value: Any) -> float:
+    return _number(value, infinite=True)
+
+
+def _positive(value: float) -> float:
+    if value <= 0:
+        raise ValueError(f"must be > 0, not {show(value)}")
+    return value
+
+
+def _integer(value: Any) -> int:
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"must be an integer, not {show(value)}")
+    return value
+
+
+def _count(value: int) -> int:
+    if not 1 <= value <= 10**9:
+        raise ValueError(f"must be an integer from 1 to 10^9, not {show(value)}")
+    return value
+
+
+def _switch(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError(f"must be true or false, not {show(value)}")
+    return value
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"must be text (in quotes, if it looks like a number), not {show(value)}")
+    return value
+
+
+def _names(value: Any) -> tuple[str, ...]:
+    names = (value,) if isinstance(value, str) else value
+    if not isinstance(names, list | tuple) or not all(isinstance(n, str) and n for n in names):
+        raise ValueError(f"must be a name or a list of names, not {show(value)}")
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"names {', '.join(twice)} more than once")
+    return tuple(names)
+
+
+class _ScalarRule(NamedTuple):
+    variables: tuple[str, ...]
+    infinite: bool = False
+
+    def __call__(self, value: Any) -> float | str:
+        """The number, also where it is written as an expression, or the expression's text."""
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError(f"must be a number or an expression, not {show(value)}")
+        try:
+            expression = parse(value, self.variables, allow_infinite=self.infinite)
+            return float(expression.numpy()) if expression.is_constant else expression.text
+        except InputError as error:
+            if isinstance(value, str):
+                raise ValueError(str(error)) from None
+            raise ValueError(f"must be a finite number, not {show(value)}") from None
+
+
+_NAME_SCHEMA = {"type": "string", "minLength": 1}
+_NAMES_SCHEMA = {"anyOf": [_NAME_SCHEMA, {"type": "array", "items": _NAME_SCHEMA}]}
+
+Number = Annotated[float, BeforeValidator(_finite)]
+Positive = Annotated[float, BeforeValidator(_finite), AfterValidator(_positive)]
+PositiveOrInfinite = Annotated[float, BeforeValidator(_extended), AfterValidator(_positive)]
+Integer = Annotated[int, BeforeValidator(_integer)]
+Count = Annotated[int, BeforeValidator(_integer), AfterValidator(_count)]
+Switch = Annotated[bool, BeforeValidator(_switch)]
+Text = Annotated[str, BeforeValidator(_text)]
+Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+Scalar = Annotated[float | str, BeforeValidator(_ScalarRule(POSITION))]
+ScalarOrInfinite = Annotated[float | str, BeforeValidator(_ScalarRule(POSITION, infinite=True))]
+SlipScalar = Annotated[float | str, BeforeValidator(_ScalarRule((*POSITION, "s")))]

@@ -1,0 +1,75 @@
+"""The keys that sections have, found from their types."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Sequence
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from contact_locking.meshes import BUILDERS
+
+from .base import marks
+from .mesh import MeshParameters, builder_types
+
+
+def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """The fields of a section by their names in a file."""
+    return {
+        field.alias or name: field
+        for name, field in model.model_fields.items()
+        if not marks(field).get("hidden")
+    }
+
+
+def section_in(annotation: Any) -> tuple[tuple[str, ...], type[BaseModel] | None]:
+    """The section that a type holds, if any, and the steps to its values: INDEX or NAME."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return (), annotation
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    steps: dict[Any, tuple[tuple[str, ...], tuple[Any, ...]]] = {
+        tuple: (("INDEX",), arguments[:1]),
+        dict: (("NAME",), arguments[1:]),
+        Annotated: ((), arguments[:1]),
+        Union: ((), arguments),
+        types.UnionType: ((), arguments),
+    }
+    step, inner = steps.get(origin, ((), ()))
+    for argument in inner:
+        path, model = section_in(argument)
+        if path or model is not None:
+            return (*step, *path), model
+    return step, None
+
+
+def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
+    """The keys that a mapping at ``place`` below ``model`` can have; empty for any other value.
+
+    Raises KeyError with the number of parts that were understood, if there is no such place.
+    """
+    current: type[BaseModel] | None = model
+    waiting: list[str] = []
+    keys = _keys(model)
+    for depth, part in enumerate(place):
+        if waiting:
+            if waiting.pop(0) == "INDEX" and not str(part).isdecimal():
+                raise KeyError(depth)
+        elif current is None or part not in keys:
+            raise KeyError(depth)
+        elif field := visible_fields(current).get(str(part)):
+            path, current = section_in(field.annotation)
+            waiting = list(path)
+        else:
+            # a parameter of a builder
+            current = None
+        keys = _keys(current) if current is not None and not waiting else []
+    return keys
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    own = list(visible_fields(model))
+    if model is MeshParameters:
+        own += sorted({name for builder in BUILDERS.values() for name in builder_types(builder)})
+    return own

@@ -1,0 +1,157 @@
+"""The body's material: elasticity and locking limit, also by region."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from pydantic import model_validator
+
+from .base import Fault, Place, Scalar, ScalarOrInfinite, Section, entry, refuse_if, show
+
+_YOUNG = "Young's modulus E"
+_STIFFNESS = "A as 3x3 (plane strain) or 6x6 matrix in Mandel's notation, symmetric and elliptic"
+_ELASTICITY_CHOICES = (("young", "poisson"), ("lambda", "mu"), ("stiffness",))
+
+
+class Elasticity(Section):
+    """sigma = A eps(u): A isotropic by (E, nu) or by Lame's (lambda, mu), or any Mandel matrix.
+
+    In 2D the body is in plane strain. Raises for a tensor that is not elliptic, as far as
+    numbers tell; expressions are checked where they are evaluated.
+    """
+
+    young: Scalar | None = entry(1.0, _YOUNG, "stress", scalar=True, optional=True)
+    poisson: Scalar | None = entry(0.3, "Poisson's ratio", "1", scalar=True, optional=True)
+    lame_lambda: Scalar | None = entry(
+        None, "Lame's first parameter, in place of E and nu",
+        "stress", alias="lambda", scalar=True, optional=True,
+    )  # fmt: skip
+    lame_mu: Scalar | None = entry(
+        None, "shear modulus, with lambda", "stress", alias="mu", scalar=True, optional=True
+    )
+    stiffness: tuple[tuple[Scalar, ...], ...] | None = entry(
+        None, _STIFFNESS, "stress", scalar=True, optional=True
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _prepare(cls, data: Any) -> Any:
+        data = {} if data is None else data
+        if not isinstance(data, dict):
+            return data
+        given = {key for key, value in data.items() if value is not None}
+        chosen = [choice for choice in _ELASTICITY_CHOICES if given & set(choice)]
+        if len(chosen) > 1:
+            keys = ", ".join(key for choice in chosen for key in choice if key in given)
+            message = f"give young and poisson, or lambda and mu, or stiffness; not {keys} together"
+            refuse_if([Fault((), message)])
+        if not chosen or chosen[0] == ("young", "poisson"):
+            return {key: value for key, value in data.items() if value is not None}
+        missing = [key for key in chosen[0] if key not in given]
+        refuse_if(Fault((key,), f"is missing beside {chosen[0][0]}") for key in missing)
+        return {"young": None, "poisson": None, **data}
+
+    @model_validator(mode="after")
+    def _elliptic(self) -> Elasticity:
+        refuse_if(self._faults())
+        return self
+
+    def _faults(self) -> Iterator[Fault]:
+        if isinstance(self.young, float) and self.young <= 0:
+            yield Fault(("young",), f"must be > 0, not {show(self.young)}")
+        if isinstance(self.poisson, float) and not -1 < self.poisson < 0.5:
+            message = f"must be between -1 and 0.5 (both excluded), not {show(self.poisson)}"
+            yield Fault(("poisson",), message)
+        if isinstance(self.lame_mu, float) and self.lame_mu <= 0:
+            yield Fault(("mu",), f"must be > 0, not {show(self.lame_mu)}")
+        if self.stiffness is not None:
+            yield from _stiffness_faults(self.stiffness)
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        """What cannot be in ``dim`` dimensions: d lambda + 2 mu <= 0, a matrix of another size."""
+        if isinstance(self.lame_lambda, float) and isinstance(self.lame_mu, float):
+            bulk = dim * self.lame_lambda + 2 * self.lame_mu
+            if bulk <= 0:
+                yield Fault(
+                    ("lambda",),
+                    f"not elliptic: {dim} lambda + 2 mu = {bulk:g} must be > 0 in {dim}D",
+                )
+        size = dim * (dim + 1) // 2
+        if self.stiffness is not None and len(self.stiffness) != size:
+            given = len(self.stiffness)
+            yield Fault(
+                ("stiffness",), f"must be {size}x{size} in {dim}D (Mandel), not {given}x{given}"
+            )
+
+
+def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fault]:
+    place = ("stiffness",)
+    lengths = {len(row) for row in rows}
+    if len(rows) not in (3, 6) or lengths != {len(rows)}:
+        given = f"rows of lengths {', '.join(str(len(row)) for row in rows)}" if rows else "nothing"
+        yield Fault(place, f"must be a 3x3 or 6x6 matrix (a list of rows), not {given}")
+        return
+    values = np.array([[v if isinstance(v, float) else np.nan for v in row] for row in rows])
+    scale = np.nanmax(np.abs(values), initial=0.0)
+    # Not a number where one of the two is an expression: nothing to compare.
+    for i, j in np.argwhere(np.triu(np.abs(values - values.T) > 1e-9 * scale)):
+        yield Fault(
+            place,
+            f"not symmetric: row {i + 1}, column {j + 1} is {values[i, j]:g} but "
+            f"row {j + 1}, column {i + 1} is {values[j, i]:g}",
+        )
+        return
+    if not np.isnan(values).any():
+        smallest = np.linalg.eigvalsh(values / (scale or 1.0))[0] * scale
+        if smallest <= 1e-12 * scale:
+            yield Fault(
+                place, f"not elliptic: its smallest eigenvalue is {smallest:.6g} and must be > 0"
+            )
+
+
+def _limit_faults(limit: float | str | None) -> Iterator[Fault]:
+    if isinstance(limit, float) and limit <= 0:
+        yield Fault(("locking_limit",), f"must be > 0 (.inf: plain elasticity), not {show(limit)}")
+
+
+class Region(Section):
+    """A material of its own for a physical group of cells."""
+
+    elasticity: Elasticity | None = entry(
+        None, "as of the material; null: as in the rest", optional=True
+    )
+    locking_limit: ScalarOrInfinite | None = entry(
+        None, "as of the material; null: as in the rest", "1", scalar=True, optional=True
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Region:
+        refuse_if(_limit_faults(self.locking_limit))
+        return self
+
+
+class MaterialParameters(Section):
+    """Material (1): sigma in A eps(u) + dI_B(eps(u)), B = {xi : |xi| <= M}."""
+
+    elasticity: Elasticity = entry(Elasticity(), "elasticity tensor A")
+    locking_limit: ScalarOrInfinite = entry(
+        np.inf, "M, largest |eps(u)|; .inf: plain elasticity", "1", scalar=True
+    )
+    regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
+
+    @model_validator(mode="after")
+    def _check(self) -> MaterialParameters:
+        refuse_if(_limit_faults(self.locking_limit))
+        return self
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        """As of the elasticities."""
+        tensors: dict[Place, Elasticity] = {("elasticity",): self.elasticity}
+        for name, region in self.regions.items():
+            if region.elasticity is not None:
+                tensors["regions", name, "elasticity"] = region.elasticity
+        for place, tensor in tensors.items():
+            for fault in tensor.dimension_faults(dim):
+                yield Fault((*place, *fault.place), fault.message)

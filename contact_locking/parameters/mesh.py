@@ -1,0 +1,117 @@
+"""Where the mesh comes from: a geometry of `contact_locking.meshes`, or a Gmsh file."""
+
+from __future__ import annotations
+
+import types
+from dataclasses import asdict, fields
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError, model_serializer, model_validator
+
+from contact_locking.expressions import nearest
+from contact_locking.meshes import BUILDERS
+
+from .base import (
+    Fault,
+    FaultsError,
+    Integer,
+    Number,
+    Section,
+    Switch,
+    Text,
+    entry,
+    refuse_if,
+    show,
+    type_message,
+)
+
+
+class MeshParameters(Section):
+    """A builder with its own parameters, or a file with named physical groups."""
+
+    builder: Text | None = entry("block", "a geometry by name", optional=True)
+    file: Text | None = entry(
+        None, "a Gmsh file, relative to the study file, in place of a builder", optional=True
+    )
+    geometry: Any = entry(None, "the builder's parameters", hidden=True)
+
+    @property
+    def dim(self) -> int | None:
+        """Dimension of the body; None for a file, which has not been read yet."""
+        return None if self.geometry is None else self.geometry.dim
+
+    @model_validator(mode="before")
+    @classmethod
+    def _prepare(cls, data: Any) -> Any:
+        data = {} if data is None else data
+        if not isinstance(data, dict):
+            return data
+        own = {key: value for key, value in data.items() if key not in ("builder", "file")}
+        builder, file = data.get("builder"), data.get("file")
+        if file is not None:
+            refuse_if(
+                Fault((key,), "does not go with file; a mesh comes from a builder or from a file")
+                for key in (*(["builder"] if builder is not None else []), *own)
+            )
+            return {"builder": None, "file": file}
+        if builder is None:
+            builder = "block"
+        if not isinstance(builder, str) or builder not in BUILDERS:
+            guess = nearest(builder, BUILDERS) if isinstance(builder, str) else ""
+            known = ", ".join(sorted(BUILDERS))
+            message = f"unknown geometry {show(builder)}{guess}; there are {known}"
+            refuse_if([Fault(("builder",), message)])
+        return {"builder": builder, "geometry": _geometry(BUILDERS[builder], own)}
+
+    @model_serializer
+    def _flat(self) -> dict[str, Any]:
+        if self.file is not None:
+            return {"file": self.file}
+        return {"builder": self.builder, **asdict(self.geometry)}
+
+
+def _geometry(builder: type, values: dict[Any, Any]) -> Any:
+    """The dataclass ``builder`` with these values, or FaultsError with a place for each."""
+    types_ = builder_types(builder)
+    faults = []
+    checked = {}
+    for key, value in values.items():
+        if key not in types_:
+            known = ", ".join(("builder", "file", *types_))
+            guess = nearest(str(key), types_)
+            faults.append(Fault((key,), f"unknown key{guess}; known here: {known}"))
+            continue
+        try:
+            checked[key] = TypeAdapter(types_[key]).validate_python(value)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            cause = first.get("ctx", {}).get("error")
+            message = str(cause) if cause else type_message(first)
+            faults.append(Fault((key, *first["loc"]), message))
+    refuse_if(faults)
+    try:
+        return builder(**checked)
+    except (ValueError, TypeError) as error:
+        # Geometries say "name: what is wrong".
+        name, _, message = str(error).partition(": ")
+        known_name = bool(message) and name in types_
+        fault = Fault((name,), message) if known_name else Fault((), str(error))
+        raise FaultsError([fault]) from None
+
+
+def builder_types(builder: type) -> dict[str, Any]:
+    """Name and type of each parameter, with the types of `base` in place of Python's."""
+    hints = get_type_hints(builder)
+    return {field.name: _strict(hints[field.name]) for field in fields(builder) if field.init}
+
+
+def _strict(annotation: Any) -> Any:
+    simple = {float: Number, int: Integer, bool: Switch, str: Text}
+    if annotation in simple:
+        return simple[annotation]
+    origin, arguments = get_origin(annotation), tuple(map(_strict, get_args(annotation)))
+    if origin in (Union, types.UnionType):
+        return Union[arguments]  # noqa: UP007
+    if origin in (tuple, list):
+        return origin[arguments]
+    return annotation

@@ -1,0 +1,73 @@
+"""How it is solved and what is written: penalty, solver, output."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, field_validator
+
+from .base import Count, Positive, PositiveOrInfinite, Section, Switch, Text, entry, show
+
+
+class PenaltyParameters(Section):
+    """n of the locking penalty R_n (23), epsilon of contact and friction (22), (25)."""
+
+    n: PositiveOrInfinite = entry(
+        1e4, "locking penalty; .inf: the variational inequality itself", "stress"
+    )
+    epsilon: Positive | None = entry(
+        None, "1/epsilon is the contact penalty; also smooths friction; null: 1/n", "length/stress"
+    )
+
+
+def _tolerance(value: float) -> float:
+    if value >= 1:
+        raise ValueError(f"must be between 0 and 1, not {show(value)}")
+    return value
+
+
+def _option(value: Any) -> str | int | float | bool | None:
+    if not (value is None or isinstance(value, str | int | float | bool)):
+        raise ValueError(f"must be a number, text, true, false or null, not {show(value)}")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"must be finite, not {show(value)}")
+    return value
+
+
+Tolerance = Annotated[Positive, AfterValidator(_tolerance)]
+Option = Annotated[bool | int | float | str | None, BeforeValidator(_option)]
+
+
+class SolverParameters(Section):
+    """The nonlinear strategy, its criteria and the linear algebra."""
+
+    method: Literal["auto", "newton", "interior_point"] = entry(
+        "auto", "auto, newton (with continuation in n) or interior_point"
+    )
+    tolerance: Tolerance = entry(1e-8, "relative equilibrium residual", "1")
+    max_iterations: Count = entry(100, "Newton steps of a stage", "1")
+    friction_tolerance: Tolerance = entry(1e-9, "relative change of the friction bound", "1")
+    max_friction_updates: Count = entry(100, "updates of the friction bound", "1")
+    linear: Literal["auto", "direct", "iterative"] = entry("auto", "auto, direct or iterative")
+    petsc: dict[str, Option] = entry({}, "further PETSc options, such as {snes_monitor: null}")
+
+    @field_validator("petsc")
+    @classmethod
+    def _without_dash(cls, options: dict[str, Any]) -> dict[str, Any]:
+        return {key.removeprefix("-"): value for key, value in options.items()}
+
+
+class OutputParameters(Section):
+    """What is left behind."""
+
+    directory: Text = entry("results", "folder of the results")
+    fields: Switch = entry(True, "whether to write the fields for ParaView")
+    picture: Switch = entry(True, "whether to draw a picture")
+
+    @field_validator("directory")
+    @classmethod
+    def _some_folder(cls, directory: str) -> str:
+        if not directory.strip() or "\0" in directory:
+            raise ValueError("must name a folder")
+        return directory

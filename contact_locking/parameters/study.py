@@ -1,0 +1,121 @@
+"""The cases of a study: which keys of the file vary, and how."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, model_validator
+
+from contact_locking.expressions import nearest
+
+from .base import Fault, Section, entry, refuse_if, show
+from .keys import known_keys
+
+MAX_CASES = 10_000
+_RANGES: dict[str, Any] = {"geometric": np.geomspace, "linear": np.linspace}
+
+
+def _values(value: Any) -> Any:
+    """A list, or a mapping of one range to [first, last, number of values]."""
+    if isinstance(value, list | tuple) and value:
+        if any(isinstance(item, float) and math.isnan(item) for item in value):
+            raise ValueError("must not contain .nan")
+        return list(value)
+    if isinstance(value, dict) and len(value) == 1 and next(iter(value)) in _RANGES:
+        ((kind, limits),) = value.items()
+        numbers = isinstance(limits, list | tuple) and all(
+            isinstance(limit, int | float) and not isinstance(limit, bool) and abs(limit) < 1e300
+            for limit in limits
+        )
+        if not numbers or len(limits) != 3 or not 2 <= (count := limits[2]) <= MAX_CASES:
+            raise ValueError(
+                f"a range is [first, last, number of values (2 to {MAX_CASES})], not {show(limits)}"
+            )
+        if count != int(count):
+            raise ValueError(f"the number of values must be an integer, not {show(count)}")
+        first, last = float(limits[0]), float(limits[1])
+        if kind == "geometric" and not (first > 0 and last > 0):
+            raise ValueError(f"a geometric range needs numbers > 0, not {show(limits)}")
+        return {kind: [first, last, int(count)]}
+    raise ValueError(
+        "must be a list of values, {geometric: [first, last, count]} or "
+        f"{{linear: [first, last, count]}}, not {show(value)}"
+    )
+
+
+def _expand(values: Any) -> list[Any]:
+    if isinstance(values, list):
+        return values
+    ((kind, (first, last, count)),) = values.items()
+    # 12 digits: 100 and not 100.00000000000004
+    return [float(f"{value:.12g}") for value in _RANGES[kind](first, last, count)]
+
+
+Values = Annotated[Any, BeforeValidator(_values)]
+
+
+class StudyParameters(Section):
+    """Every combination of the values in ``vary``, with those in ``zip`` taken side by side."""
+
+    vary: dict[str, Values] = entry({}, "dotted keys with their values: every combination")
+    zip: dict[str, Values] = entry({}, "dotted keys with lists of one length: side by side")
+
+    @model_validator(mode="after")
+    def _check(self) -> StudyParameters:
+        refuse_if(self._faults())
+        return self
+
+    def _faults(self) -> Iterator[Fault]:
+        keys = [*self.vary, *self.zip]
+        if not keys:
+            yield Fault((), "give the keys to vary under vary or zip")
+            return
+        for place in [*(("vary", key) for key in self.vary), *(("zip", key) for key in self.zip)]:
+            key = place[1]
+            if keys.count(key) > 1:
+                yield Fault(place, "is in both vary and zip")
+            if any(key.startswith(f"{other}.") for other in keys):
+                yield Fault(place, "lies in another key that varies")
+        lengths = {key: len(_expand(values)) for key, values in self.zip.items()}
+        if len(set(lengths.values())) > 1:
+            listed = ", ".join(f"{key} has {length}" for key, length in lengths.items())
+            yield Fault(("zip",), f"the lists must be of one length: {listed}")
+            return
+        number = math.prod(len(_expand(values)) for values in self.vary.values())
+        number *= next(iter(lengths.values()), 1)
+        if number > MAX_CASES:
+            yield Fault((), f"has {number} cases; at most {MAX_CASES} are allowed")
+
+    def key_faults(self, model: type[BaseModel]) -> Iterator[Fault]:
+        """The keys that ``model`` does not have."""
+        for kind, entries in (("vary", self.vary), ("zip", self.zip)):
+            for key in entries:
+                parts = key.split(".")
+                if parts[0] == "study":
+                    yield Fault((kind, key), "a study cannot vary itself")
+                    continue
+                try:
+                    known_keys(model, parts)
+                except KeyError as error:
+                    depth = error.args[0]
+                    above = parts[:depth]
+                    there = known_keys(model, above)
+                    where = f" in {'.'.join(above)}" if above else ""
+                    known = f"; known: {', '.join(there)}" if there else ""
+                    guess = nearest(parts[depth], there)
+                    yield Fault((kind, key), f"no key '{parts[depth]}'{where}{guess}{known}")
+
+    def cases(self) -> list[dict[str, Any]]:
+        """The values of each case by dotted key; the last key of ``vary`` runs fastest."""
+        rows = [_expand(values) for values in self.zip.values()]
+        together = [dict(zip(self.zip, row, strict=True)) for row in zip(*rows, strict=True)]
+        axes = [[(key, value) for value in _expand(values)] for key, values in self.vary.items()]
+        return [
+            row | dict(combination)
+            for row in together or [{}]
+            for combination in itertools.product(*axes)
+        ]

@@ -1,0 +1,29 @@
+"""The picture of a solution: the body on its foundation, and what happens along Gamma_C."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from contact_locking.plotting.snapshot import gather
+from contact_locking.solution import Solution
+
+
+def picture(solution: Solution, path: Path) -> str | None:
+    """Draw ``solution`` into a PNG file; collective, drawn on rank 0.
+
+    Returns None, or on all ranks in words why there is no picture: drawing never raises.
+    """
+    snapshot = gather(solution)
+    problem: str | None = None
+    if snapshot is not None:
+        try:
+            from contact_locking.plotting.draw import draw
+
+            draw(snapshot, path)
+        except ImportError as error:
+            problem = f"Matplotlib cannot be imported ({error})"
+        except Exception as error:
+            # A solve of hours must not be lost to its picture, whatever the reason.
+            problem = f"{type(error).__name__}: {error}"
+            path.unlink(missing_ok=True)
+    return solution.domain.comm.bcast(problem, root=0)

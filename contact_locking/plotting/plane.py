@@ -1,0 +1,241 @@
+"""The picture of a body in two dimensions."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from contact_locking.plotting import style
+from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, Snapshot
+
+# Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
+_THICKNESS, _REACH = 0.05, 0.08
+_DASHES = (0, (4, 3))
+
+
+def figure(body: Snapshot) -> Figure:
+    """The deformed body over, if there is contact, the tractions along Gamma_C."""
+    if body.contact is None:
+        fig = Figure(figsize=(7.2, 5.6), layout="constrained")
+        top = fig.add_subplot()
+    else:
+        fig = Figure(figsize=(7.2, 8.4), layout="constrained")
+        top, middle, strip = fig.subplots(3, 1, height_ratios=(1.75, 1.0, 0.07))
+        _tractions(middle, strip, body.contact)
+    _body(fig, top, body)
+    style.head(fig, body)
+    return fig
+
+
+def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
+    factor = style.magnification(body)
+    x = style.deformed(body, factor)
+    shade = style.shade(body)
+    handles: list[Patch | Line2D] = []
+    colours = PolyCollection(
+        x[body.cells], cmap=shade.cmap, norm=shade.norm, edgecolors="face", linewidths=0.25
+    )
+    colours.set_array(shade.values)
+    axes.add_collection(colours)
+    if body.locked.any():
+        handles.append(_locked_zone(axes, x, body))
+    axes.add_collection(
+        LineCollection(body.x[body.boundary], colors=style.GREY, linewidths=0.9, linestyles=_DASHES)
+    )
+    axes.add_collection(LineCollection(x[body.boundary], colors=style.BLACK, linewidths=1.1))
+    handles.append(Line2D([], [], color=style.GREY, lw=0.9, ls=_DASHES, label="undeformed"))
+    if body.contact is not None:
+        handles.append(_foundation(axes, body.contact, factor, body.size))
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.set_title(f"Deformed body, {style.scale_words(factor)}", loc="left")
+    axes.set_xlabel("$x$")
+    axes.set_ylabel("$y$")
+    fig.colorbar(
+        colours, ax=axes, label=shade.label, shrink=0.85, pad=0.02, aspect=28, panchor=False
+    )
+    # The distance to the axes is in font sizes, so that the labels fit at any height of the axes.
+    axes.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        borderaxespad=4.0,
+        ncols=len(handles),
+    )
+
+
+def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> Patch:
+    """Hatch exactly the locked cells, and draw a smooth line around the zone they make up."""
+    axes.add_collection(
+        PolyCollection(
+            x[body.cells[body.locked]],
+            facecolors="none",
+            edgecolors=style.BLACK,
+            hatch="////",
+            linewidths=0.0,
+        )
+    )
+    share = style.locked_share(body)
+    for colour, width in (("white", 3.0), (style.VERMILION, 1.6)):
+        axes.tricontour(
+            *x.T, body.cells, share, levels=[style.RIM_SHARE], colors=[colour], linewidths=[width]
+        )
+    return Patch(
+        facecolor="none",
+        edgecolor=style.VERMILION,
+        hatch="////",
+        linewidth=1.6,
+        label=style.LOCKED_LABEL,
+    )
+
+
+def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
+    """A hatched layer on the far side of the surface at Gamma_C + gap nu."""
+    points = contact.points
+    surface = points.x + factor * points.gap[:, None] * points.normal
+    for chain in chains(contact.facets):
+        line, normal = _extended(surface[chain], points.normal[chain], _REACH * size)
+        far = line + _THICKNESS * size * normal
+        axes.add_patch(_layer(np.vstack([line, far[::-1]])))
+        axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
+    return Patch(facecolor=style.PALE, edgecolor=style.GREY, hatch="xxxx", label="foundation")
+
+
+def _layer(outline: FloatArray) -> Patch:
+    from matplotlib.patches import Polygon
+
+    return Polygon(
+        outline,
+        facecolor=style.PALE,
+        edgecolor=style.GREY,
+        hatch="xxxx",
+        linewidth=0.0,
+        zorder=0.5,
+    )
+
+
+def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
+    """A line prolonged along its end tangents; a closed one stays as it is."""
+    if np.array_equal(line[0], line[-1]):
+        return line, normal
+    first, last = line[0] - line[1], line[-1] - line[-2]
+    start = line[0] + reach * first / np.linalg.norm(first)
+    end = line[-1] + reach * last / np.linalg.norm(last)
+    return np.vstack([start, line, end]), np.vstack([normal[0], normal, normal[-1]])
+
+
+def chains(segments: IntArray) -> list[IntArray]:
+    """Segments (m, 2) as lines of point numbers; a closed line repeats its first point."""
+    neighbours: dict[int, list[int]] = {}
+    for a, b in segments.tolist():
+        neighbours.setdefault(a, []).append(b)
+        neighbours.setdefault(b, []).append(a)
+    ends = [point for point, others in neighbours.items() if len(others) == 1]
+    found = []
+    for start in [*sorted(ends), *sorted(neighbours)]:
+        if not neighbours[start]:
+            continue
+        line = [start]
+        while neighbours[line[-1]]:
+            following = neighbours[line[-1]].pop(0)
+            neighbours[following].remove(line[-1])
+            line.append(following)
+        found.append(np.array(line))
+    return found
+
+
+def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
+    points = contact.points
+    lines = chains(contact.facets)
+    position, label = _abscissa(points.x, lines)
+    tangent = np.column_stack([-points.normal[:, 1], points.normal[:, 0]])
+    friction = np.sum(points.traction * tangent, axis=1)
+    for number, (s, line) in enumerate(zip(position, lines, strict=True)):
+        name = (lambda text: text) if number == 0 else (lambda text: "_" + text)
+        bound = points.bound[line]
+        axes.fill_between(
+            s,
+            -bound,
+            bound,
+            color=style.ORANGE,
+            alpha=0.22,
+            lw=0.0,
+            label=name(r"friction bound $\pm\mu\,|R\sigma_\nu|$"),
+        )
+        axes.plot(
+            s,
+            points.pressure[line],
+            color=style.BLUE,
+            lw=1.8,
+            label=name(r"contact pressure $-\sigma_\nu$"),
+        )
+        axes.plot(
+            s,
+            np.abs(contact.smoothed[line]),
+            color=style.BLACK,
+            lw=1.2,
+            ls=(0, (5, 2)),
+            label=name(r"smoothed $|R\sigma_\nu|$"),
+        )
+        axes.plot(
+            s,
+            friction[line],
+            color=style.VERMILION,
+            lw=1.6,
+            marker="o",
+            ms=2.2,
+            label=name(r"friction traction $\sigma_\tau$"),
+        )
+        _state_strip(strip, s, points.state[line])
+    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
+    axes.set_title(r"On the contact boundary $\Gamma_C$", loc="left")
+    axes.set_ylabel("traction")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    axes.tick_params(labelbottom=False)
+    axes.margins(x=0.0)
+    strip.sharex(axes)
+    strip.set_yticks([])
+    strip.set_xlabel(label)
+    strip.set_ylabel("state", rotation=0, ha="right", va="center")
+    for side in ("left", "bottom"):
+        strip.spines[side].set_visible(False)
+    strip.legend(
+        handles=style.state_patches(),
+        loc="upper right",
+        bbox_to_anchor=(1.0, 0.0),
+        borderaxespad=2.2,
+        ncols=3,
+    )
+
+
+def _abscissa(x: FloatArray, lines: list[IntArray]) -> tuple[list[FloatArray], str]:
+    """Where to draw the points of each line: at x, else at y, else at their arc length."""
+    for axis, name in enumerate("xy"):
+        along = [x[line, axis] for line in lines]
+        steps = [np.diff(s) for s in along]
+        if all((step > 0).all() or (step < 0).all() for step in steps) and not _overlap(along):
+            return along, f"${name}$"
+    position, start = [], 0.0
+    for line in lines:
+        steps = np.linalg.norm(np.diff(x[line], axis=0), axis=1)
+        position.append(start + np.concatenate([[0.0], np.cumsum(steps)]))
+        start = position[-1][-1] + 0.1 * steps.sum()
+    return position, r"arc length along $\Gamma_C$"
+
+
+def _overlap(along: list[FloatArray]) -> bool:
+    intervals = sorted((float(s.min()), float(s.max())) for s in along)
+    return any(b[0] < a[1] for a, b in itertools.pairwise(intervals))
+
+
+def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
+    """The state of each point, as wide as the half of the way to both its neighbours."""
+    middle = 0.5 * (s[1:] + s[:-1])
+    edges = np.concatenate([s[:1], middle, s[-1:]])
+    axes.pcolormesh(edges, [0.0, 1.0], state[None, :], cmap=style.STATES, vmin=-0.5, vmax=2.5)

@@ -1,0 +1,136 @@
+"""Colours that colour-blind readers can tell apart, scales, and what all pictures share."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import Colormap, ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from contact_locking.plotting.snapshot import FloatArray, Snapshot
+from contact_locking.solution import STATE_NAMES
+
+# Okabe and Ito's palette.
+BLUE, SKY, ORANGE, VERMILION, BLACK = "#0072B2", "#56B4E9", "#E69F00", "#D55E00", "#1a1a1a"
+GREY, PALE = "#7a7a7a", "#e4e4e4"
+STATE_COLOURS = (PALE, BLUE, VERMILION)
+STATES = ListedColormap(STATE_COLOURS)
+
+RC: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.labelsize": 9.5,
+    "axes.edgecolor": "#444444",
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "hatch.linewidth": 0.6,
+    "hatch.color": BLACK,
+    "mathtext.fontset": "dejavusans",
+}
+DPI = 200
+
+LOCKED_LABEL = r"locked zone, $|\varepsilon| \geq M$"
+# The line around the locked zone runs where this share of the cells around a vertex is locked.
+RIM_SHARE = 0.25
+
+# Displacements smaller than the first share of the body are magnified to about the second.
+_VISIBLE, _SHOWN = 0.03, 0.08
+
+
+@dataclass(frozen=True)
+class Shade:
+    """What colours the cells: values (c,), masked where there is none, and how to read them."""
+
+    values: np.ma.MaskedArray
+    label: str
+    norm: Normalize
+    cmap: Colormap
+
+
+def shade(body: Snapshot) -> Shade:
+    """|eps|/M where any M is finite, and |eps| for a body that never locks."""
+    import matplotlib
+
+    cmap = matplotlib.colormaps["viridis"].with_extremes(bad=PALE)
+    limited = np.isfinite(body.locking_limit)
+    if not limited.any():
+        values = np.ma.masked_invalid(body.strain_norm)
+        top = float(values.max()) or 1.0
+        return Shade(values, r"$|\varepsilon(u)|$", Normalize(0.0, top), cmap)
+    ratio = body.strain_norm / body.locking_limit
+    values = np.ma.masked_where(~limited | ~np.isfinite(ratio), ratio)
+    top = float(values.max()) or 1.0
+    label = r"$|\varepsilon(u)|\,/\,M$"
+    if not limited.all():
+        label += r"   (grey: $M = \infty$)"
+    return Shade(values, label, Normalize(0.0, max(top, 1.0) if top > 0.5 else top), cmap)
+
+
+def locked_share(body: Snapshot) -> FloatArray:
+    """The share (v,) of the cells around a vertex that are locked."""
+    number, locked = (
+        np.bincount(cells.ravel(), minlength=len(body.x))
+        for cells in (body.cells, body.cells[body.locked])
+    )
+    return locked / np.maximum(number, 1)
+
+
+def magnification(body: Snapshot) -> float:
+    """1, or a round number that makes a small displacement visible.
+
+    Where the gap varies only the true scale shows the foundation in its shape.
+    """
+    largest = float(np.linalg.norm(body.displacement, axis=1).max(initial=0.0))
+    share = largest / body.size
+    contact = body.contact
+    curved = contact is not None and np.ptp(contact.points.gap) > 1e-9 * body.size
+    if curved or not 0.0 < share < _VISIBLE:
+        return 1.0
+    factor = _SHOWN / share
+    power = 10.0 ** math.floor(math.log10(factor))
+    return power * max(step for step in (1, 2, 5) if step * power <= factor)
+
+
+def scale_words(factor: float) -> str:
+    return "true scale" if factor == 1.0 else f"displacement \u00d7 {factor:g}"
+
+
+def head(figure: Figure, body: Snapshot) -> None:
+    """The study's title and a line of numbers over the whole figure."""
+    summary = body.summary
+    numbers = f"{summary['dofs']:,} dofs".replace(",", "\u2009")
+    if body.locked.any():
+        numbers += f"     {100 * summary['locked_fraction']:.0f} % of the body is locked"
+    if not summary["converged"]:
+        numbers += "     NOT CONVERGED"
+    height = figure.get_figheight()
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.set(rect=(0.0, 0.0, 1.0, 1.0 - 0.75 / height))
+    # A title is the user's text, in which a dollar sign begins no formula.
+    title = body.title or "Locking body in contact"
+    centred: dict[str, Any] = {"ha": "center", "va": "center", "parse_math": False}
+    figure.text(0.5, 1.0 - 0.27 / height, title, fontsize=13, fontweight="bold", **centred)
+    colour = GREY if summary["converged"] else VERMILION
+    figure.text(0.5, 1.0 - 0.55 / height, numbers, fontsize=9, color=colour, **centred)
+
+
+def state_patches() -> list[Patch]:
+    return [
+        Patch(facecolor=colour, edgecolor=GREY, linewidth=0.5, label=name)
+        for colour, name in zip(STATE_COLOURS, STATE_NAMES, strict=True)
+    ]
+
+
+def deformed(body: Snapshot, factor: float) -> FloatArray:
+    return body.x + factor * body.displacement

@@ -1,0 +1,7 @@
+"""The study file: read, overridden from the command line, checked, explained and written again."""
+
+from .dump import dump
+from .load import StudyFile, from_mapping, load
+from .schema import schema, schema_text
+
+__all__ = ["StudyFile", "dump", "from_mapping", "load", "schema", "schema_text"]

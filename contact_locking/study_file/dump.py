@@ -1,0 +1,48 @@
+"""Parameters as YAML, with every default written out."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+from pydantic import BaseModel
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedSeq
+
+from contact_locking.parameters import MeshParameters, Parameters
+from contact_locking.parameters.base import marks
+
+
+def dump(parameters: Parameters) -> str:
+    """A study file that loads back to equal parameters."""
+    yaml = YAML(pure=True)
+    # ruamel.yaml loses blanks where it folds long quoted text.
+    yaml.width = 2**20
+    yaml.representer.add_representer(
+        type(None), lambda writer, _: writer.represent_scalar("tag:yaml.org,2002:null", "null")
+    )
+    stream = io.StringIO()
+    yaml.dump(_plain(parameters), stream)
+    return stream.getvalue()
+
+
+def _plain(value: Any) -> Any:
+    match value:
+        case MeshParameters():
+            return {key: _plain(item) for key, item in value.model_dump().items()}
+        case BaseModel():
+            fields = type(value).model_fields
+            given = {name: getattr(value, name) for name in fields}
+            return {
+                fields[name].alias or name: _plain(item)
+                for name, item in given.items()
+                if item is not None or not marks(fields[name]).get("optional")
+            }
+        case dict():
+            return {key: _plain(item) for key, item in value.items()}
+        case list() | tuple():
+            items = CommentedSeq(_plain(item) for item in value)
+            if not any(isinstance(item, dict) for item in items):
+                items.fa.set_flow_style()
+            return items
+    return value

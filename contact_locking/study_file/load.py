@@ -1,0 +1,99 @@
+"""A study file as checked parameters."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from contact_locking.errors import InputError
+from contact_locking.parameters import Fault, Parameters
+from contact_locking.parameters.base import show
+
+from .messages import faults_of
+from .source import Source, assign, read
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """The parameters of a file, and the file's lines for what is found wrong with them later."""
+
+    parameters: Parameters
+    source: Source
+
+    def explain(self, error: InputError) -> str:
+        """The message of an error, with file, line and key if the error has a key."""
+        return self.source.explain(str(error), error.key) if error.key else str(error)
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
+    """Read and check a study file, with ``overrides`` such as ``penalty.n=1e6`` applied to it.
+
+    Paths in the file are relative to it. Raises InputError that lists all that is wrong, a line
+    each: ``FILE:LINE: key: what was given, what is allowed``.
+    """
+    source = read(path)
+    for override in overrides:
+        source.set(override)
+    parameters, faults = _check(source.data, Path(path).parent)
+    if parameters is None:
+        keyed = [(".".join(map(str, fault.place)), fault.message) for fault in faults]
+        keyed.sort(key=lambda fault: _line(source.origin(fault[0])))
+        raise InputError("\n".join(source.explain(message, key) for key, message in keyed))
+    return StudyFile(parameters, source)
+
+
+def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameters:
+    """Parameters from what a study file would hold, for Python scripts.
+
+    Raises InputError that lists all that is wrong, a line each: ``key: what, what is allowed``.
+    """
+    parameters, faults = _check(dict(data), Path(folder))
+    if parameters is None:
+        keys = [".".join(map(str, fault.place)) for fault in faults]
+        pairs = zip(keys, faults, strict=True)
+        lines = [f"{key}: {fault.message}" if key else fault.message for key, fault in pairs]
+        raise InputError("\n".join(lines))
+    return parameters
+
+
+def _line(origin: int | str | None) -> int:
+    return origin if isinstance(origin, int) else 0
+
+
+def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:
+    """The parameters, or what is wrong; also with any case of a study."""
+    parameters, faults = _validate(data, folder)
+    if parameters is None or parameters.study is None:
+        return parameters, faults
+    for case in parameters.study.cases():
+        changed = copy.deepcopy({key: value for key, value in data.items() if key != "study"})
+        shown = ", ".join(f"{key} = {show(value)}" for key, value in case.items())
+        try:
+            for key, value in case.items():
+                assign(changed, key, copy.deepcopy(value))
+        except KeyError as error:
+            return None, [Fault(("study",), f"in the case {shown}: {error.args[0]}")]
+        valid, faults = _validate(changed, folder)
+        if valid is None:
+            first = f"{'.'.join(map(str, faults[0].place))}: {faults[0].message}"
+            return None, [Fault(("study",), f"in the case {shown}: {first}")]
+    return parameters, []
+
+
+def _validate(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:
+    mesh = data.get("mesh")
+    if isinstance(mesh, dict) and isinstance(mesh.get("file"), str):
+        file = folder.absolute() / mesh["file"]
+        data = data | {"mesh": mesh | {"file": str(file)}}
+        if not file.is_file():
+            there = "is a folder" if file.is_dir() else "there is no such file"
+            return None, [Fault(("mesh", "file"), f"{there}: {file}")]
+    try:
+        return Parameters.model_validate(data), []
+    except ValidationError as error:
+        return None, faults_of(error)

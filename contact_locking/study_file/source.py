@@ -1,0 +1,240 @@
+"""YAML text as plain data that remembers the line of every key.
+
+The reader takes YAML 1.2 without tags, anchors and repeated keys: nothing that a study needs,
+and nothing that lets a small text become large or do anything.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from contact_locking.errors import InputError
+
+MAX_BYTES = 1_000_000
+MAX_DEPTH = 50
+_TAG = "tag:yaml.org,2002:"
+_SPECIAL = {".inf": float("inf"), ".nan": float("nan")}
+
+
+@dataclass
+class Source:
+    """What a file and the overrides say, and where each key comes from."""
+
+    name: str
+    data: Any = field(default_factory=dict)
+    #: By dotted key: its line in the file, or the key of the override that set it.
+    origins: dict[str, int | str] = field(default_factory=dict)
+
+    def explain(self, message: str, key: str) -> str:
+        """The message, in one line, with the place of the key as near as the file has it."""
+        shown = key if key.isprintable() else ascii(key)
+        text = " ".join(message.split())
+        match self.origin(key):
+            case int(line):
+                place = f"{self.name}:{line}: {shown}"
+            case str(override):
+                place = f"--set {override}{f': {shown}' if override != key else ''}"
+            case None:
+                place = f"{self.name}: {shown}" if key else self.name
+        return f"{place}: {text}"
+
+    def origin(self, key: str) -> int | str | None:
+        """Where a key, or the nearest section above it, comes from."""
+        while key and key not in self.origins:
+            key = key.rpartition(".")[0]
+        return self.origins.get(key)
+
+    def set(self, override: str) -> None:
+        """Apply ``dotted.key=value``, the value in YAML; indices of lists count from 0."""
+        key, equals, text = override.partition("=")
+        key = key.strip()
+        if not equals or not all(key.split(".")):
+            raise InputError(f"--set {override}: must be of the form dotted.key=value")
+        origin = f"--set {key}"
+        value = _Reader(origin, lines=False).read(text)
+        try:
+            created = assign(self.data, key, value)
+        except KeyError as error:
+            raise InputError(f"{origin}: {error.args[0]}") from None
+        for below in [known for known in self.origins if f"{known}.".startswith(f"{key}.")]:
+            del self.origins[below]
+        self.origins.update(dict.fromkeys((*created, key), key))
+
+
+def read(path: str | Path) -> Source:
+    """The study file as data. Raises InputError for anything but a YAML mapping in UTF-8."""
+    path = Path(path)
+    name = str(path)
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(MAX_BYTES + 1)
+    except IsADirectoryError:
+        raise InputError(f"{name}: is a folder; give a study file in it") from None
+    except FileNotFoundError:
+        raise InputError(f"{name}: there is no such file") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{name!r}: cannot be read: {reason}") from None
+    if len(raw) > MAX_BYTES:
+        raise InputError(f"{name}: is larger than {MAX_BYTES // 10**6} MB; not a study file")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{name}:{line}: is not text in UTF-8") from None
+    reader = _Reader(name, lines=True)
+    data = reader.read(text)
+    if data is None:
+        raise InputError(
+            f"{name}: is empty; 'contact-locking schema' lists the keys, "
+            "and {} as its only content takes every default"
+        )
+    if not isinstance(data, dict):
+        raise InputError(f"{name}:1: must be a mapping of keys such as mesh, material and loads")
+    return Source(name, data, reader.origins)
+
+
+def assign(data: Any, key: str, value: Any) -> list[str]:
+    """Put a value at a dotted key, and return the sections that had to be made for it.
+
+    Raises KeyError with a message where the path leads through something that is no section.
+    """
+    *above, last = key.split(".")
+    created = []
+    for depth, part in enumerate(above):
+        here = ".".join(above[: depth + 1])
+        index = _index(data, part, ".".join(above[:depth]))
+        if isinstance(data, dict) and data.get(index) is None:
+            data[index] = {}
+            created.append(here)
+        data = data[index]
+    data[_index(data, last, ".".join(above))] = value
+    return created
+
+
+def _index(data: Any, part: str, place: str) -> Any:
+    if isinstance(data, dict):
+        return part
+    if not isinstance(data, list):
+        raise KeyError(f"'{place}' is a value, it has no '{part}'")
+    if not (part.isascii() and part.isdecimal() and len(part) < 9 and int(part) < len(data)):
+        entries = f"0 to {len(data) - 1}" if data else "none"
+        raise KeyError(f"'{place}' is a list with the indices {entries}, not '{part}'")
+    return int(part)
+
+
+class _Reader:
+    """Builds plain data from the nodes of ruamel.yaml, so that nothing else can be built."""
+
+    def __init__(self, name: str, *, lines: bool) -> None:
+        self.name = name
+        self.lines = lines
+        self.origins: dict[str, int | str] = {}
+        self.seen: set[int] = set()
+
+    def read(self, text: str) -> Any:
+        yaml = YAML(typ="safe", pure=True)
+        try:
+            # ruamel.yaml writes remarks about odd directives to the terminal.
+            with contextlib.redirect_stderr(io.StringIO()):
+                root = yaml.compose(text)
+        except MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            line = mark.line + 1 if mark else None
+            reason = "; ".join(part for part in (error.context, error.problem) if part)
+            self.refuse(f"is not valid YAML: {reason}", line)
+        except RecursionError:
+            self.refuse(f"is nested more than {MAX_DEPTH} levels deep")
+        except Exception as error:  # whatever a third-party parser does with arbitrary text
+            reason = str(error) or repr(error)
+            self.refuse(f"is not valid YAML: {reason.splitlines()[0]}")
+        return None if root is None else self.data(root, "", 0)
+
+    def data(self, node: Node, key: str, depth: int) -> Any:
+        line = node.start_mark.line + 1
+        if depth > MAX_DEPTH:
+            self.refuse(f"is nested more than {MAX_DEPTH} levels deep", line)
+        if id(node) in self.seen:
+            self.refuse("anchors and aliases (& and *) are not supported; write it out", line)
+        self.seen.add(id(node))
+        match node:
+            case ScalarNode():
+                return self.scalar(node, line)
+            case SequenceNode():
+                self.check_tag(node, "seq", line)
+                items = []
+                for index, item in enumerate(node.value):
+                    below = f"{key}.{index}".lstrip(".")
+                    self.remember(below, item)
+                    items.append(self.data(item, below, depth + 1))
+                return items
+            case MappingNode():
+                self.check_tag(node, "map", line)
+                return self.mapping(node, key, depth)
+        self.refuse("is not valid YAML", line)
+
+    def mapping(self, node: MappingNode, key: str, depth: int) -> dict[str, Any]:
+        entries: dict[str, Any] = {}
+        for name_node, item in node.value:
+            line = name_node.start_mark.line + 1
+            if not isinstance(name_node, ScalarNode):
+                self.refuse("a key must be a name", line)
+            if name_node.tag == f"{_TAG}merge":
+                self.refuse("merging (<<) is not supported; write it out", line)
+            # As it is written: also where it looks like a number or a truth value.
+            name = self.text(name_node, line)
+            below = f"{key}.{name}" if key else name
+            if name in entries:
+                self.refuse(f"{below}: is given twice", line)
+            self.remember(below, name_node)
+            entries[name] = self.data(item, below, depth + 1)
+        return entries
+
+    def scalar(self, node: ScalarNode, line: int) -> Any:
+        text = self.text(node, line)
+        tag = str(node.tag).removeprefix(_TAG)
+        if tag in ("str", "timestamp", "value"):
+            return text
+        plain = text.replace("_", "").lower()
+        try:
+            if tag == "null":
+                return None
+            if tag == "bool":
+                return {"true": True, "false": False}[plain]
+            if tag == "int":
+                return int(plain, 0) if plain.lstrip("+-")[:2] in ("0x", "0o") else int(plain)
+            if tag == "float":
+                special = _SPECIAL.get(plain.lstrip("+-"))
+                if special is None:
+                    return float(plain)
+                return -special if plain.startswith("-") else special
+        except (ValueError, KeyError):
+            self.refuse(f"'{text[:40]}' cannot be read as {tag}", line)
+        self.refuse(f"tags such as {str(node.tag)[:40]} are not supported", line)
+
+    def text(self, node: ScalarNode, line: int) -> str:
+        text = str(node.value)
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            self.refuse("contains an escape that is no character", line)
+        return text
+
+    def check_tag(self, node: Node, expected: str, line: int) -> None:
+        if node.tag != f"{_TAG}{expected}":
+            self.refuse(f"tags such as {str(node.tag)[:40]} are not supported", line)
+
+    def remember(self, key: str, node: Node) -> None:
+        self.origins[key] = node.start_mark.line + 1
+
+    def refuse(self, message: str, line: int | None = None) -> NoReturn:
+        place = f"{self.name}:{line}" if self.lines and line else self.name
+        raise InputError(f"{place}: {' '.join(message.split())}")

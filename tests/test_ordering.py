@@ -1,0 +1,43 @@
+"""Contact points come in an order that follows Gamma_C, whatever ranks and numbering did."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contact_locking.ordering import along_curve, lexicographic
+
+
+def _polyline(points: np.ndarray, closed: bool = False) -> np.ndarray:
+    ends = np.roll(points, -1, axis=0) if closed else points[1:]
+    return np.stack([points[: len(ends)], ends], axis=1)
+
+
+@given(seed=st.integers(0, 1000))
+def test_points_of_an_arc_are_walked_from_its_first_end(seed: int) -> None:
+    angle = np.linspace(-0.9 * np.pi, 0.6 * np.pi, 30)
+    arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    shuffled = np.random.default_rng(seed).permutation(arc)
+    order = along_curve(shuffled, _polyline(arc))
+    assert np.array_equal(shuffled[order], arc)
+
+
+def test_a_closed_curve_starts_at_its_first_point_and_goes_round_once() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    order = along_curve(square, _polyline(square, closed=True))
+    assert np.array_equal(square[order], square[[0, 3, 2, 1]])
+
+
+def test_separate_curves_come_one_after_the_other() -> None:
+    left = np.array([[0.0, 0.0], [0.0, 1.0]])
+    right = np.array([[2.0, 0.0], [3.0, 0.0], [4.0, 0.0]])
+    points = np.concatenate([right, left])
+    segments = np.concatenate([_polyline(right), _polyline(left)])
+    order = along_curve(points, segments)
+    assert np.array_equal(points[order], np.concatenate([left, right]))
+
+
+def test_rounding_in_one_coordinate_does_not_disturb_the_order_in_the_next() -> None:
+    points = np.array([[1e-16, 1.0], [0.0, 2.0], [-1e-16, 3.0]])
+    assert np.array_equal(lexicographic(points), [0, 1, 2])

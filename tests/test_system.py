@@ -1,0 +1,136 @@
+"""The discrete system: residual, tangent, friction bound, and what each solver relies on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from problems import block, column
+
+from contact_locking import forms, problem
+from contact_locking.assembly import Problem, assemble
+from contact_locking.parameters import Parameters
+from contact_locking.system import PenalisedSystem
+
+
+def _system(parameters: Parameters) -> tuple[Problem, PenalisedSystem]:
+    from mpi4py import MPI
+
+    made = assemble(parameters, MPI.COMM_WORLD)
+    system = PenalisedSystem(made.data, made.u, made.constraints, made.bound)
+    return made, system
+
+
+def _rough_state(made: Problem, size: float) -> None:
+    """A displacement that locks, touches and slips somewhere, the same on any partition."""
+    dim = made.domain.dim
+    made.u.interpolate(
+        lambda x: size * np.array([np.sin(7.0 * x[0] + 3.0 * i + 5.0 * x[1]) for i in range(dim)])
+    )
+    made.constraints.apply(made.u)
+    if made.bound is not None:
+        made.bound.values = 0.5 + made.bound.surface.points[:, 0]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("size", [0.0, 0.01, 0.3])
+def test_tangent_is_the_derivative_of_the_residual(dim: int, size: float) -> None:
+    parameters = block(dim, 0.2 if dim == 2 else 0.5, penalty__n=50.0, penalty__epsilon=0.1)
+    made, system = _system(parameters)
+    _rough_state(made, size)
+    matrix = system.create_matrix()
+    x, step, product, plus, minus = (matrix.createVecRight() for _ in range(5))
+    system.displacement(x)
+    system.tangent(x, matrix)
+    np.testing.assert_array_equal(np.isfinite(matrix.getDiagonal().array_r), True)
+    direction = fem.Function(made.u.function_space)
+    direction.interpolate(lambda y: np.array([np.cos(3.0 * y[0] + 2.0 * i) for i in range(dim)]))
+    direction.x.array[made.constraints.dofs] = 0.0
+    step.array_w[:] = direction.x.array[: step.getLocalSize()]
+    matrix.mult(step, product)
+    t = 1e-7
+    system.residual(x + t * step, plus)
+    system.residual(x - t * step, minus)
+    difference = (plus - minus) / (2.0 * t)
+    # At zero the positive part has a kink; its one-sided derivatives average to the half.
+    tolerance = 1e-6 if size else 0.5 / 0.1
+    assert (difference - product).norm() <= tolerance * product.norm()
+    matrix.destroy()
+
+
+def test_residual_is_the_derivative_of_the_energy() -> None:
+    made, _ = _system(block(penalty__n=50.0, penalty__epsilon=0.1))
+    _rough_state(made, 0.1)
+    v = ufl.TestFunction(made.u.function_space)
+    written = fem.assemble_vector(fem.form(forms.residual(made.u, v, made.data)))
+    derived = fem.assemble_vector(fem.form(ufl.derivative(forms.energy(made.u, made.data), made.u)))
+    assert written.array == pytest.approx(derived.array, rel=1e-10, abs=1e-13)
+
+
+def test_friction_bound_is_mu_times_the_smoothed_pressure() -> None:
+    made, system = _system(
+        block(friction={"coefficient": "0.2 + 0.1*s", "smoothing": {"kernel": "none"}})
+    )
+    system.set_penalty(1e3, 1e-2)
+    # A rigid motion presses by 0.02 and slips by 0.3 everywhere, clamped nodes excepted.
+    made.u.interpolate(lambda x: np.array([0.3 + 0.0 * x[0], -0.02 + 0.0 * x[0]]))
+    assert made.bound is not None
+    expected = (0.2 + 0.1 * 0.3) * (0.02 / 1e-2)
+    assert made.bound.evaluate() == pytest.approx(expected, rel=1e-12)
+
+
+def test_petsc_options_of_the_caller_win_and_leave_no_trace() -> None:
+    from petsc4py import PETSc
+
+    solution = problem.solve(
+        block(h=0.25, solver__petsc={"ksp_type": "gmres", "pc_type": "lu"}),
+        petsc_options={"ksp_type": "fgmres"},
+    )
+    assert solution.converged
+    assert not [key for key in PETSc.Options().getAll() if key.startswith("contact_locking")]
+
+
+def test_unknown_petsc_factorisation_is_reported_and_not_a_crash() -> None:
+    solution = problem.solve(
+        block(h=0.25), petsc_options={"pc_factor_mat_solver_type": "nonsense"}
+    )
+    assert not solution.converged
+    assert "linear solve" in solution.summary["reason"]
+
+
+def test_iterative_and_direct_linear_algebra_agree() -> None:
+    direct, iterative = (
+        problem.solve(block(3, 0.34, solver={"linear": name})) for name in ("direct", "iterative")
+    )
+    assert direct.converged and iterative.converged
+    assert iterative.summary["iterations"]["linear"] > iterative.summary["iterations"]["tangents"]
+    assert iterative.summary["compliance"] == pytest.approx(
+        direct.summary["compliance"], rel=1e-6
+    )
+
+
+def test_a_body_held_by_contact_alone_finds_its_place() -> None:
+    solution = problem.solve(column(contact={"on": "bottom", "gap": 5.0}))
+    assert solution.converged
+    assert solution.summary["contact_force"][1] == pytest.approx(0.05, rel=1e-8)
+
+
+def test_too_few_iterations_are_reported_with_what_was_reached() -> None:
+    solution = problem.solve(block(penalty__n=1e6, solver={"max_iterations": 2}))
+    assert not solution.converged
+    assert "Newton steps" in solution.summary["reason"]
+    assert solution.summary["suggestion"]
+    assert np.isfinite(solution.summary["compliance"])
+
+
+def test_friction_that_may_not_settle_is_reported() -> None:
+    solution = problem.solve(block(solver={"max_friction_updates": 2}))
+    assert not solution.converged
+    assert "friction bound" in solution.summary["reason"]
+
+
+def test_equilibrium_of_forces_on_the_whole_body() -> None:
+    # Without Gamma_D in x, loads and contact alone must balance vertically.
+    solution = problem.solve(column(friction={"coefficient": 0.3}))
+    assert solution.summary["contact_force"] == pytest.approx([0.0, 0.05], abs=1e-9)
