@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
@@ -25,3 +28,11 @@ def interpolation_expression(expr: Any, space: Any) -> fem.Expression:
     """``expr`` as DOLFINx interpolates it into ``space``."""
     points = space.element.interpolation_points
     return fem.Expression(expr, points() if callable(points) else points)
+
+
+def entities_to_geometry(mesh: dmesh.Mesh, dim: int, entities: Any) -> npt.NDArray[np.int32]:
+    """Geometry nodes (k, nodes per entity); DOLFINx 0.9 divides by zero if there are none."""
+    if len(entities) == 0:
+        return np.empty((0, dim + 1), dtype=np.int32)
+    mesh.topology.create_connectivity(dim, mesh.topology.dim)
+    return dmesh.entities_to_geometry(mesh, dim, entities)

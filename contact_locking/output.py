@@ -9,7 +9,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
@@ -31,13 +31,24 @@ PARAMETERS, CONTACT = "parameters.yaml", "contact.csv"
 _ORDER = (PARAMETERS, CONTACT, FIELDS, PICTURE, SUMMARY)
 _AXES = "xyz"
 
+FIELD_NAMES = (
+    "displacement",
+    "strain_norm",
+    "locked",
+    "elastic_stress",
+    "locking_stress",
+    "contact_pressure",
+    "tangential_traction",
+    "smoothed_stress",
+    "contact_state",
+)
+
 
 def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
     """Raise InputError if results cannot be written to ``directory``; leaves no trace; collective.
 
     To be called before the solve, which may take hours.
     """
-
     target = Path(directory)
 
     def attempt() -> None:
@@ -98,38 +109,31 @@ def summary_text(summary: dict[str, Any]) -> str:
     return json.dumps(plain, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def fields(solution: Solution) -> Iterator[tuple[str, fem.Function]]:
-    """All fields by name, as discontinuous P1 functions.
+def fields(solution: Solution) -> list[fem.Function]:
+    """All fields as discontinuous P1 functions.
 
-    P1 and P0 are both contained in discontinuous P1, so nothing is lost, and a VTX file holds
-    only functions of one element.
+    P1 and P0 are both contained in discontinuous P1, and a VTX file holds functions of one
+    element only.  Values are copied corner by corner, so that 0 and 1 stay 0 and 1.
     """
-    mesh = solution.domain.mesh
-    spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
-    for name in (
-        "displacement",
-        "strain_norm",
-        "locked",
-        "elastic_stress",
-        "locking_stress",
-        "contact_pressure",
-        "tangential_traction",
-        "smoothed_stress",
-        "contact_state",
-    ):
+    corners: dict[tuple[int, ...], fem.FunctionSpace] = {}
+    copies = []
+    for name in FIELD_NAMES:
         function = getattr(solution, name)
         shape = function.ufl_shape
-        if shape not in spaces:
+        if shape not in corners:
             element = ("DG", 1, shape) if shape else ("DG", 1)
-            spaces[shape] = fem.functionspace(mesh, element)
-        copy = fem.Function(spaces[shape], name=name)
-        copy.interpolate(function)
-        yield name, copy
+            corners[shape] = fem.functionspace(solution.domain.mesh, element)
+        copy = fem.Function(corners[shape], name=name)
+        given, wanted = function.function_space.dofmap, copy.function_space.dofmap
+        # A P0 function has one node in a cell, whose value goes to every corner.
+        values = function.x.array.reshape(-1, given.bs)[given.list]
+        copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values
+        copies.append(copy)
+    return copies
 
 
 def _write_fields(solution: Solution, path: Path) -> None:
-    functions = [function for _, function in fields(solution)]
-    with io.VTXWriter(solution.domain.comm, path, functions, engine="BP4") as file:
+    with io.VTXWriter(solution.domain.comm, path, fields(solution), engine="BP4") as file:
         file.write(0.0)
 
 

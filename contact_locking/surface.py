@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
-from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
+from contact_locking import _compat
 from contact_locking.domain import Domain
 
 FloatArray = npt.NDArray[np.float64]
@@ -68,7 +68,7 @@ class ContactSurface:
         if self.domain.dim != 2:
             return None
         mesh = self.domain.mesh
-        corners = dmesh.entities_to_geometry(mesh, 1, self.facets)
+        corners = _compat.entities_to_geometry(mesh, 1, self.facets)
         gathered = self.domain.comm.gather(mesh.geometry.x[corners, :2])
         return None if gathered is None else np.concatenate(gathered)
 

@@ -16,8 +16,9 @@ from contact_locking.parameters.base import marks
 def dump(parameters: Parameters) -> str:
     """A study file that loads back to equal parameters."""
     yaml = YAML(pure=True)
-    # ruamel.yaml loses blanks where it folds long quoted text.
+    # ruamel.yaml changes blanks where it folds long text, and unusual line ends if not escaped.
     yaml.width = 2**20
+    yaml.allow_unicode = False
     yaml.representer.add_representer(
         type(None), lambda writer, _: writer.represent_scalar("tag:yaml.org,2002:null", "null")
     )
