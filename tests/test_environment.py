@@ -1,6 +1,7 @@
 """./in-env and environment/root-filesystem, with the tools that they call replaced by small fakes.
 
-Nothing is downloaded: the fakes record their calls, and PATH has nothing but them and a few basic commands.
+Nothing is downloaded: the fakes record their calls, and PATH has nothing but them and a few
+basic commands.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from pathlib import Path
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parent.parent
-BASIC = "bash basename cat chown cut dirname du env flock mkdir mv readlink realpath rm sed sh sha256sum sleep touch uname"
+BASIC = (
+    "bash basename cat chown cut dirname du echo env flock mkdir mv readlink realpath rm sed sh"
+    " sha256sum sleep touch true uname"
+)
 
 pytestmark = [
     pytest.mark.serial,
@@ -29,8 +33,8 @@ pytestmark = [
 MMDEBSTRAP = """
 for folder; do :; done
 mkdir -p "$folder/usr/bin" "$folder/etc"
+echo "mmdebstrap fills $folder" >>"$LOG"
 sleep "${FAKE_SECONDS:-0}"
-echo "mmdebstrap made $folder" >>"$LOG"
 exit "${FAKE_EXIT:-0}"
 """
 # The real one ends its options where the command begins: here at the first of these.
@@ -184,7 +188,7 @@ def test_the_environment_is_announced_and_built_once(equipped: Host) -> None:
     assert (code, out) == (0, "solved\n")
     assert "2.6 GB" in err
     assert equipped.run("echo", "again") == (0, "again\n", "")
-    assert equipped.log.read_text().count("mmdebstrap made") == 1
+    assert equipped.log.read_text().count("mmdebstrap fills") == 1
     (name,) = equipped.environments()
     assert name.startswith("trixie-")
 
@@ -219,7 +223,7 @@ def test_an_interrupted_build_is_not_used_and_the_next_one_succeeds(
     equipped: Host, end: signal.Signals
 ) -> None:
     process = equipped.start("echo", "solved", FAKE_SECONDS="20")
-    wait_for(lambda: equipped.environments() == [".unfinished"])
+    wait_for(lambda: "mmdebstrap fills" in equipped.log.read_text())
     os.killpg(process.pid, end)
     out, _ = process.communicate(timeout=10)
     assert process.returncode != 0
@@ -232,12 +236,12 @@ def test_an_interrupted_build_is_not_used_and_the_next_one_succeeds(
 
 def test_the_second_of_two_builds_waits_and_uses_the_first(equipped: Host) -> None:
     first = equipped.start("echo", "first", FAKE_SECONDS="1")
-    wait_for(lambda: equipped.environments() == [".unfinished"])
+    wait_for(lambda: "mmdebstrap fills" in equipped.log.read_text())
     code, out, err = equipped.run("echo", "second")
     assert (code, out) == (0, "second\n")
     assert "waiting" in err
     assert first.communicate(timeout=10)[0] == "first\n"
-    assert equipped.log.read_text().count("mmdebstrap made") == 1
+    assert equipped.log.read_text().count("mmdebstrap fills") == 1
 
 
 def test_the_sandbox_keeps_the_current_folder(equipped: Host) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from contact_locking.plotting.snapshot import gather
+import numpy as np
+
+from contact_locking.plotting.snapshot import Snapshot, gather
 from contact_locking.solution import Solution
 
 
@@ -14,16 +16,21 @@ def picture(solution: Solution, path: Path) -> str | None:
     Returns None, or on all ranks in words why there is no picture: drawing never raises.
     """
     snapshot = gather(solution)
-    problem: str | None = None
-    if snapshot is not None:
-        try:
-            from contact_locking.plotting.draw import draw
-
-            draw(snapshot, path)
-        except ImportError as error:
-            problem = f"Matplotlib cannot be imported ({error})"
-        except Exception as error:
-            # A solve of hours must not be lost to its picture, whatever the reason.
-            problem = f"{type(error).__name__}: {error}"
-            path.unlink(missing_ok=True)
+    problem = None if snapshot is None else _draw(snapshot, path)
     return solution.domain.comm.bcast(problem, root=0)
+
+
+def _draw(snapshot: Snapshot, path: Path) -> str | None:
+    if not np.isfinite(snapshot.displacement).all():
+        return "the displacement is not finite"
+    try:
+        from contact_locking.plotting.draw import draw
+
+        draw(snapshot, path)
+    except ImportError as error:
+        return f"Matplotlib cannot be imported ({error})"
+    except Exception as error:
+        # A solve of hours must not be lost to its picture, whatever the reason.
+        path.unlink(missing_ok=True)
+        return f"{type(error).__name__}: {error}"
+    return None

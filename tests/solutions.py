@@ -1,0 +1,101 @@
+"""A solution made of known functions instead of a solve."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+from problems import block
+
+from contact_locking.domain import from_geometry
+from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, Solution
+
+FloatArray = npt.NDArray[np.float64]
+DIVISIONS = 4
+
+
+def displacement(x: FloatArray) -> FloatArray:
+    """(d, k): a shear and a stretch, with a value of its own at every vertex."""
+    return np.vstack(
+        [0.02 * x[-1] + 0.01 * x[0] * x[-1], *(-0.03 * x[i] for i in range(1, len(x)))]
+    )
+
+
+def pressure(x: FloatArray) -> FloatArray:
+    """Positive where ``x > 1/2`` on the bottom."""
+    return np.where(x[-1] < 1e-12, np.maximum(x[0] - 0.5, 0.0), 0.0)
+
+
+def state(x: FloatArray) -> FloatArray:
+    """Open, stick and slip from left to right."""
+    inside = np.where(x[0] < 0.9, STICK, SLIP)
+    return np.where((x[-1] < 1e-12) & (x[0] > 0.5), inside, OPEN).astype(float)
+
+
+def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
+    """On a regular grid of the unit block, locked in its upper half; collective."""
+    changes = {"mesh__structured": True, **changes}
+    parameters = block(dim, 1.0 / DIVISIONS, contact__on="bottom" if contact else [], **changes)
+    domain = from_geometry(parameters.mesh.geometry, MPI.COMM_WORLD)
+    mesh = domain.mesh
+    scalar = fem.functionspace(mesh, ("P", 1))
+    vector = fem.functionspace(mesh, ("P", 1, (dim,)))
+    cell = fem.functionspace(mesh, ("DG", 0))
+    tensor = fem.functionspace(mesh, ("DG", 0, (dim, dim)))
+
+    def function(space: Any, value: Any) -> fem.Function:
+        result = fem.Function(space)
+        result.interpolate(lambda x: value(x[:dim]))
+        return result
+
+    def traction(x: FloatArray) -> FloatArray:
+        return np.vstack([-0.3 * pressure(x), *[0.0 * x[0]] * (dim - 1)])
+
+    def stress(x: FloatArray) -> FloatArray:
+        return np.vstack([(i + 1) * (1.0 + x[0]) for i in range(dim * dim)])
+
+    return Solution(
+        parameters=parameters,
+        domain=domain,
+        displacement=function(vector, displacement),
+        strain_norm=function(cell, lambda x: 0.02 * np.minimum(2.0 * x[-1], 1.0)),
+        locking_limit=function(cell, lambda x: 0.02 + 0.0 * x[0]),
+        locked=function(cell, lambda x: (x[-1] > 0.5).astype(float)),
+        elastic_stress=function(tensor, stress),
+        locking_stress=function(tensor, lambda x: -stress(x)),
+        contact_pressure=function(scalar, pressure),
+        smoothed_stress=function(scalar, lambda x: -pressure(x)),
+        tangential_traction=function(vector, traction),
+        contact_state=function(scalar, state),
+        contact_points=_points(dim) if contact and mesh.comm.rank == 0 else None,
+        summary={
+            "converged": True,
+            "reason": "every criterion held",
+            "dofs": 1234,
+            "locked_fraction": 0.5,
+            "contact_force": [0.0, np.float64(0.125)],
+            "bounds": {"one": {"value": 1.0, "bound": float("inf"), "holds": True}},
+        },
+    )
+
+
+def _points(dim: int) -> ContactPoints:
+    line = np.linspace(0.0, 1.0, DIVISIONS + 1)
+    x = np.stack(np.meshgrid(*[line] * (dim - 1), [0.0], indexing="ij"), axis=-1).reshape(-1, dim)
+    down = -np.eye(dim)[-1]
+    u = displacement(x.T).T
+    p = pressure(x.T)
+    return ContactPoints(
+        x=x,
+        normal=np.tile(down, (len(x), 1)),
+        u_normal=u @ down,
+        u_tangent=u - (u @ down)[:, None] * down,
+        gap=np.zeros(len(x)),
+        pressure=p,
+        traction=-0.3 * p[:, None] * np.eye(dim)[0],
+        bound=0.3 * p,
+        state=state(x.T).astype(np.int64),
+    )

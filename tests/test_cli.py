@@ -1,0 +1,444 @@
+"""The command line: exit codes, one clear message, rank 0 alone speaks."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mpi4py import MPI
+from solutions import made_up
+
+from contact_locking import __version__, cli, meshes, problem, study_file
+from contact_locking.errors import InputError
+from contact_locking.progress import TerminalMonitor
+
+STUDY = """\
+title: A small block
+mesh: {builder: block, h: 0.25}
+material:
+  locking_limit: 0.05
+loads:
+  tractions: [{on: top, value: [0.03, -0.05]}]
+  displacements: [{on: left, value: [0, 0]}]
+contact: {on: bottom}
+friction: {coefficient: 0.3, smoothing: {radius: 0.3}}
+penalty: {n: 100}
+output: {picture: false}
+"""
+
+
+@pytest.fixture
+def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
+    """One folder for all ranks, with a study file."""
+    shared = comm.bcast(tmp_path)
+    if comm.rank == 0:
+        (shared / "study.yml").write_text(STUDY)
+    comm.Barrier()
+    return shared
+
+
+def run(folder: Path, *words: str) -> int:
+    return cli.main(["run", str(folder / "study.yml"), "--output", str(folder / "out"), *words])
+
+
+def separate_process(*words: str, python: str = "-m contact_locking") -> Any:
+    return subprocess.run(
+        [sys.executable, *python.split(), *words], capture_output=True, text=True, timeout=120
+    )
+
+
+def test_a_converged_run_returns_0_and_only_rank_0_prints_its_table(
+    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(folder) == 0
+    output, errors = capsys.readouterr()
+    assert errors == ""
+    if comm.rank == 0:
+        assert "stage 1" in output and "friction update 1" in output
+        for name in ("converged           yes", "locked share", "contact force", "results in"):
+            assert name in output
+        assert json.loads((folder / "out" / "summary.json").read_text())["converged"] is True
+    else:
+        assert output == ""
+
+
+def test_a_quiet_run_prints_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(folder, "--quiet") == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_settings_change_the_file_and_are_saved(folder: Path, comm: MPI.Intracomm) -> None:
+    words = ["run", "--quiet", "--set", "penalty.n=50", "friction.coefficient=0.1"]
+    assert cli.main([*words, str(folder / "study.yml"), "--output", str(folder / "a b: [c]")]) == 0
+    comm.Barrier()
+    saved = study_file.load(folder / "a b: [c]" / "parameters.yaml").parameters
+    assert (saved.penalty.n, saved.friction.coefficient) == (50.0, 0.1)
+
+
+def test_a_run_that_does_not_converge_returns_3_and_saves_what_it_reached(
+    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(folder, "--quiet", "--set", "solver.max_iterations=1") == 3
+    errors = capsys.readouterr().err
+    assert json.loads((folder / "out" / "summary.json").read_text())["converged"] is False
+    if comm.rank == 0:
+        assert errors.startswith("error: not converged: ")
+        assert "penalty.n" in errors and f"What was reached is in {folder / 'out'}." in errors
+    else:
+        assert errors == ""
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("contact.on=bottm", "there are left, right, bottom, top"),
+        ("penalty.n=-1", "--set penalty.n: must be > 0, not -1"),
+        ("penalty.m=1", "--set penalty.m: unknown key"),
+        ("loads.displacements=[]", "loads.displacements"),
+        ("contact.on=left", "Gamma_D"),
+        ("friction.coefficient=__import__('os')", "friction.coefficient"),
+        ("output.directory=/dev/null/results", "/dev/null"),
+    ],
+)
+def test_bad_input_returns_2_with_one_message_and_writes_nothing(
+    setting: str,
+    message: str,
+    folder: Path,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = folder / "out"
+    words = [] if setting.startswith("output") else ["--output", str(out)]
+    code = cli.main(["run", str(folder / "study.yml"), *words, "--quiet", "--set", setting])
+    assert code == 2
+    errors = capsys.readouterr().err
+    assert not out.exists()
+    if comm.rank == 0:
+        assert errors.startswith("error: ") and errors.count("error") == 1
+        assert message in errors
+        assert "Traceback" not in errors
+    else:
+        assert errors == ""
+
+
+def test_a_message_about_the_mesh_names_file_line_and_key(
+    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if comm.rank == 0:
+        (folder / "study.yml").write_text(STUDY.replace("on: top", "on: tip"))
+    comm.Barrier()
+    assert run(folder, "--quiet") == 2
+    if comm.rank == 0:
+        place = f"{folder / 'study.yml'}:6: loads.tractions.0.on: "
+        assert capsys.readouterr().err.startswith(f"error: {place}")
+
+
+def test_a_folder_that_cannot_be_written_to_is_refused_before_the_solve(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def solve(*_: object) -> None:
+        pytest.fail("the solve has begun")
+
+    monkeypatch.setattr(problem, "solve", solve)
+    words = ["--set", "output.directory=/dev/null/results", "--quiet"]
+    assert cli.main(["run", str(folder / "study.yml"), *words]) == 2
+
+
+def test_petsc_options_reach_the_solver(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = {}
+
+    def solve(*arguments: Any) -> None:
+        seen.update(arguments[3])
+        raise InputError("enough")
+
+    monkeypatch.setattr(problem, "solve", solve)
+    assert run(folder, "--quiet", "--", "-ksp_type", "cg", "-ksp_rtol", "1e-3", "-ksp_view") == 2
+    assert seen == {"ksp_type": "cg", "ksp_rtol": "1e-3", "ksp_view": None}
+
+
+def test_petsc_options_are_pairs_or_flags() -> None:
+    words = ["-a", "-1e-3", "-b", "--c", "value"]
+    assert cli._petsc_options(words) == {"a": "-1e-3", "b": None, "c": "value"}
+    for wrong in (["value"], ["-a", "1", "2"]):
+        with pytest.raises(InputError, match="begin with a dash"):
+            cli._petsc_options(wrong)
+
+
+def test_several_settings_may_follow_one_flag() -> None:
+    words = ["run", "--set", "a.b=1", "c=[x=2]", "FILE", "d=3"]
+    assert cli._one_setting_each(words) == [
+        *("run", "--set", "a.b=1", "--set", "c=[x=2]", "FILE", "d=3")
+    ]
+
+
+def test_a_file_with_a_study_runs_its_base_case_and_says_so(
+    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if comm.rank == 0:
+        (folder / "study.yml").write_text(f"{STUDY}study: {{vary: {{penalty.n: [10, 100]}}}}\n")
+    comm.Barrier()
+    assert run(folder) == 0
+    assert ("base case" in capsys.readouterr().out) == (comm.rank == 0)
+
+
+def test_warnings_are_printed_even_if_quiet(
+    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(folder, "--quiet", "--set", "friction.smoothing.radius=0.01") == 0
+    if comm.rank == 0:
+        assert capsys.readouterr().err.startswith("warning: friction.smoothing.radius")
+
+
+def test_check_says_what_would_run_and_leaves_no_trace(
+    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    word = f"output.directory={folder / 'out'}"
+    assert cli.main(["check", str(folder / "study.yml"), "--set", word]) == 0
+    output = capsys.readouterr().out
+    assert not (folder / "out").exists()
+    if comm.rank == 0:
+        assert "can be run" in output and "dofs" in output and "left, right, top" in output
+
+
+def test_check_finds_what_only_the_mesh_can_tell(
+    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    body = folder / "body.msh"
+    if comm.rank == 0:
+        meshes.write(meshes.BUILDERS["block"](h=0.5), body)
+    comm.Barrier()
+    words = ["--set", f"mesh={{file: {body}}}", "contact.on=under"]
+    assert cli.main(["check", str(folder / "study.yml"), *words]) == 2
+    if comm.rank == 0:
+        errors = capsys.readouterr().err
+        assert "'under'" in errors and "bottom, left, right, top" in errors
+
+
+def test_mesh_writes_a_file_that_runs(folder: Path, comm: MPI.Intracomm) -> None:
+    body = folder / "body.msh"
+    assert cli.main(["mesh", str(folder / "study.yml"), "-o", str(body)]) == 0
+    comm.Barrier()
+    assert run(folder, "--quiet", "--set", f"mesh={{file: {body}}}") == 0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", ["body.vtk", "missing/body.msh"])
+def test_mesh_refuses_a_file_that_it_cannot_write(
+    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["mesh", str(folder / "study.yml"), "-o", str(folder / name)]) == 2
+    assert capsys.readouterr().err.count("error: ") == 1
+
+
+@pytest.mark.serial
+def test_mesh_refuses_a_study_that_reads_its_mesh(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    body = folder / "body.msh"
+    meshes.write(meshes.BUILDERS["block"](h=0.5), body)
+    words = ["--set", f"mesh={{file: {body}}}", "-o", str(folder / "other.msh")]
+    assert cli.main(["mesh", str(folder / "study.yml"), *words]) == 2
+    assert "mesh.file" in capsys.readouterr().err
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "words", [[], ["solve"], ["run"], ["run", "a", "b"], ["schema", "--", "-x"], ["mesh", "a"]]
+)
+def test_wrong_words_return_2_with_one_message(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(words) == 2
+    assert capsys.readouterr().err.startswith("error: ")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("debug", [False, True])
+def test_a_defect_returns_1_with_a_traceback_only_if_asked_for(
+    debug: bool,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def solve(*_: object) -> None:
+        raise ZeroDivisionError("a defect")
+
+    monkeypatch.setattr(problem, "solve", solve)
+    assert run(folder, "--quiet", *["--debug"] * debug) == 1
+    errors = capsys.readouterr().err
+    assert "error: unexpected ZeroDivisionError: a defect" in errors
+    assert ("Traceback" in errors) == debug
+    assert ("report" in errors) != debug
+
+
+@pytest.mark.serial
+def test_an_interrupt_returns_130_without_a_traceback(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def solve(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(problem, "solve", solve)
+    assert run(folder, "--quiet") == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.serial
+def test_the_module_runs_as_a_program() -> None:
+    result = separate_process("--version")
+    assert (result.returncode, result.stdout) == (0, f"contact-locking {__version__}\n")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("words", "code"), [(["schema"], 0), (["check", "FILE"], 2)])
+def test_schema_and_the_check_of_a_wrong_file_need_no_dolfinx_and_no_mpi(
+    words: list[str], code: int, tmp_path: Path
+) -> None:
+    (tmp_path / "wrong.yml").write_text("mesh: {bilder: block}\n")
+    words = [str(tmp_path / "wrong.yml") if word == "FILE" else word for word in words]
+    script = textwrap.dedent(
+        """
+        import sys
+        from contact_locking import cli
+        code = cli.main(sys.argv[1:])
+        assert not {"dolfinx", "mpi4py", "petsc4py", "gmsh", "ufl"} & set(sys.modules)
+        sys.exit(code)
+        """
+    )
+    (tmp_path / "script.py").write_text(script)
+    result = separate_process(*words, python=str(tmp_path / "script.py"))
+    assert result.returncode == code, result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.serial
+def test_schema_is_json_on_demand(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["schema", "--json"]) == 0
+    assert "penalty" in json.loads(capsys.readouterr().out)["properties"]
+
+
+@pytest.mark.serial
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    command = f"{sys.executable} -m contact_locking schema | head -n 1"
+    result = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60)
+    assert result.stdout.startswith("key") and result.stderr == ""
+
+
+LAUNCHER = shutil.which("mpirun")
+
+
+def launched(tmp_path: Path, body: str) -> subprocess.CompletedProcess[str]:
+    """Two ranks that run ``body`` in place of the solve."""
+    (tmp_path / "study.yml").write_text(STUDY)
+    script = textwrap.dedent(
+        f"""
+        import sys
+        from contact_locking import cli, problem
+        from contact_locking.errors import InputError
+
+        def solve(parameters, comm, *_):
+            {body}
+
+        problem.solve = solve
+        sys.exit(cli.main(["run", "study.yml", "--output", "out", "--quiet"]))
+        """
+    )
+    (tmp_path / "script.py").write_text(script)
+    # What the MPI of this process has set for itself is not for the ranks.
+    ours = ("OMPI_COMM", "OMPI_FIRST", "PMIX_", "PMI_", "PRTE_LAUNCHED")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
+    assert LAUNCHER is not None
+    return subprocess.run(
+        [LAUNCHER, "-n", "2", sys.executable, "script.py"],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+@pytest.mark.serial
+@pytest.mark.skipif(LAUNCHER is None, reason="there is no mpirun")
+def test_a_defect_on_one_rank_ends_all(tmp_path: Path) -> None:
+    body = "assert comm.rank == 0, 'only here'\n            comm.Barrier()"
+    result = launched(tmp_path, body)
+    assert result.returncode == 1
+    assert "unexpected AssertionError: only here" in result.stderr
+    assert "(on rank 1)" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.serial
+@pytest.mark.skipif(LAUNCHER is None, reason="there is no mpirun")
+def test_bad_input_under_mpirun_is_told_once(tmp_path: Path) -> None:
+    result = launched(tmp_path, "raise InputError('too steep', 'penalty.n')")
+    assert result.returncode == 2
+    assert result.stderr.count("error: study.yml:10: penalty.n: too steep") == 1
+
+
+def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from rich.console import Console
+
+    with TerminalMonitor(Console(force_terminal=True, width=100)) as monitor:
+        monitor.message("preparing")
+        monitor.message("warning: [bold]nothing[/bold]")
+        monitor.stage(1, 2, 10.0, 0.1)
+        monitor.iteration(0, 1.0)
+        monitor.iteration(1, 1e-3)
+        monitor.friction_update(1, 0.5, None)
+        monitor.stage(2, 2, 100.0, 0.01)
+        monitor.iteration(1, 1e-9)
+    output = capsys.readouterr().out
+    assert "stage 1/2  n = 10  epsilon = 0.1  1 iterations, 1 friction updates" in output
+    assert "stage 2/2  n = 100  epsilon = 0.01  1 iterations, residual 1.0e-09" in output
+    assert "warning: [bold]nothing[/bold]" in output
+
+
+def test_an_error_leaves_no_half_finished_stage(capsys: pytest.CaptureFixture[str]) -> None:
+    from rich.console import Console
+
+    with (
+        pytest.raises(ValueError, match="stop"),
+        TerminalMonitor(Console(force_terminal=False)) as monitor,
+    ):
+        monitor.stage(1, 1, 10.0, 0.1)
+        raise ValueError("stop")
+    assert capsys.readouterr().out == ""
+
+
+def test_what_a_solution_holds_can_be_imported_from_the_package() -> None:
+    import contact_locking
+
+    for name in contact_locking.__all__:
+        assert getattr(contact_locking, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        contact_locking.nonsense  # noqa: B018
+
+
+def test_a_summary_table_names_a_broken_bound() -> None:
+    from contact_locking.terminal import summary_rows, two_columns
+
+    summary = made_up().summary | {
+        "cells": 1,
+        "ranks": 1,
+        "iterations": {"tangents": 1, "linear": 1, "friction": 1},
+        "residual": 1e-9,
+        "strain_norm_max": 0.02,
+        "friction_force": [0.0, -0.0],
+        "contact_area": 1.0,
+        "slip_area": 0.5,
+        "wall_seconds": 1.0,
+    }
+    summary["bounds"] = {"good": {"holds": True}, "bad": {"holds": False}, "other": {"holds": None}}
+    text = two_columns(summary_rows(summary, 1.01, "results"))
+    assert "violated: bad" in text and "= 1.01 M" in text and "(0, 0)" in text

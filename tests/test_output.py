@@ -1,0 +1,186 @@
+"""The files of a run: complete, exact, and all or nothing."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from solutions import made_up
+
+from contact_locking import output, plotting, study_file
+from contact_locking.errors import InputError
+from contact_locking.solution import Solution
+
+FILES = {"summary.json", "parameters.yaml", "contact.csv", "fields.bp", "picture.png"}
+
+
+@pytest.fixture
+def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
+    """One folder for all ranks."""
+    return comm.bcast(tmp_path)
+
+
+def listing(folder: Path, comm: MPI.Intracomm) -> set[str]:
+    comm.Barrier()
+    names = {path.name for path in folder.iterdir()}
+    comm.Barrier()
+    return names
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_run_leaves_the_promised_files_and_nothing_else(
+    dim: int, folder: Path, comm: MPI.Intracomm
+) -> None:
+    assert output.write(made_up(dim), folder / "new" / "results") == []
+    assert listing(folder / "new" / "results", comm) == FILES
+
+
+def test_a_second_run_leaves_nothing_of_the_first(folder: Path, comm: MPI.Intracomm) -> None:
+    output.write(made_up(), folder)
+    output.write(made_up(), folder)
+    assert listing(folder, comm) == FILES
+    output.write(made_up(output={"fields": False, "picture": False}), folder)
+    assert listing(folder, comm) == {"summary.json", "parameters.yaml", "contact.csv"}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_fields_are_written_without_loss(dim: int) -> None:
+    solution = made_up(dim)
+    copies = {function.name: function for function in output.fields(solution)}
+    for name in output.FIELD_NAMES:
+        difference = copies[name] - getattr(solution, name)
+        error = fem.assemble_scalar(fem.form(ufl.inner(difference, difference) * ufl.dx))
+        assert error < 1e-28, name
+    assert set(np.unique(copies["contact_state"].x.array)) <= {0.0, 1.0, 2.0}
+
+
+def test_the_vtx_file_holds_every_field_by_name(folder: Path, comm: MPI.Intracomm) -> None:
+    output.write(made_up(), folder)
+    comm.Barrier()
+    metadata = (folder / "fields.bp" / "md.0").read_bytes()
+    for name in output.FIELD_NAMES:
+        assert f'Name="{name}"'.encode() in metadata
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_contact_csv_has_a_row_per_point_in_order(
+    dim: int, folder: Path, comm: MPI.Intracomm
+) -> None:
+    solution = made_up(dim)
+    output.write(solution, folder)
+    if comm.rank != 0:
+        return
+    points = solution.contact_points
+    assert points is not None
+    with (folder / "contact.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    axes = "xyz"[:dim]
+    assert list(rows[0]) == [
+        *axes,
+        "u_normal",
+        *(f"u_tangent_{a}" for a in axes),
+        "gap",
+        "pressure",
+        *(f"traction_tangent_{a}" for a in axes),
+        "bound",
+        "state",
+    ]
+    assert len(rows) == len(points.x)
+    for column, values in {
+        "x": points.x[:, 0],
+        "u_normal": points.u_normal,
+        "u_tangent_x": points.u_tangent[:, 0],
+        "pressure": points.pressure,
+        "traction_tangent_x": points.traction[:, 0],
+        "bound": points.bound,
+    }.items():
+        # Written with all digits.
+        assert [float(row[column]) for row in rows] == list(values)
+    assert {row["state"] for row in rows} == {"open", "stick", "slip"}
+    assert rows[-1]["state"] == "slip"
+
+
+def test_contact_csv_of_a_body_without_contact_is_a_header(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    output.write(made_up(contact=False), folder)
+    comm.Barrier()
+    assert (folder / "contact.csv").read_text().count("\n") == 1
+
+
+def test_the_summary_is_json_that_says_what_is_not_finite(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    output.write(made_up(), folder)
+    comm.Barrier()
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    summary = json.loads((folder / "summary.json").read_text(), parse_constant=refuse)
+    assert summary["converged"] is True
+    assert summary["contact_force"] == [0.0, 0.125]
+    assert summary["bounds"]["one"]["bound"] is None
+    assert summary["not_finite"] == {"bounds.one.bound": "inf"}
+
+
+def test_the_parameters_load_back_equal(folder: Path, comm: MPI.Intracomm) -> None:
+    solution = made_up()
+    output.write(solution, folder)
+    comm.Barrier()
+    assert study_file.load(folder / "parameters.yaml").parameters == solution.parameters
+
+
+def test_a_writable_folder_is_found_so_and_left_as_it_was(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    output.prepare(folder / "a" / "b", comm)
+    assert listing(folder, comm) == set()
+
+
+def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    if comm.rank == 0:
+        (folder / "file").write_text("in the way")
+    with pytest.raises(InputError, match="cannot be written to") as caught:
+        output.prepare(folder / "file" / "results", comm)
+    assert caught.value.key == "output.directory"
+    assert listing(folder, comm) == {"file"}
+
+
+def test_a_full_disk_leaves_the_earlier_results_alone(
+    folder: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output.write(made_up(), folder)
+    comm.Barrier()
+    before = (folder / "summary.json").read_bytes()
+
+    def fail(_: object) -> str:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(study_file, "dump", fail)
+    changed = made_up()
+    changed.summary["dofs"] = -1
+    with pytest.raises(InputError, match="No space left on device"):
+        output.write(changed, folder)
+    assert listing(folder, comm) == FILES
+    assert (folder / "summary.json").read_bytes() == before
+
+
+def test_a_picture_that_cannot_be_drawn_is_a_warning_and_the_rest_is_there(
+    folder: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(solution: Solution, path: Path) -> str:
+        return "no fonts"
+
+    monkeypatch.setattr(plotting, "picture", fail)
+    assert output.write(made_up(), folder) == ["no picture was drawn: no fonts"]
+    assert listing(folder, comm) == FILES - {"picture.png"}

@@ -1,0 +1,159 @@
+"""The picture: gathered the same on any number of ranks, drawn for every kind of body."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import matplotlib.image
+import numpy as np
+import pytest
+from mpi4py import MPI
+from solutions import DIVISIONS, displacement, made_up
+
+from contact_locking import plotting
+from contact_locking.plotting import plane, space, style
+from contact_locking.plotting.snapshot import Snapshot, gather
+from contact_locking.solution import Solution
+
+
+def snapshot(dim: int = 2, **changes: Any) -> Snapshot | None:
+    return gather(made_up(dim, **changes))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_every_vertex_and_cell_is_gathered_once(dim: int, comm: MPI.Intracomm) -> None:
+    body = snapshot(dim)
+    assert (body is not None) == (comm.rank == 0)
+    if body is None:
+        return
+    assert len(body.x) == len(np.unique(np.round(body.x, 9), axis=0)) == (DIVISIONS + 1) ** dim
+    edges = body.x[body.cells[:, 1:]] - body.x[body.cells[:, :1]]
+    volume = np.abs(np.linalg.det(edges)).sum() / (2 if dim == 2 else 6)
+    assert volume == pytest.approx(1.0)
+    assert body.displacement == pytest.approx(displacement(body.x.T).T)
+    assert body.locked.sum() == len(body.cells) / 2
+    assert (body.locked == (body.x[body.cells][:, :, -1].mean(axis=1) > 0.5)).all()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_gathered_boundary_belongs_to_its_cells_and_contact_is_the_bottom(dim: int) -> None:
+    body = snapshot(dim)
+    if body is None:
+        return
+    assert len(body.boundary) == (4 * DIVISIONS if dim == 2 else 12 * DIVISIONS**2)
+    for facet, cell in zip(body.boundary, body.boundary_cell, strict=True):
+        assert set(facet) <= set(body.cells[cell])
+    contact = body.contact
+    assert contact is not None
+    assert body.x[contact.vertices] == pytest.approx(contact.points.x)
+    assert contact.smoothed == pytest.approx(-contact.points.pressure)
+    assert len(contact.facets) == (DIVISIONS if dim == 2 else 2 * DIVISIONS**2)
+    assert contact.facets.min() >= 0
+    assert np.abs(contact.points.x[contact.facets][:, :, -1]).max() == 0.0
+
+
+def unlocked(solution: Solution) -> None:
+    solution.locking_limit.x.array[:] = np.inf
+    solution.locked.x.array[:] = 0.0
+
+
+def partly_unlimited(solution: Solution) -> None:
+    solution.locking_limit.x.array[::2] = np.inf
+
+
+def at_rest(solution: Solution) -> None:
+    unlocked(solution)
+    for name in ("displacement", "strain_norm", "contact_pressure", "contact_state"):
+        getattr(solution, name).x.array[:] = 0.0
+    points = solution.contact_points
+    if points is not None:
+        for values in (points.u_tangent, points.pressure, points.bound, points.traction):
+            values[:] = 0.0
+        points.state[:] = 0
+
+
+def not_converged(solution: Solution) -> None:
+    solution.summary["converged"] = False
+
+
+def with_an_odd_title(solution: Solution) -> None:
+    object.__setattr__(solution.parameters, "title", r"costs $5 \frac{ and 100 %")
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(
+    ("contact", "change"),
+    [
+        (True, None),
+        (False, None),
+        (True, unlocked),
+        (True, partly_unlimited),
+        (True, at_rest),
+        (True, not_converged),
+        (True, with_an_odd_title),
+    ],
+)
+def test_a_picture_is_drawn(
+    dim: int, contact: bool, change: Any, tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    solution = made_up(dim, contact)
+    if change is not None:
+        change(solution)
+    settings = dict(matplotlib.rcParams)
+    path = comm.bcast(tmp_path) / "picture.png"
+    assert plotting.picture(solution, path) is None
+    assert dict(matplotlib.rcParams) == settings
+    if comm.rank == 0:
+        image = matplotlib.image.imread(path)
+        assert min(image.shape[:2]) > 1000
+        assert image[:, :, :3].std() > 0.05
+
+
+def test_a_picture_that_fails_says_why_on_every_rank_and_leaves_no_file(
+    tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    path = comm.bcast(tmp_path) / "missing" / "picture.png"
+    problem = plotting.picture(made_up(), path)
+    assert problem is not None and "No such file" in problem
+    assert comm.allgather(problem) == [problem] * comm.size
+    assert not path.exists()
+
+
+def test_a_displacement_that_is_not_finite_is_not_drawn(
+    tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    solution = made_up()
+    solution.displacement.x.array[:] = np.nan
+    problem = plotting.picture(solution, comm.bcast(tmp_path) / "picture.png")
+    assert problem == "the displacement is not finite"
+
+
+def test_only_a_small_displacement_over_a_uniform_gap_is_magnified() -> None:
+    body = snapshot()
+    if body is None:
+        return
+    largest = float(np.linalg.norm(body.displacement, axis=1).max())
+    assert largest > 0.03 and style.magnification(body) == 1.0
+    body.displacement[:] *= 0.001 / largest
+    assert style.magnification(body) == 50.0
+    assert body.contact is not None
+    body.contact.points.gap[:] = 0.3
+    assert style.magnification(body) == 50.0
+    body.contact.points.gap[0] = 0.31
+    assert style.magnification(body) == 1.0
+
+
+def test_chains_find_lines_and_loops() -> None:
+    segments = np.array([[4, 2], [0, 1], [2, 3], [5, 6], [6, 7], [7, 5]])
+    found = [list(line) for line in plane.chains(segments)]
+    assert found == [[0, 1], [3, 2, 4], [5, 6, 7, 5]]
+
+
+def test_level_lines_cut_a_triangle_where_a_linear_function_has_the_value() -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    lines = space._level_lines(np.stack([corners, corners]), np.array([[0, 1, 0], [1, 1, 1]]))
+    assert lines.shape == (1, 2, 3)
+    for x, y, _ in lines[0]:
+        assert x == pytest.approx(style.RIM_SHARE) and 0.0 <= y <= 1.0 - x
