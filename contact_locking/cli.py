@@ -31,6 +31,8 @@ CONVERGED, UNEXPECTED, NOT_CONVERGED, INTERRUPTED = 0, 1, 3, 130
 _DESCRIPTION = "Frictional contact of locking materials: solves what a study file describes."
 _EXIT_CODES = "exit codes: 0 converged, 1 unexpected error, 2 bad input, 3 not converged"
 _PETSC_HINT = "Options of PETSc come last, after --, such as: -- -ksp_type cg -pc_type gamg"
+# PETSc's codes for an argument that is wrong, out of range, wrong input, of unknown type.
+_OPTION_ERRORS = (62, 63, 83, 86)
 _ASSIGNMENT = re.compile(r"[\w.]+=")
 _NEGATIVE_NUMBER = re.compile(r"-\.?\d")
 
@@ -79,15 +81,14 @@ def run(arguments: argparse.Namespace) -> int:
     parameters = study.parameters
     directory = parameters.output.directory
     speaks = comm.rank == 0 and not arguments.quiet
+    listening: contextlib.AbstractContextManager[Monitor] = (
+        TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
+    )
     with _explained(study):
         output.prepare(directory, comm)
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
-        with (
-            TerminalMonitor(terminal.console())
-            if speaks
-            else contextlib.nullcontext(Monitor()) as monitor
-        ):
+        with listening as monitor, _petsc_complaints():
             solution = problem.solve(parameters, comm, monitor, arguments.petsc)
         warnings = output.write(solution, directory)
     if arguments.quiet:
@@ -273,8 +274,21 @@ def _world_with_dolfinx() -> MPI.Intracomm:
     return MPI.COMM_WORLD
 
 
+@contextlib.contextmanager
+def _petsc_complaints() -> Iterator[None]:
+    """What PETSc does not like about an option is bad input."""
+    from petsc4py import PETSc
+
+    try:
+        yield
+    except PETSc.Error as error:
+        if error.ierr not in _OPTION_ERRORS:
+            raise
+        raise InputError(f"PETSc refuses an option: {str(error).splitlines()[-1]}") from error
+
+
 def _largest_strain_ratio(solution: Solution) -> float:
-    """max |eps|/M over the body; collective."""
+    """The largest |eps|/M of the body; collective."""
     from mpi4py import MPI
 
     strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array

@@ -174,11 +174,11 @@ def _lame(cells: Cells, where: IntArray, given: Elasticity, key: str) -> FloatAr
         young = cells.evaluate(given.young, where, f"{key}.young")
         poisson = cells.evaluate(given.poisson, where, f"{key}.poisson")
         return np.array(law.lame_from_young(young, poisson))
-    assert given.lame_lambda is not None and given.mu is not None
+    assert given.lame_lambda is not None and given.lame_mu is not None
     return np.array(
         [
             cells.evaluate(given.lame_lambda, where, f"{key}.lambda"),
-            cells.evaluate(given.mu, where, f"{key}.mu"),
+            cells.evaluate(given.lame_mu, where, f"{key}.mu"),
         ]
     )
 

@@ -164,7 +164,7 @@ def write_contact(solution: Solution, stream: TextIO) -> None:
     points = solution.contact_points
     if points is None:
         return
-    numbers = np.column_stack(
+    numbers: Any = np.column_stack(
         [
             points.x,
             points.u_normal,

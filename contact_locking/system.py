@@ -23,7 +23,8 @@ FloatArray = npt.NDArray[np.float64]
 class FrictionBound:
     """``g = mu(x, |u_tau|) |R sigma_nu|`` at the nodes of Gamma_C (6), with ``sigma_nu = -p``.
 
-    ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,).
+    ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,);
+    ``frictionless`` says that it is zero everywhere.
     """
 
     def __init__(
@@ -33,19 +34,24 @@ class FrictionBound:
         coefficient: Callable[[FloatArray, FloatArray], FloatArray],
         u: fem.Function,
         data: forms.ProblemData,
+        frictionless: bool = False,
     ) -> None:
         assert data.contact is not None
         self.surface = surface
+        self.frictionless = frictionless
         self.smoothing = smoothing
         self._coefficient = coefficient
         self._bound = data.contact.bound
         self._pressure = surface.average(forms.pressure(u, data))
         self._slip = surface.average(tangential_part(u, data.contact.normal))
 
-    def evaluate(self) -> FloatArray:
-        """The bound (k,) that belongs to the present displacement; collective."""
+    def evaluate(self, pressure: FloatArray | None = None) -> FloatArray:
+        """The bound (k,) that belongs to the present displacement; collective.
+
+        The pressure (k,) is that of the penalty law unless it is given.
+        """
         slip = np.linalg.norm(self._slip(), axis=1)
-        smoothed = np.abs(self.smoothing.apply(self._pressure()))
+        smoothed = np.abs(self.smoothing.apply(self._pressure() if pressure is None else pressure))
         return self._coefficient(self.surface.points, slip) * smoothed
 
     @property
@@ -95,6 +101,7 @@ class PenalisedSystem:
             tangent += forms.contact_stiffness(v, du, data, floor)
         self._tangent = fem.form(tangent)
         self._elastic = fem.form(forms.elastic_form(u, v, data))
+        self._elastic_energy = fem.form(0.5 * forms.elastic_form(u, u, data))
         self._work = fem.Function(space)
         self._load_norm = self._norm_of(fem.form(forms.external_work(v, data)))
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
@@ -133,9 +140,7 @@ class PenalisedSystem:
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """``f = F(x)``, zero at constrained dofs; leaves ``u = x``; collective."""
         self.set_displacement(x)
-        self._assemble(self._residual)
-        self._work.x.array[self._constraints.dofs] = 0.0
-        f.array_w[:] = self._work.x.array[: self._owned]
+        self.assemble_free(self._residual, f)
 
     def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
         """The tangent at ``x``, rows and columns of constrained dofs replaced by the identity."""
@@ -144,9 +149,36 @@ class PenalisedSystem:
         petsc.assemble_matrix(matrix, self._tangent, bcs=self._constraints.conditions)
         matrix.assemble()
 
+    @property
+    def conditions(self) -> list[fem.DirichletBC]:
+        return self._constraints.conditions
+
+    def free_dofs(self) -> FloatArray:
+        """1 at free and 0 at constrained local dofs, ghosts included."""
+        mask = np.ones(len(self.u.x.array))
+        mask[self._constraints.dofs] = 0.0
+        return mask
+
+    def assemble_free(self, form: fem.Form, f: PETSc.Vec) -> None:
+        """``f`` = a linear form, zero at constrained dofs; collective."""
+        self._assemble(form)
+        self._work.x.array[self._constraints.dofs] = 0.0
+        f.array_w[:] = self._work.x.array[: self._owned]
+
+    def local_step(self, step: PETSc.Vec) -> FloatArray:
+        """A step as local values, ghosts included, zero at constrained dofs; collective."""
+        self._work.x.array[: self._owned] = step.array_r
+        self._work.x.array[self._constraints.dofs] = 0.0
+        self._work.x.scatter_forward()
+        return self._work.x.array.copy()
+
     def force_scale(self) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included: what a residual is small to."""
         return max(self._load_norm, self._norm_of(self._elastic))
+
+    def energy(self) -> float:
+        """The elastic energy ``a(u, u)/2``; collective."""
+        return float(self.comm.allreduce(fem.assemble_scalar(self._elastic_energy)))
 
     def set_displacement(self, x: PETSc.Vec) -> None:
         """``u = x``, but with the prescribed values: an inexact linear solve may have moved them."""

@@ -19,7 +19,7 @@ import pytest
 CHECKOUT = Path(__file__).resolve().parent.parent
 BASIC = (
     "bash basename cat chown cut dirname du echo env flock mkdir mv readlink realpath rm sed sh"
-    " sha256sum sleep touch true uname"
+    " sha256sum sleep sync touch true uname"
 )
 
 pytestmark = [
@@ -80,8 +80,12 @@ class Host:
     def add_tools(self) -> None:
         self.add("mmdebstrap", MMDEBSTRAP)
         self.add("bwrap", BWRAP)
-        self.add("unshare", UNSHARE)
+        self.add_unshare()
         self.add("newuidmap", "")
+
+    def add_unshare(self) -> None:
+        self.add("setpriv", 'shift 2; exec "$@"')
+        self.add("unshare", UNSHARE)
 
     def start(self, *command: str, **settings: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
@@ -161,7 +165,7 @@ def test_root_installs_the_missing_tools(tmp_path: Path) -> None:
     # A first call puts the tools in place, as the package manager would.
     host.add("bwrap.new", BWRAP)
     host.add("mmdebstrap.new", MMDEBSTRAP)
-    host.add("unshare", UNSHARE)
+    host.add_unshare()
     host.add(
         "apt-get",
         'echo "apt-get $*" >>"$LOG"; [ "$1" = update ] || for tool in bwrap mmdebstrap; do '

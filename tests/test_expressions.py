@@ -277,3 +277,10 @@ def test_only_the_given_variables_are_known() -> None:
 def test_ufl_that_is_not_defined_is_an_input_error(plane: Any) -> None:
     with pytest.raises(InputError, match="not defined"):
         parse("1/(0*x)").ufl(x=plane[0])
+
+
+def test_abs_of_abs_in_ufl_ends(plane: Any) -> None:
+    # Built-in abs() makes UFL's Abs an operand of itself here.
+    once = parse("abs(abs(x)**1)").ufl(x=plane[0])
+    assert once.ufl_operands[0] == plane[0]
+    assert once((-2.0, 0.0)) == 2.0

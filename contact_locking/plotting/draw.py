@@ -16,4 +16,11 @@ def draw(body: Snapshot, path: Path) -> None:
     with matplotlib.rc_context(style.RC):
         figure = plane.figure(body) if body.dim == 2 else space.figure(body)
         FigureCanvasAgg(figure)
-        figure.savefig(path, dpi=style.DPI, format="png", facecolor="white")
+        figure.savefig(
+            path,
+            dpi=style.DPI,
+            format="png",
+            facecolor="white",
+            bbox_inches="tight",
+            pad_inches=0.15,
+        )

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, PathPatch, Polygon
+from matplotlib.path import Path
 
 from contact_locking.plotting import style
 from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, Snapshot
@@ -17,6 +19,7 @@ from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, 
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
 _THICKNESS, _REACH = 0.05, 0.08
 _DASHES = (0, (4, 3))
+_MOST_MARKERS = 60
 
 
 def figure(body: Snapshot) -> Figure:
@@ -38,17 +41,17 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
     x = style.deformed(body, factor)
     shade = style.shade(body)
     handles: list[Patch | Line2D] = []
+    triangles: Any = x[body.cells]
     colours = PolyCollection(
-        x[body.cells], cmap=shade.cmap, norm=shade.norm, edgecolors="face", linewidths=0.25
+        triangles, cmap=shade.cmap, norm=shade.norm, edgecolors="face", linewidths=0.25
     )
     colours.set_array(shade.values)
     axes.add_collection(colours)
     if body.locked.any():
         handles.append(_locked_zone(axes, x, body))
-    axes.add_collection(
-        LineCollection(body.x[body.boundary], colors=style.GREY, linewidths=0.9, linestyles=_DASHES)
-    )
-    axes.add_collection(LineCollection(x[body.boundary], colors=style.BLACK, linewidths=1.1))
+    for outline in chains(body.boundary):
+        axes.plot(*body.x[outline].T, color=style.GREY, lw=0.9, ls=_DASHES)
+        axes.plot(*x[outline].T, color=style.BLACK, lw=1.1)
     handles.append(Line2D([], [], color=style.GREY, lw=0.9, ls=_DASHES, label="undeformed"))
     if body.contact is not None:
         handles.append(_foundation(axes, body.contact, factor, body.size))
@@ -57,9 +60,8 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
     axes.set_title(f"Deformed body, {style.scale_words(factor)}", loc="left")
     axes.set_xlabel("$x$")
     axes.set_ylabel("$y$")
-    fig.colorbar(
-        colours, ax=axes, label=shade.label, shrink=0.85, pad=0.02, aspect=28, panchor=False
-    )
+    bar = axes.inset_axes((1.03, 0.08, 0.025, 0.84))
+    fig.colorbar(colours, cax=bar, label=shade.label, extend=shade.extend)
     # The distance to the axes is in font sizes, so that the labels fit at any height of the axes.
     axes.legend(
         handles=handles,
@@ -72,15 +74,11 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
 
 def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> Patch:
     """Hatch exactly the locked cells, and draw a smooth line around the zone they make up."""
-    axes.add_collection(
-        PolyCollection(
-            x[body.cells[body.locked]],
-            facecolors="none",
-            edgecolors=style.BLACK,
-            hatch="////",
-            linewidths=0.0,
-        )
-    )
+    # One path of many triangles: Matplotlib hatches path by path, and takes its time for each.
+    triangles = x[body.cells[body.locked]][:, [0, 1, 2, 0]].reshape(-1, 2)
+    codes = np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(triangles) // 4)
+    path = Path(triangles, codes)
+    axes.add_patch(PathPatch(path, facecolor="none", edgecolor=style.BLACK, hatch="////", lw=0.0))
     share = style.locked_share(body)
     for colour, width in (("white", 3.0), (style.VERMILION, 1.6)):
         axes.tricontour(
@@ -108,8 +106,6 @@ def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> 
 
 
 def _layer(outline: FloatArray) -> Patch:
-    from matplotlib.patches import Polygon
-
     return Polygon(
         outline,
         facecolor=style.PALE,
@@ -133,9 +129,9 @@ def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[Float
 def chains(segments: IntArray) -> list[IntArray]:
     """Segments (m, 2) as lines of point numbers; a closed line repeats its first point."""
     neighbours: dict[int, list[int]] = {}
-    for a, b in segments.tolist():
-        neighbours.setdefault(a, []).append(b)
-        neighbours.setdefault(b, []).append(a)
+    for a, b in segments:
+        neighbours.setdefault(int(a), []).append(int(b))
+        neighbours.setdefault(int(b), []).append(int(a))
     ends = [point for point, others in neighbours.items() if len(others) == 1]
     found = []
     for start in [*sorted(ends), *sorted(neighbours)]:
@@ -188,7 +184,7 @@ def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
             friction[line],
             color=style.VERMILION,
             lw=1.6,
-            marker="o",
+            marker="o" if len(line) <= _MOST_MARKERS else "",
             ms=2.2,
             label=name(r"friction traction $\sigma_\tau$"),
         )
@@ -201,7 +197,7 @@ def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
     axes.margins(x=0.0)
     strip.sharex(axes)
     strip.set_yticks([])
-    strip.set_xlabel(label)
+    strip.set_xlabel(label, loc="left")
     strip.set_ylabel("state", rotation=0, ha="right", va="center")
     for side in ("left", "bottom"):
         strip.spines[side].set_visible(False)
@@ -221,11 +217,13 @@ def _abscissa(x: FloatArray, lines: list[IntArray]) -> tuple[list[FloatArray], s
         steps = [np.diff(s) for s in along]
         if all((step > 0).all() or (step < 0).all() for step in steps) and not _overlap(along):
             return along, f"${name}$"
-    position, start = [], 0.0
+    position: list[FloatArray] = []
+    start = 0.0
     for line in lines:
-        steps = np.linalg.norm(np.diff(x[line], axis=0), axis=1)
-        position.append(start + np.concatenate([[0.0], np.cumsum(steps)]))
-        start = position[-1][-1] + 0.1 * steps.sum()
+        lengths = np.linalg.norm(np.diff(x[line], axis=0), axis=1)
+        position.append(start + np.concatenate([[0.0], np.cumsum(lengths)]))
+        # Lines are drawn a little apart.
+        start = float(position[-1][-1] + 0.1 * lengths.sum())
     return position, r"arc length along $\Gamma_C$"
 
 

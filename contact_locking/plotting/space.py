@@ -11,11 +11,16 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from mpl_toolkits.mplot3d.art3d import (  # type: ignore[import-untyped]
+    Line3DCollection,
+    Poly3DCollection,
+)
 
 from contact_locking.plotting import style
 from contact_locking.plotting.snapshot import ContactMap, FloatArray, Snapshot
 from contact_locking.solution import SLIP
+
+Place = tuple[float, float, float, float]
 
 _AXES = "xyz"
 _ELEVATION, _AZIMUTH = 18.0, -58.0
@@ -40,8 +45,8 @@ def figure(body: Snapshot) -> Figure:
     else:
         fig = Figure(figsize=(7.6, 9.6))
         _surface(fig, body, 0.42, 0.52)
-        _pressure_map(fig, [0.08, 0.1, 0.37, 0.27], body.contact)
-        _state_map(fig, [0.58, 0.1, 0.37, 0.27], body.contact)
+        _pressure_map(fig, (0.08, 0.1, 0.37, 0.27), body.contact)
+        _state_map(fig, (0.58, 0.1, 0.37, 0.27), body.contact)
     style.head(fig, body)
     return fig
 
@@ -85,7 +90,9 @@ def _surface(fig: Figure, body: Snapshot, bottom: float, height: float) -> None:
     fig.text(0.08, bottom + height - 0.02, title, fontsize=10.5)
     fig.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.065, bottom + height - 0.025))
     bar = fig.add_axes((0.88, bottom + 0.2 * height, 0.018, 0.6 * height))
-    fig.colorbar(ScalarMappable(shade.norm, shade.cmap), cax=bar, label=shade.label)
+    fig.colorbar(
+        ScalarMappable(shade.norm, shade.cmap), cax=bar, label=shade.label, extend=shade.extend
+    )
 
 
 def _outward(faces: FloatArray, inside: FloatArray) -> FloatArray:
@@ -151,7 +158,7 @@ def _frame(axes: Any, x: FloatArray) -> None:
         axes.text(*(low + 1.35 * direction), f"${name}$", ha="center", va="center")
 
 
-def _pressure_map(fig: Figure, place: list[float], contact: ContactMap) -> None:
+def _pressure_map(fig: Figure, place: Place, contact: ContactMap) -> None:
     points = contact.points
     axes, i, j = _map_from_below(fig, place, points.normal)
     x, y = points.x[:, i], points.x[:, j]
@@ -186,7 +193,7 @@ def _pressure_map(fig: Figure, place: list[float], contact: ContactMap) -> None:
     axes.set_title(title, loc="left")
 
 
-def _state_map(fig: Figure, place: list[float], contact: ContactMap) -> None:
+def _state_map(fig: Figure, place: Place, contact: ContactMap) -> None:
     """Around each point the part of Gamma_C that is nearer to it than to other corners."""
     points = contact.points
     axes, i, j = _map_from_below(fig, place, points.normal)
@@ -217,12 +224,12 @@ def _state_map(fig: Figure, place: list[float], contact: ContactMap) -> None:
     fig.legend(handles=style.state_patches(), loc="center", bbox_to_anchor=(0.77, 0.05), ncols=3)
 
 
-def _map_from_below(fig: Figure, place: list[float], normals: FloatArray) -> tuple[Axes, int, int]:
+def _map_from_below(fig: Figure, place: Place, normals: FloatArray) -> tuple[Axes, int, int]:
     """A map of Gamma_C with its two axes, oriented as one sees it from the foundation."""
     normal = normals.mean(axis=0)
     across = int(np.argmax(np.abs(normal)))
     i, j = (axis for axis in range(3) if axis != across)
-    axes = fig.add_axes(tuple(place), aspect="equal", anchor="S")
+    axes = fig.add_axes(place, aspect="equal", anchor="S")
     axes.set_xlabel(f"${_AXES[i]}$")
     axes.set_ylabel(f"${_AXES[j]}$")
     # Right times up points at the viewer, who is where the normal points.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
 from contact_locking.plotting.snapshot import FloatArray, Snapshot
@@ -43,18 +44,21 @@ LOCKED_LABEL = r"locked zone, $|\varepsilon| \geq M$"
 # The line around the locked zone runs where this share of the cells around a vertex is locked.
 RIM_SHARE = 0.25
 
+# Share of the cells whose values the colours cover.
+_QUANTILE = 0.99
 # Displacements smaller than the first share of the body are magnified to about the second.
 _VISIBLE, _SHOWN = 0.03, 0.08
 
 
 @dataclass(frozen=True)
 class Shade:
-    """What colours the cells: values (c,), masked where there is none, and how to read them."""
+    """What colours the cells: a masked array (c,), and how to read it."""
 
-    values: np.ma.MaskedArray
+    values: Any
     label: str
     norm: Normalize
     cmap: Colormap
+    extend: str
 
 
 def shade(body: Snapshot) -> Shade:
@@ -65,15 +69,27 @@ def shade(body: Snapshot) -> Shade:
     limited = np.isfinite(body.locking_limit)
     if not limited.any():
         values = np.ma.masked_invalid(body.strain_norm)
-        top = float(values.max()) or 1.0
-        return Shade(values, r"$|\varepsilon(u)|$", Normalize(0.0, top), cmap)
+        return _scaled(values, r"$|\varepsilon(u)|$", cmap)
     ratio = body.strain_norm / body.locking_limit
     values = np.ma.masked_where(~limited | ~np.isfinite(ratio), ratio)
-    top = float(values.max()) or 1.0
     label = r"$|\varepsilon(u)|\,/\,M$"
     if not limited.all():
         label += r"   (grey: $M = \infty$)"
-    return Shade(values, label, Normalize(0.0, max(top, 1.0) if top > 0.5 else top), cmap)
+    return _scaled(values, label, cmap, mark=1.0)
+
+
+def _scaled(values: Any, label: str, cmap: Colormap, mark: float | None = None) -> Shade:
+    """Colours up to what few cells exceed, so that a corner's peak does not take them all.
+
+    A ``mark`` near the top becomes the top.
+    """
+    present = values.compressed()
+    top = float(np.quantile(present, _QUANTILE)) if len(present) else 0.0
+    if mark is not None and 0.5 * mark < top < 1.1 * mark:
+        top = mark
+    top = top or float(present.max(initial=0.0)) or 1.0
+    extend = "max" if len(present) and present.max() > 1.001 * top else "neither"
+    return Shade(values, label, Normalize(0.0, top), cmap, extend)
 
 
 def locked_share(body: Snapshot) -> FloatArray:
@@ -102,6 +118,7 @@ def magnification(body: Snapshot) -> float:
 
 
 def scale_words(factor: float) -> str:
+    """How the displacement is drawn, for a title."""
     return "true scale" if factor == 1.0 else f"displacement \u00d7 {factor:g}"
 
 
@@ -115,7 +132,7 @@ def head(figure: Figure, body: Snapshot) -> None:
         numbers += "     NOT CONVERGED"
     height = figure.get_figheight()
     engine = figure.get_layout_engine()
-    if engine is not None:
+    if isinstance(engine, ConstrainedLayoutEngine):
         engine.set(rect=(0.0, 0.0, 1.0, 1.0 - 0.75 / height))
     # A title is the user's text, in which a dollar sign begins no formula.
     title = body.title or "Locking body in contact"
@@ -126,6 +143,7 @@ def head(figure: Figure, body: Snapshot) -> None:
 
 
 def state_patches() -> list[Patch]:
+    """The legend of open, stick and slip."""
     return [
         Patch(facecolor=colour, edgecolor=GREY, linewidth=0.5, label=name)
         for colour, name in zip(STATE_COLOURS, STATE_NAMES, strict=True)
@@ -133,4 +151,5 @@ def state_patches() -> list[Patch]:
 
 
 def deformed(body: Snapshot, factor: float) -> FloatArray:
+    """Vertices (v, d) moved by ``factor`` times their displacement."""
     return body.x + factor * body.displacement

@@ -1,0 +1,222 @@
+"""The three families of cones of the contact problem, each eliminated point by point.
+
+Every family pairs a primal point with a multiplier and eliminates both from the Newton system, so
+that only the displacement is left.  With ``lin`` the part of the displacement that the family
+sees (the strain of a cell, u_nu or u_tau of a node), its multiplier's step is
+``c - D lin(du)``: ``D`` goes into the tangent, ``c`` into the right-hand side.
+
+A target is what the complementarity products are driven to; ``correction`` is Mehrotra's
+second-order term of the predictor.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from contact_locking.solver import cones
+from contact_locking.solver.cones import Scaling, dot
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class LockingBlock:
+    """``x = (M + q, eps) in L`` with cost ``n q^2``, cell by cell; multiplier ``z = (z_0, -Z)``.
+
+    ``q = z_0/(2n)`` holds throughout; ``compliance = 1/(2n)`` is 0 for n = inf.  Strains and the
+    locking stress Z are Mandel vectors (k, m), ``limit`` is M (k,), ``weights`` are cell volumes.
+    """
+
+    def __init__(
+        self, strain: FloatArray, limit: FloatArray, weights: FloatArray, compliance: float
+    ) -> None:
+        self.limit, self.weights, self.compliance = limit, weights, compliance
+        self.x = np.column_stack([np.maximum(limit, 1.5 * np.linalg.norm(strain, axis=1)), strain])
+        self.z = np.zeros_like(self.x)
+
+    def start(self, target: float) -> None:
+        """Put the multiplier on the central path: ``x o z = target e``."""
+        self.z = target * cones.inverse(self.x)
+
+    @property
+    def stress(self) -> FloatArray:
+        """The locking stress Z (k, m)."""
+        return -self.z[:, 1:]
+
+    def products(self) -> FloatArray:
+        return dot(self.x, self.z)
+
+    def linearise(self, strain: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """``D = a I + b w w^T``: a (k,), b (k,), w (k, m); remembers the primal residual."""
+        self.gap = np.column_stack([self.limit + self.compliance * self.z[:, 0], strain]) - self.x
+        scaling = self._scaling = Scaling.of(self.x, self.z)
+        square, w_0, kappa = scaling.eta**2, scaling.w[:, 0], self.compliance
+        factor = 2.0 * (square - kappa) / (square * (square + kappa * (2.0 * w_0**2 - 1.0)))
+        return 1.0 / square, factor, scaling.w[:, 1:]
+
+    def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
+        """The locking stress (k, m) that the step leads to if the displacement stands still."""
+        scaling = self._scaling
+        wanted = -cones.product(scaling.point, scaling.point) - correction
+        wanted[:, 0] += target
+        self._b = scaling.apply_inverse(cones.divide(wanted, scaling.point))
+        dz = self._multiplier_step(self.gap[:, 1:])
+        return -(self.z + dz)[:, 1:]
+
+    def step(self, d_strain: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Primal and dual step for the strain's step (k, m)."""
+        dz = self._multiplier_step(d_strain + self.gap[:, 1:])
+        d_q = self.compliance * dz[:, 0] + self.gap[:, 0]
+        return np.column_stack([d_q, d_strain + self.gap[:, 1:]]), dz
+
+    def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
+        return cones.product(self._scaling.apply_inverse(dx), self._scaling.apply(dz))
+
+    def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
+        return min(cones.longest_step(self.x, dx), cones.longest_step(self.z, dz))
+
+    def advance(self, t: float, dx: FloatArray, dz: FloatArray) -> None:
+        self.x += t * dx
+        self.z += t * dz
+
+    def _multiplier_step(self, d_x1: FloatArray) -> FloatArray:
+        """``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated."""
+        square, w = self._scaling.eta**2, self._scaling.w
+        w_0, w_1 = w[:, 0], w[:, 1:]
+        h_00 = (2.0 * w_0**2 - 1.0) / square
+        h_10 = (-2.0 * w_0 / square)[:, None] * w_1
+        dz = np.empty_like(self.z)
+        dz[:, 0] = (self._b[:, 0] - h_00 * self.gap[:, 0] - dot(h_10, d_x1)) / (
+            1.0 + self.compliance * h_00
+        )
+        d_x0 = self.compliance * dz[:, 0] + self.gap[:, 0]
+        h_11_dx1 = (d_x1 + 2.0 * dot(w_1, d_x1)[:, None] * w_1) / square[:, None]
+        dz[:, 1:] = self._b[:, 1:] - h_10 * d_x0[:, None] - h_11_dx1
+        return dz
+
+
+class ContactBlock:
+    """``c = gap + eps p - u_nu >= 0``, ``p >= 0``, ``c p = 0``, node by node.
+
+    ``compliance`` is the penalty parameter eps, 0 for the inequality itself.
+    """
+
+    def __init__(
+        self, opening: FloatArray, weights: FloatArray, compliance: float, least: float
+    ) -> None:
+        self.weights, self.compliance = weights, compliance
+        self.x = np.maximum(opening, least)
+        self.z = np.zeros_like(self.x)
+
+    def start(self, target: float) -> None:
+        self.z = target / self.x
+
+    def products(self) -> FloatArray:
+        return self.x * self.z
+
+    def linearise(self, opening: FloatArray) -> FloatArray:
+        """The stiffness D (k,); ``opening`` is ``gap - u_nu``; remembers the primal residual."""
+        self.gap = opening + self.compliance * self.z - self.x
+        return self.z / (self.x + self.compliance * self.z)
+
+    def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
+        """The pressure (k,) that the step leads to if the displacement stands still."""
+        self._wanted = target - self.x * self.z - correction
+        return self.z + self._multiplier_step(self.gap)
+
+    def step(self, d_normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        dz = self._multiplier_step(self.gap - d_normal)
+        return self.compliance * dz - d_normal + self.gap, dz
+
+    def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
+        return dx * dz
+
+    def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
+        speed = max(float(np.max(-dx / self.x, initial=0.0)), float(np.max(-dz / self.z, initial=0)))
+        return 1.0 / speed if speed > 0.0 else np.inf
+
+    def advance(self, t: float, dx: FloatArray, dz: FloatArray) -> None:
+        self.x += t * dx
+        self.z += t * dz
+
+    def _multiplier_step(self, d_rest: FloatArray) -> FloatArray:
+        return (self._wanted - self.z * d_rest) / (self.x + self.compliance * self.z)
+
+
+class FrictionBlock:
+    """``x = (t, u_tau, eps) in L`` with cost ``g t``, node by node; multiplier ``z = (g, sigma_tau, .)``.
+
+    The last entry of the primal point is the regularisation eps, absent where it is 0.
+    """
+
+    def __init__(
+        self, slip: FloatArray, weights: FloatArray, epsilon: float, bound: FloatArray, least: float
+    ) -> None:
+        self.weights, self.epsilon = weights, epsilon
+        rest = self._fixed_columns(slip)
+        norm = np.sqrt(np.sum(rest**2, axis=1) + least**2)
+        self.x = np.column_stack([norm, rest])
+        self.z = np.zeros_like(self.x)
+        self.z[:, 0] = bound
+
+    @property
+    def traction(self) -> FloatArray:
+        """``-sigma_tau`` (k, d)."""
+        return -self.z[:, 1 : 1 + self._dim]
+
+    def set_bound(self, bound: FloatArray) -> None:
+        """Scale the multipliers to the bound (k,), which keeps them inside their cones."""
+        self.z *= (bound / self.z[:, 0])[:, None]
+
+    def products(self) -> FloatArray:
+        return dot(self.x, self.z)
+
+    def linearise(self, slip: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """``D = a I - b w w^T``: a (k,), b (k,), w (k, d); remembers the primal residual."""
+        self.gap = self._fixed_columns(slip) - self.x[:, 1:]
+        scaling = self._scaling = Scaling.of(self.x, self.z)
+        square, w_0 = scaling.eta**2, scaling.w[:, 0]
+        factor = 2.0 / ((2.0 * w_0**2 - 1.0) * square)
+        return 1.0 / square, factor, scaling.w[:, 1 : 1 + self._dim]
+
+    def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
+        """``-sigma_tau`` (k, d) that the step leads to if the displacement stands still."""
+        scaling = self._scaling
+        wanted = -cones.product(scaling.point, scaling.point) - correction
+        wanted[:, 0] += target
+        self._b = scaling.apply_inverse(cones.divide(wanted, scaling.point))
+        dz = self._steps(self.gap)[1]
+        return -(self.z + dz)[:, 1 : 1 + self._dim]
+
+    def step(self, d_slip: FloatArray) -> tuple[FloatArray, FloatArray]:
+        d_rest = self.gap.copy()
+        d_rest[:, : self._dim] += d_slip
+        return self._steps(d_rest)
+
+    def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
+        return cones.product(self._scaling.apply_inverse(dx), self._scaling.apply(dz))
+
+    def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
+        return min(cones.longest_step(self.x, dx), cones.longest_step(self.z, dz))
+
+    def advance(self, t: float, dx: FloatArray, dz: FloatArray) -> None:
+        self.x += t * dx
+        self.z += t * dz
+
+    def _fixed_columns(self, slip: FloatArray) -> FloatArray:
+        self._dim = slip.shape[1]
+        if self.epsilon == 0.0:
+            return slip.copy()
+        return np.column_stack([slip, np.full(len(slip), self.epsilon)])
+
+    def _steps(self, d_rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """``dz = b - W^-2 dx`` with ``dz_0 = 0`` solved for ``dx_0``."""
+        square, w = self._scaling.eta**2, self._scaling.w
+        w_0, w_1 = w[:, 0], w[:, 1:]
+        h_00 = (2.0 * w_0**2 - 1.0) / square
+        h_10 = (-2.0 * w_0 / square)[:, None] * w_1
+        d_t = (self._b[:, 0] - dot(h_10, d_rest)) / h_00
+        dz = np.zeros_like(self.z)
+        h_11 = (d_rest + 2.0 * dot(w_1, d_rest)[:, None] * w_1) / square[:, None]
+        dz[:, 1:] = self._b[:, 1:] - h_10 * d_t[:, None] - h_11
+        return np.column_stack([d_t, d_rest]), dz

@@ -1,0 +1,298 @@
+"""A primal-dual interior point method for the contact problem, for any n up to infinity.
+
+For a given friction bound the problem is a second-order cone programme.  Its cones are small and
+many, one per cell and two per node of Gamma_C, so each is eliminated where it stands and what is
+left is an elasticity system in the displacement.  Scaling: Nesterov and Todd,
+doi:10.1287/moor.22.1.1; predictor and corrector: Mehrotra, doi:10.1137/0802028.  The friction
+bound follows the pressure once per iteration, so that the non-local problem costs no more than
+one with a known bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from contact_locking.errors import NotConverged
+from contact_locking.progress import Monitor
+from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
+from contact_locking.solver.cone_system import ConeSystem
+from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.report import Settings, SolverReport
+from contact_locking.solver.target import Target
+from contact_locking.system import PenalisedSystem
+
+FloatArray = npt.NDArray[np.float64]
+
+# How far a step goes towards the boundary of the cones.
+_TO_BOUNDARY = 0.995
+# The duality gap, relative to the energy, at which the iteration stops.
+_GAP_TOLERANCE = 1e-10
+
+
+@dataclass
+class Measures:
+    """What convergence is judged on, all relative."""
+
+    equilibrium: float
+    primal: float
+    gap: float
+    friction: float
+
+    def reached(self, settings: Settings) -> bool:
+        return (
+            self.equilibrium <= settings.tolerance
+            and self.primal <= settings.tolerance
+            and self.gap <= _GAP_TOLERANCE
+            and self.friction <= settings.friction_tolerance
+        )
+
+
+class InteriorPoint:
+    """One solve; leaves the displacement in the system and keeps the multipliers."""
+
+    def __init__(
+        self, system: PenalisedSystem, target: Target, settings: Settings, monitor: Monitor
+    ) -> None:
+        self._system, self._target = system, target
+        self._settings, self._monitor = settings, monitor
+        self._cones = ConeSystem(system, settings)
+        self._contact: ContactBlock | None = None
+        self._friction: FrictionBlock | None = None
+        self._friction_change = 0.0
+
+    def solve(self, report: SolverReport) -> Multipliers:
+        """Iterate to the tolerances; raises NotConverged, the best iterate left in place."""
+        monitor, settings = self._monitor, self._settings
+        monitor.stage(1, 1, self._target.n, self._target.epsilon)
+        self._start(report)
+        limit = settings.max_iterations
+        for iteration in range(limit + 1):
+            measures = self._m = self._measure()
+            monitor.iteration(iteration, max(measures.equilibrium, measures.gap))
+            if not np.isfinite(measures.equilibrium + measures.gap):
+                raise NotConverged("the interior point iteration lost its digits")
+            if measures.reached(settings):
+                break
+            if iteration == limit:
+                raise NotConverged(f"{limit} interior point iterations did not suffice: {measures}")
+            self._iterate(report)
+        report.friction_change = measures.friction
+        report.linear += self._cones.iterations
+        return self._multipliers()
+
+    def destroy(self) -> None:
+        self._cones.destroy()
+
+    def _start(self, report: SolverReport) -> None:
+        """An elastic solve, softened by springs, gives the place; the cones start around it."""
+        cones, system, target = self._cones, self._system, self._target
+        count = len(cones.limit)
+        zeros = np.zeros((count, len(cones._pairs)))
+        springs = None
+        if cones.surface is not None:
+            springs = np.full(len(cones.node_gap), target.stiffness / target.length)
+        cones.set_multipliers(zeros, None if springs is None else 0.0 * springs, None)
+        cones.set_scaling((np.full(count, 10.0 * target.stiffness), 0.0 * cones.limit, zeros),
+                          springs, None)
+        report.tangents += 1
+        import os
+        system.u.x.array[:] += float(os.environ.get("SC","1"))*cones.solve_step()
+        cones.look_at(system.u.x.array)
+        strain = cones.strains()
+        size = self._mean(cones.volumes, np.linalg.norm(strain, axis=1) if count else strain)
+        size = size or self._rms_displacement() / target.length or 1e-3
+        kappa = 0.5 / target.n
+        self._locking = LockingBlock(strain, cones.limit, cones.volumes, kappa)
+        level = float(os.environ.get('LV','30')) * target.stiffness * size**2
+        if count:
+            self._locking.start(level)
+        if cones.surface is not None:
+            least = size * target.length
+            opening = self._opening()
+            self._contact = ContactBlock(
+                opening, cones.node_weights, target.epsilon, float(os.environ.get('LS','0.1')) * least
+            )
+            self._contact.start(level * target.length)
+            bound = system.bound
+            if not bound.frictionless:
+                bound.values = self._new_bound()
+                self._friction = FrictionBlock(
+                    cones.slips(), cones.node_weights, target.epsilon, bound.values[cones.active], float(os.environ.get('LS','0.1')) * least
+                )
+
+    def _iterate(self, report: SolverReport) -> None:
+        cones = self._cones
+        locking = self._locking.linearise(self._strain)
+        contact = friction = None
+        if self._contact is not None:
+            contact = self._contact.linearise(self._opening())
+        if self._friction is not None:
+            friction = self._friction.linearise(self._slip)
+        try:
+            cones.set_scaling(locking, contact, friction)
+            report.tangents += 1
+            affine = self._direction(0.0, None)
+            t = min(1.0, self._longest_step(affine))
+            before = self._complementarity()
+            after = self._complementarity_after(t, affine)
+            centring = min(1.0, max(after / before, 0.0)) ** 3
+            m=self._m; import os
+            if m.gap < 1e-2*max(m.equilibrium, m.friction): centring = 1.0
+            ge=float(os.environ.get("GE","1e-9"))
+            centring=max(centring, min(1.0, ge/m.gap))
+            corrections = [
+                block.correction(*step) for block, step in zip(self._blocks, affine[1], strict=True)
+            ]
+            combined = self._direction(centring * before, corrections)
+        except PETSc.Error as error:
+            raise NotConverged("the linear solve failed") from error
+        t = min(1.0, _TO_BOUNDARY * self._longest_step(combined))
+        if os.environ.get("DBG"):
+            print("t", t, "sigma", centring, [b.longest_step(*st) for b, st in zip(self._blocks, combined[1])], [float(b.products().min()) for b in self._blocks],[float(b.products().max()) for b in self._blocks])
+        if t < 1e-8:
+            raise NotConverged("the interior point step vanished")
+        self._system.u.x.array[:] += t * combined[0]
+        for block, step in zip(self._blocks, combined[1], strict=True):
+            block.advance(t, *step)
+        if self._friction is not None:
+            bound = self._system.bound
+            cones.look_at(self._system.u.x.array)
+            new = self._new_bound()
+            size = bound.norm(new)
+            self._friction_change = bound.norm(new - bound.values) / size if size > 0.0 else 0.0
+            bound.values = new
+            self._friction.set_bound(new[cones.active])
+            report.friction += 1
+
+    def _direction(self, target: float, corrections: Any) -> tuple[FloatArray, list[Any]]:
+        """The displacement step and each block's steps towards products of ``target``."""
+        cones, length = self._cones, self._target.length
+        given = corrections or [0.0] * len(self._blocks)
+        stress = self._locking.aim(target, given[0])
+        pressure = friction = None
+        if self._contact is not None:
+            pressure = self._contact.aim(target * length, given[1])
+        if self._friction is not None:
+            friction = self._friction.aim(target * length, given[2])
+        cones.set_multipliers(stress, pressure, friction)
+        du = cones.solve_step()
+        cones.look_at(du)
+        steps: list[Any] = [self._locking.step(cones.strains())]
+        if self._contact is not None:
+            steps.append(self._contact.step(cones.normal_displacement()))
+        if self._friction is not None:
+            steps.append(self._friction.step(cones.slips()))
+        return du, steps
+
+    def _measure(self) -> Measures:
+        """Evaluate the iterate: remembers strain and slip for the next linearisation."""
+        cones, system = self._cones, self._system
+        cones.look_at(system.u.x.array)
+        self._strain = cones.strains()
+        self._locking_residual = (
+            np.column_stack(
+                [
+                    self._locking.limit + self._locking.compliance * self._locking.z[:, 0],
+                    self._strain,
+                ]
+            )
+            - self._locking.x
+        )
+        primal = self._rms(cones.volumes, self._locking_residual, self._locking.x)
+        pressure = friction = None
+        if self._contact is not None:
+            pressure = self._contact.z
+            contact = self._opening() + self._contact.compliance * pressure - self._contact.x
+            length = np.full(len(contact), 1e-3 * self._target.length) + np.abs(self._contact.x)
+            primal = max(primal, self._rms(self._contact.weights, contact, length))
+        if self._friction is not None:
+            self._slip = cones.slips()
+            friction = self._friction.traction
+        cones.set_multipliers(self._locking.stress, pressure, friction)
+        scale = system.force_scale()
+        residual = cones.residual_norm()
+        energy = abs(system.energy()) or 1.0
+        return Measures(
+            residual / scale if scale > 0.0 else residual,
+            primal,
+            self._total() / energy,
+            self._friction_change,
+        )
+
+    def _multipliers(self) -> Multipliers:
+        contact, friction = self._contact, self._friction
+        if contact is None:
+            return Multipliers(self._cones.stress, np.zeros(0), np.zeros((0, self._cones.dim)))
+        pressure = contact.z
+        traction = np.zeros((len(pressure), self._cones.dim))
+        if friction is not None:
+            traction = friction.traction
+        every = self._cones.at_all_nodes
+        return Multipliers(self._cones.stress, every(pressure), every(traction))
+
+    @property
+    def _blocks(self) -> list[Any]:
+        every = (self._locking, self._contact, self._friction)
+        return [block for block in every if block is not None]
+
+    def _opening(self) -> FloatArray:
+        return self._cones.node_gap - self._cones.normal_displacement()
+
+    def _new_bound(self) -> FloatArray:
+        """``mu |R p|``, kept positive so that the friction cones have an inside."""
+        pressure = self._cones.at_all_nodes(self._contact.z)
+        new = self._system.bound.evaluate(pressure)
+        return np.maximum(new, 1e-14 * self._target.stiffness)
+
+    def _longest_step(self, direction: tuple[FloatArray, list[Any]]) -> float:
+        local = min(
+            block.longest_step(*step)
+            for block, step in zip(self._blocks, direction[1], strict=True)
+        )
+        return float(self._cones.comm.allreduce(local, op=MPI.MIN))
+
+    def _total(self) -> float:
+        """The duality gap: all complementarity products, integrated; collective."""
+        local = sum(float(block.weights @ block.products()) for block in self._blocks)
+        return float(self._cones.comm.allreduce(local))
+
+    def _complementarity(self) -> float:
+        """The mean product, those of Gamma_C divided by the length; collective."""
+        return self._total() / self._measure_of_cones()
+
+    def _complementarity_after(self, t: float, direction: tuple[FloatArray, list[Any]]) -> float:
+        local = 0.0
+        for block, (dx, dz) in zip(self._blocks, direction[1], strict=True):
+            product = (block.x + t * dx) * (block.z + t * dz)
+            products = product if product.ndim == 1 else product.sum(axis=1)
+            local += float(block.weights @ products)
+        return float(self._cones.comm.allreduce(local)) / self._measure_of_cones()
+
+    def _measure_of_cones(self) -> float:
+        local = float(self._locking.weights.sum())
+        for block in self._blocks[1:]:
+            local += self._target.length * float(block.weights.sum())
+        return float(self._cones.comm.allreduce(local)) or 1.0
+
+    def _mean(self, weights: FloatArray, values: FloatArray) -> float:
+        pair = np.array([weights @ values if len(weights) else 0.0, weights.sum()])
+        total, weight = self._cones.comm.allreduce(pair)
+        return float(total / weight) if weight > 0.0 else 0.0
+
+    def _rms(self, weights: FloatArray, values: FloatArray, scale: FloatArray) -> float:
+        def square(a: FloatArray) -> float:
+            return float(weights @ (a**2 if a.ndim == 1 else np.sum(a**2, axis=1)))
+
+        pair = np.array([square(values), square(scale)])
+        total, size = self._cones.comm.allreduce(pair)
+        return float(np.sqrt(total / size)) if size > 0.0 else 0.0
+
+    def _rms_displacement(self) -> float:
+        local = float(np.max(np.abs(self._system.u.x.array), initial=0.0))
+        return float(self._cones.comm.allreduce(local, op=MPI.MAX))

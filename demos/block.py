@@ -1,0 +1,137 @@
+# %% [markdown]
+# # A locking block in frictional contact
+#
+# A square block is clamped on its left side $\Gamma_D$. Its top is pressed, most near the clamp,
+# and its right side is lifted. Below it lies a rigid foundation: on the bottom $\Gamma_C$ the
+# block may come off, stick or slip. Its material is elastic until the strain reaches a limit, and
+# then locks:
+#
+# $$|\varepsilon(u)| \le M, \qquad \sigma = A\varepsilon(u) + Z, \qquad
+#   Z = 2n\,[|\varepsilon| - M]^+ \frac{\varepsilon}{|\varepsilon|}.$$
+#
+# $Z$ is the stress that holds the strain back. The foundation answers with a pressure, and
+# friction with a tangential traction whose bound is the smoothed pressure $R\sigma_\nu$ times
+# $\mu$:
+#
+# $$-\sigma_\nu = \tfrac{1}{\epsilon}[u_\nu - g]^+, \qquad
+#   \sigma_\tau = -\mu\,|R\sigma_\nu|\,\frac{u_\tau}{\sqrt{|u_\tau|^2 + \epsilon^2}}.$$
+#
+# The exact laws are the limit $n \to \infty$, $\epsilon = 1/n \to 0$. What is learned here: how to
+# solve a study file from Python, what is in the solution, and what the penalty costs.
+#
+# Any key of the study file can be changed on the command line, here and in the other demos:
+#
+#     python demos/block.py mesh.h=0.05 penalty.n=1e3
+#     mpirun -n 2 python demos/block.py
+
+# %%
+import sys
+from pathlib import Path
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from contact_locking import load, solve, write
+
+FILE = Path(__file__).with_suffix(".yml")
+CHANGES = sys.argv[1:]
+
+# %% [markdown]
+# ## Solve
+#
+# The mesh is distributed over the ranks of MPI; what is printed comes from rank 0. The fields for
+# ParaView, the picture and the summary go to the folder that the study file names.
+
+# %%
+comm = MPI.COMM_WORLD
+parameters = load(FILE, CHANGES).parameters
+solution = solve(parameters, comm)
+write(solution, parameters.output.directory)
+summary = solution.summary
+assert solution.converged, summary["reason"]
+if comm.rank == 0:
+    print(f"{summary['dofs']} unknowns, {summary['iterations']['tangents']} Newton steps")
+    print(f"locked: {100 * summary['locked_fraction']:.1f} % of the body")
+    print(f"contact force on the body {np.round(summary['contact_force'], 6)}")
+    print(f"friction force on the body {np.round(summary['friction_force'], 6)}")
+
+# %% [markdown]
+# The picture shows a locked zone of a third of the block, though fewer of its cells reach $M$. A
+# mesh of triangles has about two of them per vertex, and two unknowns: about half of the cells can
+# be at the limit, and keep their neighbours just below it.
+
+# %% [markdown]
+# ## What happens on $\Gamma_C$
+#
+# The nodes of $\Gamma_C$ are gathered on rank 0. All three states are there: from the clamp on the
+# block sticks, then slips, then it is off the ground. Friction nowhere exceeds its bound, and it
+# pushes against the slip.
+
+# %%
+points = solution.contact_points
+if points is not None:
+    names = np.array(["open", "stick", "slip"])
+    for i in np.linspace(0, len(points.x) - 1, 11).astype(int):
+        print(
+            f"x = {points.x[i, 0]:.2f}  {names[points.state[i]]:5}  "
+            f"pressure {points.pressure[i]:.5f}  friction {points.traction[i, 0]:+.5f}  "
+            f"bound {points.bound[i]:.5f}"
+        )
+    assert set(names[points.state]) == {"open", "stick", "slip"}
+    assert (np.linalg.norm(points.traction, axis=1) <= points.bound * (1 + 1e-12)).all()
+    assert (np.sum(points.traction * points.u_tangent, axis=1) <= 0).all()
+
+# %% [markdown]
+# ## Where the work goes
+#
+# The solution of (25), tested with itself, is a balance of work. In equilibrium the loads do as
+# much as the elastic stress, the locking stress, the foundation and friction together:
+#
+# $$(f, u) = a(u, u) + \int_\Omega Z : \varepsilon(u) + \int_{\Gamma_C} (-\sigma_\nu)\,u_\nu
+#   - \int_{\Gamma_C} \sigma_\tau \cdot u_\tau.$$
+#
+# The integrals over $\Gamma_C$ are sums over its nodes, as in the discrete problem.
+
+
+# %%
+def work(integrand: ufl.core.expr.Expr) -> float:
+    return float(comm.allreduce(fem.assemble_scalar(fem.form(integrand))))
+
+
+u = solution.displacement
+normal = ufl.FacetNormal(solution.domain.mesh)
+on_contact = solution.domain.ds(
+    parameters.contact.on, quadrature_rule="vertex", quadrature_degree=1
+)
+parts = {
+    "elastic": 2 * summary["elastic_energy"],
+    "locking": work(ufl.inner(solution.locking_stress, ufl.sym(ufl.grad(u))) * ufl.dx),
+    "contact": work(solution.contact_pressure * ufl.inner(u, normal) * on_contact),
+    "friction": work(-ufl.inner(solution.tangential_traction, u) * on_contact),
+}
+if comm.rank == 0:
+    for name, value in parts.items():
+        print(f"{name:8}  {value:.3e}  {100 * value / summary['compliance']:6.2f} % of the work")
+assert np.isclose(sum(parts.values()), summary["compliance"], rtol=1e-6)
+
+# %% [markdown]
+# ## What the penalty costs
+#
+# With a finite $n$ the strain exceeds $M$ a little and the body enters the foundation a little.
+# Both errors fall like $1/n$. Theorem 4.9 proves more: bounds on both, from the loads alone, which
+# the summary holds beside the measured values.
+
+# %%
+excess, penetration = [], []
+for n in (1e2, 1e3, 1e4):
+    case = solve(load(FILE, [*CHANGES, f"penalty.n={n:g}"]).parameters, comm)
+    excess.append(case.summary["strain_norm_max"] / parameters.material.locking_limit - 1)
+    penetration.append(case.summary["penetration_max"])
+    if comm.rank == 0:
+        print(f"n = {n:7g}  max|eps|/M - 1 = {excess[-1]:.1e}  penetration {penetration[-1]:.1e}")
+    assert all(bound["holds"] for bound in case.summary["bounds"].values())
+for errors in (excess, penetration):
+    factors = np.divide(errors[:-1], errors[1:])
+    assert ((factors > 4) & (factors < 25)).all(), factors

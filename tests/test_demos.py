@@ -1,0 +1,86 @@
+"""Every demo runs on a coarse mesh, as study file and as script, on one and on two ranks."""
+
+from __future__ import annotations
+
+import json
+import os
+import runpy
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mpi4py import MPI
+
+from contact_locking import cli
+
+DEMOS = Path(__file__).parent.parent / "demos"
+PLAIN = ("output.fields=false", "output.picture=false")
+COARSE = {
+    "block": ("mesh.h=0.08", *PLAIN),
+    "block_3d": ("mesh.h=0.2", *PLAIN),
+    "hertz": ("mesh.h=2", "mesh.h_contact=0.05", *PLAIN),
+    "slip_friction": ("mesh.h=0.1", *PLAIN),
+    "anisotropic_regions": ("mesh.h=0.1", *PLAIN),
+    "ball_3d": ("mesh.h=0.5", "mesh.h_contact=0.06", *PLAIN),
+}
+
+
+def compliance(folder: Path, ranks: int) -> float:
+    """Of the summary in ``folder``, after checking that it is of a converged solve."""
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["converged"], summary["reason"]
+    assert summary["ranks"] == ranks
+    return float(summary["compliance"])
+
+
+def run_file(name: str, folder: Path) -> float:
+    changes = [f"--set={change}" for change in COARSE[name]]
+    file = DEMOS / f"{name}.yml"
+    assert cli.main(["run", str(file), "--quiet", *changes, f"--output={folder}"]) == 0
+    return compliance(folder, MPI.COMM_WORLD.size)
+
+
+def test_every_demo_is_a_study_file_and_a_script() -> None:
+    for suffix in ("yml", "py"):
+        assert {path.stem for path in DEMOS.glob(f"*.{suffix}")} == set(COARSE)
+
+
+@pytest.mark.parametrize("name", COARSE)
+def test_study_file_converges(name: str, tmp_path: Path) -> None:
+    # All ranks write to one folder.
+    run_file(name, MPI.COMM_WORLD.bcast(tmp_path))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", COARSE)
+def test_script_gives_the_same_as_the_study_file(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script, target = str(DEMOS / f"{name}.py"), tmp_path / "script"
+    monkeypatch.setattr(sys, "argv", [script, *COARSE[name], f"output.directory={target}"])
+    runpy.run_path(script, run_name="__main__")
+    assert compliance(target, 1) == pytest.approx(run_file(name, tmp_path / "file"), rel=1e-8)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", COARSE)
+def test_script_gives_the_same_on_two_ranks(name: str, tmp_path: Path) -> None:
+    mpirun = shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("mpirun is not installed")
+    target = tmp_path / "two"
+    command = [mpirun, "-n", "2", sys.executable, str(DEMOS / f"{name}.py"), *COARSE[name]]
+    # Open MPI's ranks wait by spinning, which is slow where they share cores with others.
+    environment = os.environ | {"OMPI_MCA_mpi_yield_when_idle": "1"}
+    done = subprocess.run(
+        [*command, f"output.directory={target}"],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        env=environment,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert compliance(target, 2) == pytest.approx(run_file(name, tmp_path / "one"), rel=1e-8)
