@@ -108,10 +108,9 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm) -> Problem:
     if surface is not None:
         smoothing = _smoothing(surface, parameters.friction.smoothing, warnings)
         coefficient = _friction_coefficient(comm, parameters.friction.coefficient)
-        bound = FrictionBound(surface, smoothing, coefficient, u, data)
-    return Problem(
-        parameters, domain, material, data, u, constraints, bound, free, warnings
-    )
+        frictionless = parameters.friction.coefficient == 0
+        bound = FrictionBound(surface, smoothing, coefficient, u, data, frictionless)
+    return Problem(parameters, domain, material, data, u, constraints, bound, free, warnings)
 
 
 def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
@@ -172,7 +171,10 @@ def _contact(
     surface = ContactSurface(domain, space, given.on)
     points = surface.points.T
     if given.foundation is None:
-        gap, normal = evaluate(domain.comm, given.gap, points, "contact.gap"), surface.body_normals()
+        gap, normal = (
+            evaluate(domain.comm, given.gap, points, "contact.gap"),
+            surface.body_normals(),
+        )
     else:
         body = _foundation(given, domain.dim)
         gap, normal = body.gap(points), body.contact_normal(points).T
@@ -208,9 +210,7 @@ def _foundation(given: ContactParameters, dim: int) -> foundation.Foundation:
     return foundation.Round(tuple(cylinder.centre), cylinder.radius, axis)
 
 
-def _smoothing(
-    surface: ContactSurface, given: Smoothing, warnings: list[str]
-) -> SmoothingOperator:
+def _smoothing(surface: ContactSurface, given: Smoothing, warnings: list[str]) -> SmoothingOperator:
     if given.kernel == "none":
         return Identity()
     comm = surface.domain.comm
@@ -260,9 +260,7 @@ def _check_rigid_motions(
     if not free.shape[1]:
         return 0
     motions = free.T @ rigid_motions(space)
-    load = fem.assemble_vector(
-        fem.form(forms.external_work(ufl.TestFunction(space), data))
-    ).array
+    load = fem.assemble_vector(fem.form(forms.external_work(ufl.TestFunction(space), data))).array
     work = domain.comm.allreduce(motions @ load)
     normals = None
     if surface is not None and data.contact is not None:

@@ -155,9 +155,7 @@ def _from_gmsh(
     return Domain(mesh, cell_tags, facet_tags, cell_names, facet_names, origin)
 
 
-def _check_model(
-    model: Any, origin: str, key: str
-) -> tuple[int, dict[str, int], dict[str, int]]:
+def _check_model(model: Any, origin: str, key: str) -> tuple[int, dict[str, int], dict[str, int]]:
     """Dimension and names of a meshed model, or an InputError that says why it will not do."""
     dim = max((d for d, _ in model.getEntities()), default=0)
     if dim < 2:

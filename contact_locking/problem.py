@@ -26,7 +26,7 @@ from contact_locking.results import (
 from contact_locking.solution import Solution
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver import solve as solve_system
-from contact_locking.solver.continuation import PenaltyPath
+from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
@@ -57,6 +57,7 @@ def solve(
         max_iterations=given.max_iterations,
         friction_tolerance=given.friction_tolerance,
         max_friction_updates=given.max_friction_updates,
+        nested=given.friction == "nested",
         linear=given.linear,
         petsc=options,
     )
@@ -65,10 +66,10 @@ def solve(
     )
     n, epsilon = penalty(parameters)
     length = float(np.ptp(_bounding_box(problem.domain), axis=0).max())
-    path = PenaltyPath.towards(n, epsilon, problem.material.stiffness, length)
+    target = Target(n, epsilon, problem.material.stiffness, length)
+    report = solve_system(given.method, system, target, settings, monitor)
     system.set_penalty(n, epsilon)
-    report = solve_system(given.method, system, path, settings, monitor)
-    system.set_penalty(n, epsilon)
+    monitor.message("computing fields and bounds")
     solution = _collect(problem, report, settings)
     solution.summary["wall_seconds"] = time.perf_counter() - start
     if problem.bound is not None:
@@ -86,8 +87,10 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
 
 def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solution:
     domain, data, u = problem.domain, problem.data, problem.u
-    body = BodyFields(domain, u, data, problem.material)
-    contact = None if problem.bound is None else ContactFields(problem.bound, u, data)
+    body = BodyFields(domain, u, data, problem.material, report.multipliers)
+    contact = None
+    if problem.bound is not None:
+        contact = ContactFields(problem.bound, u, data, report.multipliers)
     residual = equilibrium_residual(u, data, problem.constraints, body, contact)
     summary: dict[str, Any] = {
         "title": problem.parameters.title,
@@ -106,6 +109,7 @@ def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solu
             "change": report.friction_change,
             "contraction": report.contraction,
         },
+        "duality_gap": report.duality_gap,
         "stages": report.stages,
         "bounds": proved_bounds(
             domain, u, data, problem.material, problem.constraints, problem.free
@@ -116,6 +120,8 @@ def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solu
         summary |= {
             "converged": False,
             "reason": f"the equilibrium residual is {residual:.1e}, above {settings.tolerance:g}",
+            "suggestion": "Raise solver.tolerance, or lower penalty.n: rounding in the strain is "
+            "multiplied by 2 n.",
         }
     return _solution(problem, body, contact, summary)
 

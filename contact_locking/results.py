@@ -21,6 +21,7 @@ from contact_locking.locking import locking_stress
 from contact_locking.material import strain
 from contact_locking.ordering import along_curve, lexicographic
 from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.system import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,14 +35,24 @@ _SLIP_SHARE = 0.99
 class BodyFields:
     """P0 fields of the body, interpolated exactly (P1 strains are constant in a cell)."""
 
-    def __init__(self, domain: Domain, u: fem.Function, data: forms.ProblemData, m: Material):
+    def __init__(
+        self,
+        domain: Domain,
+        u: fem.Function,
+        data: forms.ProblemData,
+        m: Material,
+        multipliers: Multipliers | None = None,
+    ) -> None:
         eps, tensor = strain(u), (domain.dim, domain.dim)
         stress = data.elastic_stress(eps)
-        locking = locking_stress(eps, data.inverse_limit, data.n)
         norm = ufl.sqrt(ufl.inner(eps, eps))
         self.strain_norm = _p0(domain, norm, "strain_norm")
         self.elastic_stress = _p0(domain, stress, "elastic_stress", tensor)
-        self.locking_stress = _p0(domain, locking, "locking_stress", tensor)
+        if multipliers is None:
+            locking = locking_stress(eps, data.inverse_limit, data.n)
+            self.locking_stress = _p0(domain, locking, "locking_stress", tensor)
+        else:
+            self.locking_stress = multipliers.locking_stress
         self.locking_limit = m.limit
         self.locked = fem.Function(m.limit.function_space, name="locked")
         threshold = m.limit.x.array * (1.0 - _LOCKED_MARGIN)
@@ -51,19 +62,29 @@ class BodyFields:
 class ContactFields:
     """Nodal fields of Gamma_C, as arrays over the owned nodes."""
 
-    def __init__(self, bound: FrictionBound, u: fem.Function, data: forms.ProblemData) -> None:
+    def __init__(
+        self,
+        bound: FrictionBound,
+        u: fem.Function,
+        data: forms.ProblemData,
+        multipliers: Multipliers | None = None,
+    ) -> None:
         assert data.contact is not None
         surface = self.surface = bound.surface
         self.normal = data.contact.normal.x.array.reshape(-1, surface.domain.dim)[surface.blocks]
         self.u_normal = surface.average(ufl.inner(u, data.contact.normal))()
         self.u_tangent = surface.average(tangential_part(u, data.contact.normal))()
         self.gap = data.contact.gap.x.array[surface.nodes]
-        self.pressure = surface.average(forms.pressure(u, data))()
-        self.traction = -surface.average(forms.friction(u, data))()
+        if multipliers is None:
+            self.pressure = surface.average(forms.pressure(u, data))()
+            self.traction = -surface.average(forms.friction(u, data))()
+            touches = self.pressure > 0.0
+        else:
+            self.pressure, self.traction = multipliers.pressure, -multipliers.friction
+            touches = multipliers.touches
         self.smoothed_stress = -bound.smoothing.apply(self.pressure)
         self.bound = bound.values.copy()
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
-        touches = self.pressure > 0.0
         self.state = np.where(touches, np.where(slips, SLIP, STICK), OPEN)
 
     def gather(self) -> ContactPoints | None:
@@ -176,4 +197,3 @@ def _p0(domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()) -> f
     function.interpolate(_compat.interpolation_expression(expr, space))
     function.x.scatter_forward()
     return function
-

@@ -73,7 +73,8 @@ class FrictionBound:
 class PenalisedSystem:
     """Residual and tangent of (26) over PETSc, at a penalty and a friction bound that can be set.
 
-    ``u`` carries the displacement, with the prescribed values in its constrained dofs at all times.  ``held_by_contact`` says that some rigid motion is stopped by contact alone.
+    ``u`` carries the displacement, with the prescribed values in its constrained dofs at all times.
+    ``held_by_contact`` says that some rigid motion is stopped by contact alone.
     """
 
     # The share of the contact stiffness kept where the body does not touch, if contact alone
@@ -173,7 +174,7 @@ class PenalisedSystem:
         return self._work.x.array.copy()
 
     def force_scale(self) -> float:
-        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included: what a residual is small to."""
+        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included."""
         return max(self._load_norm, self._norm_of(self._elastic))
 
     def energy(self) -> float:
@@ -181,7 +182,7 @@ class PenalisedSystem:
         return float(self.comm.allreduce(fem.assemble_scalar(self._elastic_energy)))
 
     def set_displacement(self, x: PETSc.Vec) -> None:
-        """``u = x``, but with the prescribed values: an inexact linear solve may have moved them."""
+        """``u = x``, but with the prescribed values, which an inexact solve may have moved."""
         self.u.x.array[: self._owned] = x.array_r
         self._constraints.apply(self.u)
 

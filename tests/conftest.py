@@ -18,8 +18,9 @@ def comm() -> MPI.Intracomm:
 def collect_petsc_objects() -> Iterator[None]:
     """PETSc's destructors are collective: run them at the same place on every rank."""
     yield
-    gc.collect()
-    MPI.COMM_WORLD.Barrier()
+    if MPI.COMM_WORLD.size > 1:
+        gc.collect()
+        MPI.COMM_WORLD.Barrier()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

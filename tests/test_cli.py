@@ -88,7 +88,10 @@ def test_a_run_that_does_not_converge_returns_3_and_saves_what_it_reached(
     assert json.loads((folder / "out" / "summary.json").read_text())["converged"] is False
     if comm.rank == 0:
         assert errors.startswith("error: not converged: ")
-        assert "penalty.n" in errors and f"What was reached is in {folder / 'out'}." in errors
+        assert (
+            "solver.max_iterations" in errors
+            and f"What was reached is in {folder / 'out'}." in errors
+        )
     else:
         assert errors == ""
 

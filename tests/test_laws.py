@@ -184,9 +184,7 @@ def test_locking_penalty_is_monotone_and_lipschitz_as_lemma_4_3(
 
 
 @settings(max_examples=50, deadline=None)
-@given(
-    seed=st.integers(0, 2**32 - 1), size=st.floats(1e-3, 1e3), epsilon=st.floats(1e-8, 1e2)
-)
+@given(seed=st.integers(0, 2**32 - 1), size=st.floats(1e-3, 1e3), epsilon=st.floats(1e-8, 1e2))
 def test_contact_penalty_is_monotone_and_lipschitz_as_lemma_4_4(
     operators: Operators, seed: int, size: float, epsilon: float
 ) -> None:
@@ -214,9 +212,7 @@ def test_energies_and_laws_are_derivatives_of_each_other(operators: Operators) -
         + friction_energy(slip, bound, epsilon) * ds
     )
     forces = (
-        ufl.inner(
-            locking_stress(eps, operators.inverse_limit, operators.n), ufl.sym(ufl.grad(v))
-        )
+        ufl.inner(locking_stress(eps, operators.inverse_limit, operators.n), ufl.sym(ufl.grad(v)))
         * dx
         + contact_pressure(u_n, gap, epsilon) * ufl.inner(v, nu) * ds
         + ufl.inner(friction_traction(slip, bound, epsilon), v) * ds

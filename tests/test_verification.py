@@ -32,8 +32,8 @@ def test_v1_column_in_uniaxial_strain_is_exact(
     solution = problem.solve(parameters)
     summary = solution.summary
     limit = 0.02
-    exact = pressure / K if pressure <= K * limit else (
-        limit + (pressure - K * limit) / (K + 2.0 * n)
+    exact = (
+        pressure / K if pressure <= K * limit else (limit + (pressure - K * limit) / (K + 2.0 * n))
     )
     assert summary["converged"], summary["reason"]
     assert summary["strain_norm_max"] == pytest.approx(exact, rel=1e-8)
@@ -182,5 +182,3 @@ def test_v15_convolution_of_a_linear_function_is_exact_away_from_the_ends() -> N
     smoothed = foot.smoothing("convolution", 0.1).apply(2.0 * x + 1.0)
     inside = (x > 0.11) & (x < 0.89)
     assert smoothed[inside] == pytest.approx(2.0 * x[inside] + 1.0, abs=1e-3)
-
-

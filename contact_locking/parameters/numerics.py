@@ -43,11 +43,16 @@ class SolverParameters(Section):
     """The nonlinear strategy, its criteria and the linear algebra."""
 
     method: Literal["auto", "newton", "interior_point"] = entry(
-        "auto", "auto, newton (with continuation in n) or interior_point"
+        "auto", "interior_point, newton (with continuation in n) or auto: interior_point"
+    )
+    friction: Literal["inside", "nested"] = entry(
+        "inside",
+        "interior_point: update the friction bound inside the iteration, or nested around whole "
+        "solves, which shows the contraction factor of the fixed point; newton always nests",
     )
     tolerance: Tolerance = entry(1e-8, "relative equilibrium residual", "1")
-    max_iterations: Count = entry(100, "Newton steps of a stage", "1")
-    friction_tolerance: Tolerance = entry(1e-9, "relative change of the friction bound", "1")
+    max_iterations: Count = entry(100, "steps of a solve or stage", "1")
+    friction_tolerance: Tolerance = entry(1e-8, "relative change of the friction bound", "1")
     max_friction_updates: Count = entry(100, "updates of the friction bound", "1")
     linear: Literal["auto", "direct", "iterative"] = entry("auto", "auto, direct or iterative")
     petsc: dict[str, Option] = entry({}, "further PETSc options, such as {snes_monitor: null}")

@@ -46,9 +46,13 @@ class LockingBlock:
     def products(self) -> FloatArray:
         return dot(self.x, self.z)
 
+    def primal_residual(self, strain: FloatArray) -> FloatArray:
+        """``(M + q, eps) - x``."""
+        return np.column_stack([self.limit + self.compliance * self.z[:, 0], strain]) - self.x
+
     def linearise(self, strain: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``D = a I + b w w^T``: a (k,), b (k,), w (k, m); remembers the primal residual."""
-        self.gap = np.column_stack([self.limit + self.compliance * self.z[:, 0], strain]) - self.x
+        self._gap = self.primal_residual(strain)
         scaling = self._scaling = Scaling.of(self.x, self.z)
         square, w_0, kappa = scaling.eta**2, scaling.w[:, 0], self.compliance
         factor = 2.0 * (square - kappa) / (square * (square + kappa * (2.0 * w_0**2 - 1.0)))
@@ -60,14 +64,14 @@ class LockingBlock:
         wanted = -cones.product(scaling.point, scaling.point) - correction
         wanted[:, 0] += target
         self._b = scaling.apply_inverse(cones.divide(wanted, scaling.point))
-        dz = self._multiplier_step(self.gap[:, 1:])
+        dz = self._multiplier_step(self._gap[:, 1:])
         return -(self.z + dz)[:, 1:]
 
     def step(self, d_strain: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Primal and dual step for the strain's step (k, m)."""
-        dz = self._multiplier_step(d_strain + self.gap[:, 1:])
-        d_q = self.compliance * dz[:, 0] + self.gap[:, 0]
-        return np.column_stack([d_q, d_strain + self.gap[:, 1:]]), dz
+        dz = self._multiplier_step(d_strain + self._gap[:, 1:])
+        d_q = self.compliance * dz[:, 0] + self._gap[:, 0]
+        return np.column_stack([d_q, d_strain + self._gap[:, 1:]]), dz
 
     def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
         return cones.product(self._scaling.apply_inverse(dx), self._scaling.apply(dz))
@@ -86,10 +90,10 @@ class LockingBlock:
         h_00 = (2.0 * w_0**2 - 1.0) / square
         h_10 = (-2.0 * w_0 / square)[:, None] * w_1
         dz = np.empty_like(self.z)
-        dz[:, 0] = (self._b[:, 0] - h_00 * self.gap[:, 0] - dot(h_10, d_x1)) / (
+        dz[:, 0] = (self._b[:, 0] - h_00 * self._gap[:, 0] - dot(h_10, d_x1)) / (
             1.0 + self.compliance * h_00
         )
-        d_x0 = self.compliance * dz[:, 0] + self.gap[:, 0]
+        d_x0 = self.compliance * dz[:, 0] + self._gap[:, 0]
         h_11_dx1 = (d_x1 + 2.0 * dot(w_1, d_x1)[:, None] * w_1) / square[:, None]
         dz[:, 1:] = self._b[:, 1:] - h_10 * d_x0[:, None] - h_11_dx1
         return dz
@@ -114,26 +118,30 @@ class ContactBlock:
     def products(self) -> FloatArray:
         return self.x * self.z
 
+    def primal_residual(self, opening: FloatArray) -> FloatArray:
+        """``gap + eps p - u_nu - c``, where ``opening`` is ``gap - u_nu``."""
+        return opening + self.compliance * self.z - self.x
+
     def linearise(self, opening: FloatArray) -> FloatArray:
         """The stiffness D (k,); ``opening`` is ``gap - u_nu``; remembers the primal residual."""
-        self.gap = opening + self.compliance * self.z - self.x
+        self._gap = self.primal_residual(opening)
         return self.z / (self.x + self.compliance * self.z)
 
     def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
         """The pressure (k,) that the step leads to if the displacement stands still."""
         self._wanted = target - self.x * self.z - correction
-        return self.z + self._multiplier_step(self.gap)
+        return self.z + self._multiplier_step(self._gap)
 
     def step(self, d_normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-        dz = self._multiplier_step(self.gap - d_normal)
-        return self.compliance * dz - d_normal + self.gap, dz
+        dz = self._multiplier_step(self._gap - d_normal)
+        return self.compliance * dz - d_normal + self._gap, dz
 
     def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
         return dx * dz
 
     def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
-        speed = max(float(np.max(-dx / self.x, initial=0.0)), float(np.max(-dz / self.z, initial=0)))
-        return 1.0 / speed if speed > 0.0 else np.inf
+        speed = np.max([-dx / self.x, -dz / self.z], initial=0.0)
+        return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
 
     def advance(self, t: float, dx: FloatArray, dz: FloatArray) -> None:
         self.x += t * dx
@@ -144,9 +152,9 @@ class ContactBlock:
 
 
 class FrictionBlock:
-    """``x = (t, u_tau, eps) in L`` with cost ``g t``, node by node; multiplier ``z = (g, sigma_tau, .)``.
+    """``x = (t, u_tau, eps) in L`` with cost ``g t``, node by node.
 
-    The last entry of the primal point is the regularisation eps, absent where it is 0.
+    The multiplier is ``z = (g, sigma_tau, .)``.  The last entry of the primal point is the regularisation eps, absent where it is 0.
     """
 
     def __init__(
@@ -173,7 +181,7 @@ class FrictionBlock:
 
     def linearise(self, slip: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``D = a I - b w w^T``: a (k,), b (k,), w (k, d); remembers the primal residual."""
-        self.gap = self._fixed_columns(slip) - self.x[:, 1:]
+        self._gap = self._fixed_columns(slip) - self.x[:, 1:]
         scaling = self._scaling = Scaling.of(self.x, self.z)
         square, w_0 = scaling.eta**2, scaling.w[:, 0]
         factor = 2.0 / ((2.0 * w_0**2 - 1.0) * square)
@@ -185,11 +193,11 @@ class FrictionBlock:
         wanted = -cones.product(scaling.point, scaling.point) - correction
         wanted[:, 0] += target
         self._b = scaling.apply_inverse(cones.divide(wanted, scaling.point))
-        dz = self._steps(self.gap)[1]
+        dz = self._steps(self._gap)[1]
         return -(self.z + dz)[:, 1 : 1 + self._dim]
 
     def step(self, d_slip: FloatArray) -> tuple[FloatArray, FloatArray]:
-        d_rest = self.gap.copy()
+        d_rest = self._gap.copy()
         d_rest[:, : self._dim] += d_slip
         return self._steps(d_rest)
 

@@ -67,9 +67,7 @@ class ConeSystem:
         ) - forms.external_work(v, data)
         self._residual = fem.form(internal)
         locking = (self._a, self._b, self._w)
-        self._tangent = fem.form(
-            forms.scaled_tangent(v, du, data, locking, stiffness, slip)
-        )
+        self._tangent = fem.form(forms.scaled_tangent(v, du, data, locking, stiffness, slip))
         self.matrix = petsc.create_matrix(self._tangent)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._near_nullspace = system.near_nullspace()
@@ -82,7 +80,7 @@ class ConeSystem:
         defaults = default_options(settings.linear, self.dim, system.size)
         with options_set(defaults, settings.petsc):
             self._ksp.setFromOptions()
-        self.iterations = 0
+        self._iterations = 0
 
     def _find_nodes(self) -> None:
         """Leave out nodes whose normal displacement is prescribed: nothing is left to decide."""
@@ -108,9 +106,8 @@ class ConeSystem:
     def strains(self) -> FloatArray:
         self._strain.interpolate(self._strain_of_seen)
         tensors = self._strain.x.array.reshape(-1, self.dim, self.dim)[self._cells]
-        return np.stack(
-            [tensors[:, i, j] * (1.0 if i == j else np.sqrt(2.0)) for i, j in self._pairs], axis=1
-        )
+        columns = [tensors[:, i, j] * (1.0 if i == j else np.sqrt(2.0)) for i, j in self._pairs]
+        return np.stack(columns, axis=1)
 
     def normal_displacement(self) -> FloatArray:
         return np.einsum("ki,ki->k", self._nodal(), self.normal)
@@ -161,8 +158,13 @@ class ConeSystem:
         self.system.assemble_free(self._residual, self._right)
         self._right.scale(-1.0)
         self._ksp.solve(self._right, self._step)
-        self.iterations += self._ksp.getIterationNumber()
+        self._iterations += self._ksp.getIterationNumber()
         return self.system.local_step(self._step)
+
+    def take_iterations(self) -> int:
+        """The Krylov iterations since the last call."""
+        count, self._iterations = self._iterations, 0
+        return count
 
     def destroy(self) -> None:
         for item in (self._ksp, self.matrix, self._near_nullspace, self._right, self._step):

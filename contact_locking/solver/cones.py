@@ -62,7 +62,8 @@ def longest_step(x: FloatArray, step: FloatArray) -> float:
     along = unit[:, 0] * step[:, 0] - dot(unit[:, 1:], step[:, 1:])
     across = step[:, 1:] - ((along + step[:, 0]) / (unit[:, 0] + 1.0))[:, None] * unit[:, 1:]
     speed = np.max((np.linalg.norm(across, axis=1) - along) / size)
-    return 1.0 / speed if speed > 0.0 else np.inf
+    # NaN is no direction to go in.
+    return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
 
 
 @dataclass(frozen=True)

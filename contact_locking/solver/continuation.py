@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from contact_locking.errors import NotConverged
+from contact_locking.solver.target import Target
 
 
 @dataclass(frozen=True)
@@ -22,9 +23,10 @@ class PenaltyPath:
     epsilon_end: float
 
     @classmethod
-    def towards(cls, n: float, epsilon: float, stiffness: float, length: float) -> PenaltyPath:
+    def towards(cls, target: Target) -> PenaltyPath:
         """From ``n = 10 stiffness`` and ``eps = length/10``, where the target is beyond them."""
-        return cls(min(n, 10.0 * stiffness), n, max(epsilon, 0.1 * length), epsilon)
+        n, epsilon = target.n, target.epsilon
+        return cls(min(n, 10.0 * target.stiffness), n, max(epsilon, 0.1 * target.length), epsilon)
 
     @property
     def decades(self) -> float:

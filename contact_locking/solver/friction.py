@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
 from contact_locking.errors import NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.system import FrictionBound
+
+FloatArray = npt.NDArray[np.float64]
 
 
 def fixed_point(
@@ -18,18 +21,21 @@ def fixed_point(
     settings: Settings,
     report: SolverReport,
     monitor: Monitor,
+    evaluate: Callable[[], FloatArray] | None = None,
 ) -> None:
     """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
 
-    ``solve`` solves for the displacement under the present bound.  Afterwards the forms hold a
+    ``solve`` solves for the displacement under the present bound, and ``evaluate`` gives the bound
+    of a solution, that of the penalty law by default.  Afterwards the forms hold a
     bound that agrees with the displacement to the tolerance, and ``report.contraction`` is the
     geometric mean of the ratios of successive changes.  Raises NotConverged after
     ``max_friction_updates``.
     """
+    evaluate = evaluate or bound.evaluate
     changes: list[float] = []
     for update in range(1, settings.max_friction_updates + 1):
         solve()
-        new = bound.evaluate()
+        new = evaluate()
         size = bound.norm(new)
         change = bound.norm(new - bound.values)
         relative = change / size if size > 0.0 else change
@@ -41,9 +47,10 @@ def fixed_point(
         monitor.friction_update(update, relative, report.contraction)
         if relative <= settings.friction_tolerance:
             return
+    factor = "" if report.contraction is None else f", contraction factor {report.contraction:.2f}"
     raise NotConverged(
         f"the friction bound still changes by {changes[-1]:.1e} of itself after "
-        f"{settings.max_friction_updates} updates (contraction factor {report.contraction:.2f})"
+        f"{settings.max_friction_updates} updates{factor}"
     )
 
 

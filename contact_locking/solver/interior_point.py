@@ -19,6 +19,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
+from contact_locking.material import MANDEL_PAIRS
 from contact_locking.progress import Monitor
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
 from contact_locking.solver.cone_system import ConeSystem
@@ -31,8 +32,16 @@ FloatArray = npt.NDArray[np.float64]
 
 # How far a step goes towards the boundary of the cones.
 _TO_BOUNDARY = 0.995
-# The duality gap, relative to the energy, at which the iteration stops.
-_GAP_TOLERANCE = 1e-10
+# The duality gap, relative to the elastic energy, at which the iteration stops, and the share of
+# it that is aimed at.  Rounding in nearly singular cones leaves about 1e-9.
+_GAP_TOLERANCE = 1e-8
+_GAP_LEFT = 0.5
+# The gap may not be a smaller share than this of the other residuals.
+_GAP_AHEAD = 1e-2
+# Starting values: complementarity against stiffness times strain squared, and the least opening
+# against strain times length.  Between 3 and 1000, and 0.1 and 1, the iterations change by a tenth.
+_START_LEVEL = 30.0
+_START_OPENING = 0.1
 
 
 @dataclass
@@ -44,6 +53,15 @@ class Measures:
     gap: float
     friction: float
 
+    def __str__(self) -> str:
+        return (
+            f"equilibrium {self.equilibrium:.1e}, laws {self.primal:.1e}, "
+            f"duality gap {self.gap:.1e}, friction bound {self.friction:.1e}"
+        )
+
+    def worst(self) -> float:
+        return max(self.equilibrium, self.primal, self.gap, self.friction)
+
     def reached(self, settings: Settings) -> bool:
         return (
             self.equilibrium <= settings.tolerance
@@ -54,11 +72,20 @@ class Measures:
 
 
 class InteriorPoint:
-    """One solve; leaves the displacement in the system and keeps the multipliers."""
+    """One solve from a cold start: a previous case, on the boundary of its cones, is a bad one.
+
+    ``bound_moves`` lets the friction bound follow the pressure; otherwise it stays as it is.
+    """
 
     def __init__(
-        self, system: PenalisedSystem, target: Target, settings: Settings, monitor: Monitor
+        self,
+        system: PenalisedSystem,
+        target: Target,
+        settings: Settings,
+        monitor: Monitor,
+        bound_moves: bool = True,
     ) -> None:
+        self._bound_moves = bound_moves
         self._system, self._target = system, target
         self._settings, self._monitor = settings, monitor
         self._cones = ConeSystem(system, settings)
@@ -69,61 +96,67 @@ class InteriorPoint:
     def solve(self, report: SolverReport) -> Multipliers:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place."""
         monitor, settings = self._monitor, self._settings
-        monitor.stage(1, 1, self._target.n, self._target.epsilon)
+        self._friction, self._friction_change = None, 0.0
         self._start(report)
         limit = settings.max_iterations
         for iteration in range(limit + 1):
-            measures = self._m = self._measure()
-            monitor.iteration(iteration, max(measures.equilibrium, measures.gap))
+            measures = self._measured = self._measure()
+            monitor.iteration(iteration, measures.worst())
             if not np.isfinite(measures.equilibrium + measures.gap):
                 raise NotConverged("the interior point iteration lost its digits")
             if measures.reached(settings):
                 break
             if iteration == limit:
-                raise NotConverged(f"{limit} interior point iterations did not suffice: {measures}")
+                raise NotConverged(
+                    f"{limit} interior point iterations did not suffice ({measures})"
+                )
             self._iterate(report)
         report.friction_change = measures.friction
-        report.linear += self._cones.iterations
-        return self._multipliers()
+        report.duality_gap = measures.gap
+        return self.multipliers()
 
     def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
         self._cones.destroy()
 
     def _start(self, report: SolverReport) -> None:
         """An elastic solve, softened by springs, gives the place; the cones start around it."""
         cones, system, target = self._cones, self._system, self._target
         count = len(cones.limit)
-        zeros = np.zeros((count, len(cones._pairs)))
+        zeros = np.zeros((count, len(MANDEL_PAIRS[cones.dim])))
         springs = None
         if cones.surface is not None:
             springs = np.full(len(cones.node_gap), target.stiffness / target.length)
         cones.set_multipliers(zeros, None if springs is None else 0.0 * springs, None)
-        cones.set_scaling((np.full(count, 10.0 * target.stiffness), 0.0 * cones.limit, zeros),
-                          springs, None)
+        soft = np.full(count, 10.0 * target.stiffness)
+        cones.set_scaling((soft, 0.0 * soft, zeros), springs, None)
         report.tangents += 1
-        import os
-        system.u.x.array[:] += float(os.environ.get("SC","1"))*cones.solve_step()
+        system.u.x.array[:] += cones.solve_step()
         cones.look_at(system.u.x.array)
         strain = cones.strains()
-        size = self._mean(cones.volumes, np.linalg.norm(strain, axis=1) if count else strain)
+        size = self._mean(cones.volumes, np.linalg.norm(strain, axis=1))
         size = size or self._rms_displacement() / target.length or 1e-3
         kappa = 0.5 / target.n
         self._locking = LockingBlock(strain, cones.limit, cones.volumes, kappa)
-        level = float(os.environ.get('LV','30')) * target.stiffness * size**2
+        level = _START_LEVEL * target.stiffness * size**2
         if count:
             self._locking.start(level)
         if cones.surface is not None:
-            least = size * target.length
+            least = _START_OPENING * size * target.length
             opening = self._opening()
-            self._contact = ContactBlock(
-                opening, cones.node_weights, target.epsilon, float(os.environ.get('LS','0.1')) * least
-            )
+            self._contact = ContactBlock(opening, cones.node_weights, target.epsilon, least)
             self._contact.start(level * target.length)
             bound = system.bound
-            if not bound.frictionless:
+            if self._bound_moves and not bound.frictionless:
                 bound.values = self._new_bound()
+            # A bound that is nothing leaves no friction to account for.
+            if not bound.frictionless and bound.norm(bound.values) > 0.0:
                 self._friction = FrictionBlock(
-                    cones.slips(), cones.node_weights, target.epsilon, bound.values[cones.active], float(os.environ.get('LS','0.1')) * least
+                    cones.slips(),
+                    cones.node_weights,
+                    target.epsilon,
+                    bound.values[cones.active],
+                    least,
                 )
 
     def _iterate(self, report: SolverReport) -> None:
@@ -142,25 +175,22 @@ class InteriorPoint:
             before = self._complementarity()
             after = self._complementarity_after(t, affine)
             centring = min(1.0, max(after / before, 0.0)) ** 3
-            m=self._m; import os
-            if m.gap < 1e-2*max(m.equilibrium, m.friction): centring = 1.0
-            ge=float(os.environ.get("GE","1e-9"))
-            centring=max(centring, min(1.0, ge/m.gap))
+            centring = self._limited(centring)
             corrections = [
                 block.correction(*step) for block, step in zip(self._blocks, affine[1], strict=True)
             ]
             combined = self._direction(centring * before, corrections)
         except PETSc.Error as error:
             raise NotConverged("the linear solve failed") from error
+        finally:
+            report.linear += self._cones.take_iterations()
         t = min(1.0, _TO_BOUNDARY * self._longest_step(combined))
-        if os.environ.get("DBG"):
-            print("t", t, "sigma", centring, [b.longest_step(*st) for b, st in zip(self._blocks, combined[1])], [float(b.products().min()) for b in self._blocks],[float(b.products().max()) for b in self._blocks])
-        if t < 1e-8:
-            raise NotConverged("the interior point step vanished")
+        if not t > 1e-8:
+            raise NotConverged(f"the interior point step vanished ({self._measured})")
         self._system.u.x.array[:] += t * combined[0]
         for block, step in zip(self._blocks, combined[1], strict=True):
             block.advance(t, *step)
-        if self._friction is not None:
+        if self._friction is not None and self._bound_moves:
             bound = self._system.bound
             cones.look_at(self._system.u.x.array)
             new = self._new_bound()
@@ -169,6 +199,17 @@ class InteriorPoint:
             bound.values = new
             self._friction.set_bound(new[cones.active])
             report.friction += 1
+
+    def _limited(self, centring: float) -> float:
+        """Keep the complementarity from running ahead of equilibrium, and from vanishing.
+
+        Products that are much smaller than the residuals block every step, and products below the
+        tolerance only lose digits.
+        """
+        now = self._measured
+        if now.gap < _GAP_AHEAD * max(now.equilibrium, now.friction):
+            return 1.0
+        return max(centring, min(1.0, _GAP_LEFT * _GAP_TOLERANCE / now.gap))
 
     def _direction(self, target: float, corrections: Any) -> tuple[FloatArray, list[Any]]:
         """The displacement step and each block's steps towards products of ``target``."""
@@ -195,22 +236,15 @@ class InteriorPoint:
         cones, system = self._cones, self._system
         cones.look_at(system.u.x.array)
         self._strain = cones.strains()
-        self._locking_residual = (
-            np.column_stack(
-                [
-                    self._locking.limit + self._locking.compliance * self._locking.z[:, 0],
-                    self._strain,
-                ]
-            )
-            - self._locking.x
-        )
-        primal = self._rms(cones.volumes, self._locking_residual, self._locking.x)
+        locking = self._locking.primal_residual(self._strain)
+        primal = self._rms(cones.volumes, locking, self._locking.x)
         pressure = friction = None
         if self._contact is not None:
             pressure = self._contact.z
-            contact = self._opening() + self._contact.compliance * pressure - self._contact.x
-            length = np.full(len(contact), 1e-3 * self._target.length) + np.abs(self._contact.x)
-            primal = max(primal, self._rms(self._contact.weights, contact, length))
+            contact = self._contact.primal_residual(self._opening())
+            # Openings may all be zero; what is small is judged against the body, too.
+            size = np.abs(self._contact.x) + 1e-3 * self._target.length
+            primal = max(primal, self._rms(self._contact.weights, contact, size))
         if self._friction is not None:
             self._slip = cones.slips()
             friction = self._friction.traction
@@ -225,16 +259,23 @@ class InteriorPoint:
             self._friction_change,
         )
 
-    def _multipliers(self) -> Multipliers:
+    def multipliers(self) -> Multipliers:
+        """Those of the present iterate."""
         contact, friction = self._contact, self._friction
         if contact is None:
-            return Multipliers(self._cones.stress, np.zeros(0), np.zeros((0, self._cones.dim)))
+            none = np.zeros(0)
+            return Multipliers(self._cones.stress, none, none.reshape(0, self._cones.dim), none > 0)
         pressure = contact.z
         traction = np.zeros((len(pressure), self._cones.dim))
         if friction is not None:
             traction = friction.traction
         every = self._cones.at_all_nodes
-        return Multipliers(self._cones.stress, every(pressure), every(traction))
+        # On the central path opening times pressure is constant; the larger one, in comparable
+        # units, is the one that does not vanish.
+        touches = pressure > contact.x * self._target.stiffness / self._target.length
+        return Multipliers(
+            self._cones.stress, every(pressure), every(traction), every(touches).astype(bool)
+        )
 
     @property
     def _blocks(self) -> list[Any]:

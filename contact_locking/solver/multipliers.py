@@ -13,8 +13,13 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Multipliers:
-    """``locking_stress`` is Z (P0); ``pressure`` (k,) and ``friction`` = -sigma_tau (k, d) nodal."""
+    """Z as a P0 function, and at the owned nodes of Gamma_C pressure (k,) and -sigma_tau (k, d).
+
+    ``touches`` (k,) says where the body is in contact; elsewhere the pressure vanishes up to the
+    solver's tolerance only.
+    """
 
     locking_stress: fem.Function
     pressure: FloatArray
     friction: FloatArray
+    touches: npt.NDArray[np.bool_]

@@ -8,6 +8,7 @@ through a locking front) nor on the energy (which has no digits left near the mi
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -34,10 +35,15 @@ class CriticalPointStep:
     SLOPE_SHARE = 0.5
     MAX_TRIALS = 30
 
-    def __init__(self, counted: Callable[[int], None]) -> None:
+    def __init__(
+        self,
+        counted: Callable[[int], None],
+        kept: Callable[[Callable[..., None]], Callable[..., None]],
+    ) -> None:
         self._counted = counted
+        self.step = kept(self._step)
 
-    def step(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> None:
+    def _step(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> None:
         matrix = snes.getJacobian()[0]
         snes.computeJacobian(x, matrix)
         snes.ksp.setOperators(matrix)
@@ -96,13 +102,14 @@ class NewtonSolver:
         self._matrix.setNearNullSpace(self._near_nullspace)
         self._x, self._f = self._matrix.createVecRight(), self._matrix.createVecLeft()
         self._report = SolverReport()
-        self._tolerance, self._last = settings.tolerance, np.inf
+        self._tolerance, self._last, self._least_steps = settings.tolerance, np.inf, 0
+        self._raised: BaseException | None = None
         self._snes = snes = PETSc.SNES().create(system.comm)
         snes.setOptionsPrefix(PREFIX)
-        snes.setFunction(lambda _, x, f: system.residual(x, f), self._f)
-        snes.setJacobian(self._assemble, self._matrix)
+        snes.setFunction(self._kept(lambda _, x, f: system.residual(x, f)), self._f)
+        snes.setJacobian(self._kept(self._assemble), self._matrix)
         snes.setType(PETSc.SNES.Type.PYTHON)
-        snes.setPythonContext(CriticalPointStep(self._count))
+        snes.setPythonContext(CriticalPointStep(self._count, self._kept))
         snes.ksp.setErrorIfNotConverged(True)
         dim = system.u.function_space.mesh.topology.dim
         defaults = default_options(settings.linear, dim, system.size)
@@ -112,22 +119,26 @@ class NewtonSolver:
             snes.setFromOptions()
             snes.ksp.setFromOptions()
         snes.setTolerances(max_it=settings.max_iterations)
-        snes.setConvergenceTest(self._test)
+        snes.setConvergenceTest(self._kept(self._test))
 
-    def solve(self, tolerance: float, report: SolverReport) -> None:
+    def solve(self, tolerance: float, report: SolverReport, least_steps: int = 0) -> None:
         """Solve from the system's displacement to ``|F| <= tolerance max(|f|, |a(u, .)|)``.
 
-        Raises NotConverged, with the displacement left as it was, if that is not reached.
+        ``least_steps`` are taken even if the start is good enough.  Raises NotConverged, with the
+        displacement left as it was, if that is not reached.
         """
-        self._report, self._tolerance = report, tolerance
+        self._report, self._tolerance, self._least_steps = report, tolerance, least_steps
+        self._raised = None
         self._system.displacement(self._x)
         start = self._x.copy()
         reason = None
         try:
             self._snes.solve(None, self._x)
             reason = self._snes.getConvergedReason()
-        except (PETSc.Error, NotConverged) as error:
-            failure = str(error) if isinstance(error, NotConverged) else "the linear solve failed"
+        except PETSc.Error:
+            if self._raised is not None and not isinstance(self._raised, NotConverged):
+                raise self._raised from None
+            failure = str(self._raised or "the linear solve failed")
         else:
             failure = _describe(reason)
         if reason is None or reason < 0:
@@ -142,6 +153,18 @@ class NewtonSolver:
         for item in (self._snes, self._matrix, self._near_nullspace, self._x, self._f):
             item.destroy()
 
+    def _kept(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """The callback, with what it raises kept: PETSc passes on an error code only."""
+
+        def call(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except BaseException as error:
+                self._raised = error
+                raise
+
+        return call
+
     def _count(self, iterations: int) -> None:
         self._report.tangents += 1
         self._report.linear += iterations
@@ -152,6 +175,9 @@ class NewtonSolver:
     def _test(
         self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]
     ) -> PETSc.SNES.ConvergedReason | None:
+        if iteration < self._least_steps:
+            self._last = np.inf
+            return None
         residual = norms[2]
         if not np.isfinite(residual):
             return ConvergedReason.DIVERGED_FNORM_NAN
@@ -165,7 +191,6 @@ class NewtonSolver:
         if iteration >= snes.getTolerances()[3]:
             return ConvergedReason.DIVERGED_MAX_IT
         return None
-
 
     def _rounding(self, snes: PETSc.SNES) -> float:
         """What one unit in the last place of the displacement does to the residual, five-fold."""

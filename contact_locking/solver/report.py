@@ -6,20 +6,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from contact_locking.solver.multipliers import Multipliers
+
 
 @dataclass(frozen=True)
 class Settings:
     """Tolerances and limits.
 
     ``tolerance`` bounds the equilibrium residual relative to the forces, ``friction_tolerance``
-    the last change of the friction bound relative to it; ``linear`` is auto, direct or
-    iterative; ``petsc`` holds options that override every default, without prefix.
+    the last change of the friction bound relative to it; ``nested`` asks for the fixed point on
+    the bound around whole solves; ``linear`` is auto, direct or iterative; ``petsc`` holds options
+    that override every default, without prefix.
     """
 
     tolerance: float = 1e-8
     max_iterations: int = 100
     friction_tolerance: float = 1e-8
     max_friction_updates: int = 100
+    nested: bool = False
     linear: str = "auto"
     petsc: Mapping[str, Any] = field(default_factory=dict)
 
@@ -30,6 +34,7 @@ class SolverReport:
 
     ``contraction`` is the factor by which the friction fixed point shrank its update, None where
     there was too little to observe; ``suggestion`` names the way out of a failure.
+    ``multipliers`` are set where they are unknowns of the solver; otherwise the laws give them.
     """
 
     converged: bool = False
@@ -40,4 +45,6 @@ class SolverReport:
     friction: int = 0
     contraction: float | None = None
     friction_change: float | None = None
+    duality_gap: float | None = None
+    multipliers: Multipliers | None = None
     stages: list[dict[str, float | int]] = field(default_factory=list)

@@ -2,81 +2,178 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
+
+import numpy as np
 
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.friction import fixed_point
+from contact_locking.solver.interior_point import InteriorPoint
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.report import Settings, SolverReport
+from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2
 # The last digits of the friction bound need an equilibrium that is sharper than the bound.
 _INNER_SHARE = 0.1
+# Newton's convergence radius shrinks like n^-1/2: beyond these values of n/stiffness and
+# length/epsilon an interior point solution is too far for it.
+_POLISHED_UP_TO = 1e5
+_POLISHING_STEPS = 8
+
+_NEWTON_WAY_OUT = (
+    "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon; if the friction "
+    "bound does not settle, lower friction.coefficient or enlarge friction.smoothing.radius."
+)
+_INTERIOR_WAY_OUT = (
+    "Raise solver.max_iterations if it was low.  If displacements are prescribed, no field with |eps| <= M may be able to follow them: lower "
+    "them or raise material.locking_limit.  If the friction bound does not settle, lower "
+    "friction.coefficient or enlarge friction.smoothing.radius."
+)
 
 
 def newton_with_continuation(
-    system: PenalisedSystem, path: PenaltyPath, settings: Settings, monitor: Monitor
+    system: PenalisedSystem, target: Target, settings: Settings, monitor: Monitor
 ) -> SolverReport:
     """SNES with the penalty made stiffer stage by stage and the friction bound updated outside."""
-    report = SolverReport()
+    report = SolverReport(suggestion=_NEWTON_WAY_OUT)
+    path = PenaltyPath.towards(target)
     newton = NewtonSolver(system, settings, monitor)
-    bound = system.bound
+    bound = None if system.bound is None or system.bound.frictionless else system.bound
 
     def stage(n: float, epsilon: float, last: bool) -> None:
         system.set_penalty(n, epsilon)
         monitor.stage(len(report.stages) + 1, round(path.decades) + 1, n, epsilon)
         before = report.tangents
-        if not last:
+        if last:
+            _settle(newton, system, settings, report, monitor)
+        else:
             newton.solve(_INTERMEDIATE_TOLERANCE, report)
             if bound is not None:
                 bound.values = bound.evaluate()
                 report.friction += 1
-        elif bound is None:
-            newton.solve(settings.tolerance, report)
-        else:
-            inner = _INNER_SHARE * settings.tolerance
-            solve = lambda: newton.solve(inner, report)  # noqa: E731
-            fixed_point(bound, solve, settings, report, monitor)
         report.stages.append({"n": n, "epsilon": epsilon, "tangents": report.tangents - before})
 
     try:
         follow(path, stage)
-        report.converged, report.reason = True, "every criterion held"
     except NotConverged as failure:
         report.reason = str(failure)
-        report.suggestion = (
-            "Lower penalty.n or raise penalty.epsilon, load in smaller steps, or refine the mesh; "
-            "if the friction bound does not settle, lower friction.coefficient or enlarge "
-            "friction.smoothing.radius."
-        )
+        return report
     finally:
         newton.destroy()
+    return _success(report)
+
+
+def interior_point(
+    system: PenalisedSystem, target: Target, settings: Settings, monitor: Monitor
+) -> SolverReport:
+    """The interior point method, for a finite n polished by Newton where Newton can."""
+    report = SolverReport(suggestion=_INTERIOR_WAY_OUT)
+    monitor.stage(1, 1, target.n, target.epsilon)
+    bound = system.bound
+    nested = settings.nested and bound is not None and not bound.frictionless
+    start = system.u.x.array.copy()
+    solver = InteriorPoint(system, target, settings, monitor, bound_moves=not nested)
+
+    def solve() -> None:
+        system.u.x.array[:] = start
+        report.multipliers = solver.solve(report)
+
+    def evaluate() -> np.ndarray:
+        assert bound is not None and report.multipliers is not None
+        return bound.evaluate(report.multipliers.pressure)
+
+    try:
+        if nested:
+            assert bound is not None
+            solve()
+            bound.values = evaluate()
+            fixed_point(bound, solve, settings, report, monitor, evaluate)
+        else:
+            solve()
+    except NotConverged as failure:
+        report.multipliers = report.multipliers or solver.multipliers()
+        report.reason = str(failure)
+        return report
+    finally:
+        solver.destroy()
+    report.stages.append({"n": target.n, "epsilon": target.epsilon, "tangents": report.tangents})
+    _polish(system, target, settings, report, monitor)
+    return _success(report)
+
+
+def _polish(
+    system: PenalisedSystem,
+    target: Target,
+    settings: Settings,
+    report: SolverReport,
+    monitor: Monitor,
+) -> None:
+    """Newton from the interior point solution; where it fails, that solution stays."""
+    sharpness = max(target.n / target.stiffness, target.length / max(target.epsilon, 1e-300))
+    if sharpness > _POLISHED_UP_TO:
+        return
+    settings = dataclasses.replace(settings, max_iterations=_POLISHING_STEPS)
+    kept = system.u.x.array.copy()
+    bound_kept = None if system.bound is None else system.bound.values.copy()
+    system.set_penalty(target.n, target.epsilon)
+    newton = NewtonSolver(system, settings, monitor)
+    try:
+        _settle(newton, system, settings, report, monitor)
+        report.multipliers = None
+    except NotConverged:
+        system.u.x.array[:] = kept
+        if system.bound is not None and bound_kept is not None:
+            system.bound.values = bound_kept
+    finally:
+        newton.destroy()
+
+
+def _settle(
+    newton: NewtonSolver,
+    system: PenalisedSystem,
+    settings: Settings,
+    report: SolverReport,
+    monitor: Monitor,
+) -> None:
+    """Solve to the tolerances, with the friction bound's fixed point where there is friction."""
+    if system.bound is None or system.bound.frictionless:
+        newton.solve(settings.tolerance, report)
+        return
+
+    def solve() -> None:
+        newton.solve(_INNER_SHARE * settings.tolerance, report, least_steps=1)
+
+    fixed_point(system.bound, solve, settings, report, monitor)
+    newton.solve(settings.tolerance, report)
+
+
+def _success(report: SolverReport) -> SolverReport:
+    report.converged, report.reason, report.suggestion = True, "every criterion held", ""
     return report
 
 
-Strategy = Callable[[PenalisedSystem, PenaltyPath, Settings, Monitor], SolverReport]
+Strategy = Callable[[PenalisedSystem, Target, Settings, Monitor], SolverReport]
 
 METHODS: Mapping[str, Strategy] = {
-    "auto": newton_with_continuation,
+    "auto": interior_point,
+    "interior_point": interior_point,
     "newton": newton_with_continuation,
 }
 
 
 def solve(
-    method: str,
-    system: PenalisedSystem,
-    path: PenaltyPath,
-    settings: Settings,
-    monitor: Monitor,
+    method: str, system: PenalisedSystem, target: Target, settings: Settings, monitor: Monitor
 ) -> SolverReport:
-    """Solve ``system`` at the end of ``path`` by the named method; collective.
+    """Solve ``system`` for the penalty of ``target`` by the named method; collective.
 
     Raises InputError for a method there is not.
     """
     if method not in METHODS:
         raise InputError(f"no solver {method!r}; there are: {', '.join(METHODS)}", "solver.method")
-    return METHODS[method](system, path, settings, monitor)
+    return METHODS[method](system, target, settings, monitor)

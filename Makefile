@@ -1,0 +1,51 @@
+# Everything runs through ./in-env, which finds or makes an environment with DOLFINx.
+
+RANKS = 2
+# The time limit ends a deadlock.
+PARALLEL = timeout --kill-after=30 1800 mpirun -n $(RANKS)
+
+# $(call optional,TOOL,COMMANDS): a Python of the user's own need not have the tool.
+optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
+	else echo "SKIPPED: $(1) is not installed (pip install .[dev])"; fi'
+
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.PHONY: help demo test test-all lint serial serial-all parallel parallel-all format image image-test clean
+
+help: ## this list
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
+	@echo 'DOLFINX=latest make ... takes the newest DOLFINx of Debian (sid)'
+
+demo: ## solve demos/block.yml and draw it
+	./in-env contact-locking run demos/block.yml
+
+test: lint serial parallel ## ruff and mypy, the tests, and those for several ranks under mpirun
+test-all: lint serial-all parallel-all ## the same with the slow tests
+
+lint: ## ruff and mypy only
+	@$(call optional,ruff,ruff check && ruff format --check)
+	@$(call optional,mypy,mypy)
+
+serial: ## the tests on one rank
+	./in-env python3 -m pytest
+serial-all:
+	./in-env python3 -m pytest -m ""
+
+parallel: ## the tests under mpirun -n 2 (RANKS=2)
+	./in-env $(PARALLEL) python3 -m pytest -p no:cacheprovider
+parallel-all:
+	./in-env $(PARALLEL) python3 -m pytest -p no:cacheprovider -m ""
+
+format: ## format the code
+	./in-env ruff check --fix
+	./in-env ruff format
+
+image: ## build the Docker image contact-locking
+	docker build -t contact-locking .
+
+image-test: ## build the Docker image (with buildah if there is no Docker or Podman) and solve in it on two ranks
+	environment/image-test
+
+clean: ## remove results and caches in this folder
+	rm -rf results build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,186 @@
+"""The interior point method: cone algebra, any n, and agreement with Newton and with theory."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from problems import block, column
+
+from contact_locking import problem
+from contact_locking.parameters import Parameters
+from contact_locking.solver import cones
+from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
+
+
+def _inside(random: np.random.Generator, count: int = 5, size: int = 4) -> np.ndarray:
+    x = random.standard_normal((count, size))
+    x[:, 0] = np.linalg.norm(x[:, 1:], axis=1) + random.uniform(1e-6, 2.0, count)
+    return x
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_scaling_maps_both_points_to_the_same_one(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    x, z = _inside(random), _inside(random)
+    scaling = cones.Scaling.of(x, z)
+    np.testing.assert_allclose(scaling.apply(z), scaling.point, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(scaling.apply_inverse(x), scaling.point, rtol=1e-6, atol=1e-9)
+    y = random.standard_normal(x.shape)
+    np.testing.assert_allclose(scaling.apply_inverse(scaling.apply(y)), y, rtol=1e-5, atol=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_division_undoes_the_jordan_product_and_the_inverse_gives_the_unit(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    x, d = _inside(random), random.standard_normal((5, 4))
+    np.testing.assert_allclose(cones.product(x, cones.divide(d, x)), d, rtol=1e-6, atol=1e-8)
+    unit = cones.product(x, cones.inverse(x))
+    np.testing.assert_allclose(unit, np.eye(4)[[0] * 5], atol=1e-8)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_longest_step_ends_on_the_boundary_of_a_cone(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    x, step = _inside(random), random.standard_normal((5, 4))
+    t = cones.longest_step(x, step)
+    if math.isinf(t):
+        assert np.all(cones.det(x + 1e6 * step) > 0.0)
+        return
+    end = x + t * step
+    slack = end[:, 0] - np.linalg.norm(end[:, 1:], axis=1)
+    assert slack.min() == pytest.approx(0.0, abs=1e-7 * (1.0 + np.abs(end).max()))
+
+
+def test_a_direction_that_is_no_number_allows_no_step() -> None:
+    x = np.array([[1.0, 0.0]])
+    assert cones.longest_step(x, np.full((1, 2), np.nan)) == 0.0
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.3])
+def test_eliminated_steps_satisfy_the_full_newton_system(compliance: float) -> None:
+    random = np.random.default_rng(3)
+    eps = 0.3 * random.standard_normal((6, 3))
+    locking = LockingBlock(eps, np.full(6, 1.0), np.ones(6), compliance)
+    locking.x[:, 0] += 0.3
+    locking.z = _inside(random, 6, 4)
+    a, b, w = locking.linearise(eps + 0.01)
+    resting = locking.aim(0.2)
+    d_eps = random.standard_normal((6, 3))
+    dx, dz = locking.step(d_eps)
+    # The multiplier's step is what the tangent block says it is ...
+    tangent = a[:, None] * d_eps + (b * np.sum(w * d_eps, axis=1))[:, None] * w
+    np.testing.assert_allclose(-(locking.z + dz)[:, 1:], resting + tangent, rtol=1e-9, atol=1e-9)
+    # ... primal feasibility is restored ...
+    limit = 1.0 + compliance * (locking.z + dz)[:, 0]
+    np.testing.assert_allclose((locking.x + dx)[:, 0], limit, atol=1e-10)
+    np.testing.assert_allclose((locking.x + dx)[:, 1:], eps + 0.01 + d_eps, atol=1e-10)
+    # ... and the linearised complementarity reaches its target.
+    scaling = cones.Scaling.of(locking.x, locking.z)
+    reached = cones.product(scaling.point, scaling.point) + cones.product(
+        scaling.point, scaling.apply_inverse(dx) + scaling.apply(dz)
+    )
+    np.testing.assert_allclose(reached, 0.2 * np.eye(4)[[0] * 6], atol=1e-8)
+
+
+@pytest.mark.parametrize("epsilon", [0.0, 0.2])
+def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(epsilon: float) -> None:
+    random = np.random.default_rng(5)
+    slip = random.standard_normal((4, 2))
+    friction = FrictionBlock(slip, np.ones(4), epsilon, np.full(4, 2.0), 0.5)
+    friction.z[:, 1:] = 0.3 * random.standard_normal(friction.z[:, 1:].shape)
+    a, b, w = friction.linearise(slip)
+    resting = friction.aim(0.1)
+    d_slip = random.standard_normal((4, 2))
+    _, dz = friction.step(d_slip)
+    assert np.all(dz[:, 0] == 0.0)
+    tangent = a[:, None] * d_slip - (b * np.sum(w * d_slip, axis=1))[:, None] * w
+    moved = -(friction.z + dz)[:, 1:3]
+    np.testing.assert_allclose(moved, resting + tangent, rtol=1e-9, atol=1e-9)
+
+
+def test_contact_step_satisfies_the_linearised_complementarity() -> None:
+    contact = ContactBlock(np.array([0.2, 0.5]), np.ones(2), 0.1, 0.01)
+    contact.start(0.3)
+    stiffness = contact.linearise(np.array([0.1, 0.6]))
+    resting = contact.aim(0.2)
+    d_normal = np.array([0.05, -0.02])
+    dx, dz = contact.step(d_normal)
+    np.testing.assert_allclose(contact.z + dz, resting + stiffness * d_normal)
+    np.testing.assert_allclose(contact.x * contact.z + dx * contact.z + contact.x * dz, 0.2)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("coefficient", [0.0, 0.3, "0.5 - 0.2*s/(s + 0.01)"])
+def test_interior_point_and_newton_find_the_same_solution(
+    dim: int, coefficient: float | str
+) -> None:
+    h = 0.1 if dim == 2 else 0.34
+    newton, interior = (
+        problem.solve(block(dim, h, friction__coefficient=coefficient, solver={"method": method}))
+        for method in ("newton", "interior_point")
+    )
+    assert newton.converged and interior.converged
+    for key in ("compliance", "elastic_energy", "strain_norm_max"):
+        assert interior.summary[key] == pytest.approx(newton.summary[key], rel=1e-8)
+    for key in ("contact_force", "friction_force"):
+        assert interior.summary[key] == pytest.approx(newton.summary[key], rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize("coefficient", [0.3, 1.0])
+def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
+    for n in (1e2, 1e4, 1e6, 1e8, math.inf):
+        solution = problem.solve(block(h=0.05, penalty__n=n, friction__coefficient=coefficient))
+        assert solution.converged, solution.summary["reason"]
+        assert solution.summary["iterations"]["tangents"] <= 30
+
+
+def test_penalised_solutions_tend_to_that_of_the_inequality() -> None:
+    def displacement(n: float) -> np.ndarray:
+        return problem.solve(block(penalty__n=n)).displacement.x.array.copy()
+
+    limit = displacement(math.inf)
+    errors = [np.abs(displacement(n) - limit).max() for n in (1e2, 1e3, 1e4)]
+    assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_inequality_keeps_both_constraints_and_the_coulomb_cone(dim: int) -> None:
+    solution = problem.solve(block(dim, 0.1 if dim == 2 else 0.34, penalty__n=math.inf))
+    summary = solution.summary
+    assert solution.converged
+    assert summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
+    assert summary["locked_fraction"] > 0.1
+    assert summary["penetration_max"] <= 1e-8
+    points = solution.contact_points
+    if points is not None:
+        traction = np.linalg.norm(points.traction, axis=1)
+        assert np.all(traction <= points.bound * (1.0 + 1e-6) + 1e-9)
+        assert np.abs(points.pressure * (points.gap - points.u_normal)).max() <= 1e-8
+        sliding = np.sum(points.traction * points.u_tangent, axis=1)
+        assert np.all(sliding <= 1e-12)
+
+
+def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
+    solution = problem.solve(column(penalty={"n": math.inf}))
+    assert solution.converged
+    assert solution.summary["strain_norm_max"] == pytest.approx(0.02, rel=1e-7)
+    # It sinks by the gap and the locked shortening.
+    assert solution.summary["compliance"] == pytest.approx(0.05 * (0.1 + 0.04), rel=1e-7)
+
+
+def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
+    def solve(friction: str) -> tuple[Parameters, dict]:
+        parameters = block(penalty__n=math.inf, solver={"friction": friction})
+        return parameters, problem.solve(parameters).summary
+
+    (_, inside), (_, nested) = solve("inside"), solve("nested")
+    assert inside["converged"] and nested["converged"]
+    assert nested["compliance"] == pytest.approx(inside["compliance"], rel=1e-7)
+    assert 0.0 < nested["friction_fixed_point"]["contraction"] < 0.5
