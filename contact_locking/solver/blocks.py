@@ -154,7 +154,8 @@ class ContactBlock:
 class FrictionBlock:
     """``x = (t, u_tau, eps) in L`` with cost ``g t``, node by node.
 
-    The multiplier is ``z = (g, sigma_tau, .)``.  The last entry of the primal point is the regularisation eps, absent where it is 0.
+    The multiplier is ``z = (g, sigma_tau, .)``.  The last entry of the primal point is the
+    regularisation eps, absent where it is 0.
     """
 
     def __init__(

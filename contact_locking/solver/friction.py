@@ -43,7 +43,8 @@ def fixed_point(
         changes.append(relative)
         report.friction += 1
         report.friction_change = relative
-        report.contraction = contraction_factor(changes, settings.friction_tolerance)
+        observed = contraction_factor(changes, settings.friction_tolerance)
+        report.contraction = report.contraction if observed is None else observed
         monitor.friction_update(update, relative, report.contraction)
         if relative <= settings.friction_tolerance:
             return

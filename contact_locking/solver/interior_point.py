@@ -97,7 +97,10 @@ class InteriorPoint:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place."""
         monitor, settings = self._monitor, self._settings
         self._friction, self._friction_change = None, 0.0
-        self._start(report)
+        try:
+            self._start(report)
+        except PETSc.Error as error:
+            raise NotConverged("the linear solve failed") from error
         limit = settings.max_iterations
         for iteration in range(limit + 1):
             measures = self._measured = self._measure()
@@ -263,8 +266,10 @@ class InteriorPoint:
         """Those of the present iterate."""
         contact, friction = self._contact, self._friction
         if contact is None:
-            none = np.zeros(0)
-            return Multipliers(self._cones.stress, none, none.reshape(0, self._cones.dim), none > 0)
+            surface = self._cones.surface
+            none = np.zeros(0 if surface is None else len(surface.nodes))
+            still = np.zeros((len(none), self._cones.dim))
+            return Multipliers(self._cones.stress, none, still, none > 0.0)
         pressure = contact.z
         traction = np.zeros((len(pressure), self._cones.dim))
         if friction is not None:

@@ -22,18 +22,20 @@ _INTERMEDIATE_TOLERANCE = 1e-2
 # The last digits of the friction bound need an equilibrium that is sharper than the bound.
 _INNER_SHARE = 0.1
 # Newton's convergence radius shrinks like n^-1/2: beyond these values of n/stiffness and
-# length/epsilon an interior point solution is too far for it.
-_POLISHED_UP_TO = 1e5
-_POLISHING_STEPS = 8
+# length/epsilon an interior point solution is too far for it, and where a few steps do not
+# arrive, many do not.
+_POLISHED_UP_TO = 1e7
+_POLISHING_STEPS = 4
 
 _NEWTON_WAY_OUT = (
     "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon; if the friction "
     "bound does not settle, lower friction.coefficient or enlarge friction.smoothing.radius."
 )
 _INTERIOR_WAY_OUT = (
-    "Raise solver.max_iterations if it was low.  If displacements are prescribed, no field with |eps| <= M may be able to follow them: lower "
-    "them or raise material.locking_limit.  If the friction bound does not settle, lower "
-    "friction.coefficient or enlarge friction.smoothing.radius."
+    "Raise solver.max_iterations if it was low.  If displacements are prescribed, no field with "
+    "|eps| <= M may be able to follow them: lower them or raise "
+    "material.locking_limit.  If the friction bound does not settle, lower friction.coefficient "
+    "or enlarge friction.smoothing.radius."
 )
 
 

@@ -1,0 +1,234 @@
+"""The discrete problem at a known friction bound as a second-order cone programme for Clarabel.
+
+    min  1/2 a(u, u) - (f, u) + sum_K |K| n q_K^2 + sum_i w_i (g_i t_i + r_i^2/(2 eps))
+    with |eps_K(u)| <= M + q_K,  u_nu,i - gap_i <= r_i,  |(u_tau,i, eps)| <= t_i
+
+over the cells K and the nodes i of Gamma_C; q = 0 for n = inf and r = 0 for eps = 0.  Built from
+coordinates and connectivity alone, so that it shares nothing with what it judges.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.integer]
+
+
+class Body:
+    """Linear simplices of one isotropic material: ``x`` (k, d), ``cells`` (c, d + 1).
+
+    ``strain`` maps nodal displacements, flattened node by node, to strains cell by cell, as vectors
+    of m = d (d + 1)/2 entries with the off-diagonal ones times sqrt(2); ``stiffness`` is the matrix
+    of a(u, u).
+    """
+
+    def __init__(self, x: FloatArray, cells: IntArray, young: float, poisson: float) -> None:
+        self.x, self.cells = x, cells
+        self.dim = dim = x.shape[1]
+        edges = x[cells[:, 1:]] - x[cells[:, :1]]
+        self.volumes = np.abs(np.linalg.det(edges)) / math.factorial(dim)
+        # The shape functions fall or rise by one along the edges from the first vertex.
+        others = np.linalg.inv(edges)
+        gradients = np.concatenate([-others.sum(axis=2, keepdims=True), others], axis=2)
+        self.strain = self._strain(gradients)
+        shear = young / (2.0 * (1.0 + poisson))
+        volumetric = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+        trace = np.r_[np.ones(dim), np.zeros(dim * (dim - 1) // 2)]
+        law = 2.0 * shear * np.eye(len(trace)) + volumetric * np.outer(trace, trace)
+        self.stiffness = (
+            self.strain.T @ sp.kron(sp.diags(self.volumes), law) @ self.strain
+        ).tocsc()
+
+    def facets(self, inside: Callable[[FloatArray], npt.NDArray[np.bool_]]) -> IntArray:
+        """The facets (f, d) of the boundary all of whose vertices lie where ``inside`` says."""
+        sides = [np.delete(self.cells, i, axis=1) for i in range(self.dim + 1)]
+        facets, count = np.unique(
+            np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True
+        )
+        return facets[(count == 1) & inside(self.x[facets]).all(axis=1)]
+
+    def nodal_areas(self, facets: IntArray) -> FloatArray:
+        """The weights (k,) of the vertex rule on some facets, zero at all other nodes."""
+        edges = self.x[facets[:, 1:]] - self.x[facets[:, :1]]
+        gram = np.einsum("fik,fjk->fij", edges, edges)
+        areas = np.sqrt(np.linalg.det(gram)) / math.factorial(self.dim - 1)
+        shares = np.repeat(areas / self.dim, self.dim)
+        return np.bincount(facets.ravel(), shares, minlength=len(self.x))
+
+    def _strain(self, gradients: FloatArray) -> sp.csc_matrix:
+        dim, count = self.dim, len(self.cells)
+        rows = [(i, i) for i in range(dim)] + list(combinations(range(dim), 2))
+        blocks = np.zeros((count, len(rows), dim + 1, dim))
+        for row, (i, j) in enumerate(rows):
+            weight = 0.5 if i == j else math.sqrt(0.5)
+            blocks[:, row, :, i] += weight * gradients[:, j, :]
+            blocks[:, row, :, j] += weight * gradients[:, i, :]
+        width = (dim + 1) * dim
+        columns = (self.cells[:, :, None] * dim + np.arange(dim)).reshape(count, 1, width)
+        columns = np.broadcast_to(columns, (count, len(rows), width))
+        lines = np.repeat(np.arange(count * len(rows)), width)
+        shape = (count * len(rows), len(self.x) * dim)
+        return sp.csc_matrix((blocks.ravel(), (lines, columns.ravel())), shape=shape)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Gamma_C, node by node: ``nodes``, ``weights``, ``gap`` and ``bound`` (k,), ``normal`` (d,)."""
+
+    nodes: IntArray
+    weights: FloatArray
+    gap: FloatArray
+    bound: FloatArray
+    normal: FloatArray
+
+
+@dataclass(frozen=True)
+class ConicProblem:
+    """``load`` is the vector of (f, .); the nodes ``held`` have the displacement ``value`` (d,).
+
+    A node that is held has no place in ``contact``, nor has one without a friction bound.
+    """
+
+    body: Body
+    limit: float
+    load: FloatArray
+    held: IntArray
+    value: FloatArray
+    contact: Contact
+    n: float = math.inf
+    epsilon: float = 0.0
+
+    def energy(self, u: FloatArray) -> float:
+        """What is minimised, at a displacement: with the least q, r and t it allows."""
+        body, contact = self.body, self.contact
+        energy = 0.5 * u @ (body.stiffness @ u) - self.load @ u
+        slip = np.linalg.norm((self._tangents() @ u).reshape(len(contact.nodes), -1), axis=1)
+        energy += contact.weights @ (contact.bound * np.hypot(slip, self.epsilon))
+        if math.isfinite(self.n):
+            strain = np.linalg.norm((body.strain @ u).reshape(len(body.cells), -1), axis=1)
+            energy += self.n * (body.volumes @ np.maximum(strain - self.limit, 0.0) ** 2)
+        if self.epsilon > 0.0:
+            depth = np.maximum(self._normal() @ u - contact.gap, 0.0)
+            energy += contact.weights @ depth**2 / (2.0 * self.epsilon)
+        return float(energy)
+
+    def minimiser(self, **options: Any) -> FloatArray:
+        """The displacement by Clarabel; raises AssertionError where it does not get there."""
+        import clarabel
+
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        for name, value in options.items():
+            setattr(settings, name, value)
+        solution = clarabel.DefaultSolver(*self._standard_form(clarabel), settings).solve()
+        assert str(solution.status) in ("Solved", "AlmostSolved"), solution.status
+        free = self._free()
+        u = self._start()
+        u[free] = np.array(solution.x[: len(free)]) * self._length
+        return u
+
+    def _standard_form(self, clarabel: Any) -> tuple[Any, ...]:
+        """``min x'Px/2 + q'x, b - Ax in K`` for x = (u, q, r, t) over lengths, the u free."""
+        body, contact, length = self.body, self.contact, self._length
+        cells, nodes, free = len(body.cells), len(contact.nodes), self._free()
+        start = self._start()
+        # Blocks of variables; one without columns stands for what is absent.
+        softens = sp.eye(cells if math.isfinite(self.n) else 0)
+        yields = sp.eye(nodes if self.epsilon > 0.0 else 0)
+        counts = [len(free), softens.shape[1], yields.shape[1], nodes]
+        stiffness = body.stiffness[free][:, free]
+        quadratic = [stiffness]
+        quadratic.append(sp.diags(2.0 * self.n * body.volumes) if counts[1] else softens)
+        quadratic.append(sp.diags(contact.weights / self.epsilon) if counts[2] else yields)
+        P = sp.block_diag([*quadratic, sp.csc_matrix((nodes, nodes))], "csc") * length
+        linear = np.zeros(sum(counts))
+        linear[: len(free)] = (body.stiffness @ start - self.load)[free]
+        linear[sum(counts[:3]) :] = contact.weights * contact.bound
+
+        def rows(height: int, **blocks: Any) -> sp.csc_matrix:
+            parts = [
+                blocks.get(name, sp.csc_matrix((height, count)))
+                for name, count in zip("uqrt", counts, strict=True)
+            ]
+            return sp.hstack([part for part in parts if part.shape[1]], "csc")
+
+        def first_of(height: int, count: int) -> sp.csc_matrix:
+            return sp.kron(sp.eye(count), sp.csc_matrix(np.eye(height)[:, :1]), "csc")
+
+        A, b, cones = [], [], []
+        # Contact: gap - u_nu + r >= 0.
+        blocks = {"u": -self._normal()[:, free]} | ({"r": yields} if counts[2] else {})
+        A.append(rows(nodes, **blocks))
+        b.append(contact.gap - self._normal() @ start)
+        cones.append(clarabel.NonnegativeConeT(nodes))
+        # Locking: (M + q, eps), the strain below a row for the first entry.
+        m = body.strain.shape[0] // cells
+        below = sp.kron(sp.eye(cells), sp.csc_matrix(np.eye(1 + m)[:, 1:]), "csc")
+        blocks = {"u": below @ body.strain[:, free]}
+        if counts[1]:
+            blocks["q"] = first_of(1 + m, cells)
+        A.append(rows((1 + m) * cells, **blocks))
+        b.append(first_of(1 + m, cells) @ np.full(cells, self.limit))
+        b[-1] += below @ (body.strain @ start)
+        cones += [clarabel.SecondOrderConeT(1 + m)] * cells
+        # Friction: (t, u_tau, eps).
+        size = 1 + (body.dim - 1) + (self.epsilon > 0.0)
+        below = sp.kron(sp.eye(nodes), sp.csc_matrix(np.eye(size)[:, 1 : body.dim]), "csc")
+        height = size * nodes
+        A.append(rows(height, u=below @ self._tangents()[:, free], t=first_of(size, nodes)))
+        b.append(below @ (self._tangents() @ start))
+        if self.epsilon > 0.0:
+            b[-1][size - 1 :: size] = self.epsilon
+        cones += [clarabel.SecondOrderConeT(size)] * nodes
+        return (
+            sp.triu(P, format="csc") / self._force,
+            linear / self._force,
+            -sp.vstack(A, "csc"),
+            np.concatenate(b) / length,
+            cones,
+        )
+
+    @property
+    def _length(self) -> float:
+        """Displacements in this unit have strains about as large as the limit."""
+        return self.limit * float(np.ptp(self.body.x, axis=0).max())
+
+    @property
+    def _force(self) -> float:
+        """The objective in this unit times a length is about one."""
+        return float(self.body.stiffness.diagonal().max()) * self._length
+
+    def _free(self) -> IntArray:
+        mask = np.ones(self.body.x.shape, dtype=bool)
+        mask[self.held] = False
+        return np.flatnonzero(mask)
+
+    def _start(self) -> FloatArray:
+        """The displacement with the held nodes in their places and all others at rest."""
+        u = np.zeros(self.body.x.shape)
+        u[self.held] = self.value
+        return u.ravel()
+
+    def _normal(self) -> sp.csc_matrix:
+        """``u -> u_nu``, (k, dofs)."""
+        return self._at_nodes(self.contact.normal[None, :])
+
+    def _tangents(self) -> sp.csc_matrix:
+        """``u -> u_tau`` in an orthonormal basis of the tangents, (k (d - 1), dofs)."""
+        return self._at_nodes(np.linalg.svd(self.contact.normal[None, :])[2][1:])
+
+    def _at_nodes(self, directions: FloatArray) -> sp.csc_matrix:
+        nodes, body = self.contact.nodes, self.body
+        select = sp.csc_matrix(
+            (np.ones(len(nodes)), (np.arange(len(nodes)), nodes)), (len(nodes), len(body.x))
+        )
+        return sp.kron(select, directions, "csc")
