@@ -12,7 +12,7 @@ from dolfinx import mesh as dmesh
 try:  # DOLFINx >= 0.10
     from dolfinx.io import gmsh as _gmshio
 except ImportError:  # DOLFINx 0.9
-    from dolfinx.io import gmshio as _gmshio  # type: ignore[no-redef, attr-defined]
+    from dolfinx.io import gmshio as _gmshio
 
 
 def model_to_mesh(

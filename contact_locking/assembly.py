@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -273,7 +273,7 @@ def _check_rigid_motions(
     return int(free.shape[1])
 
 
-def _ufl_vector(domain: Domain, values: list[float | str], key: str) -> tuple[Any, int]:
+def _ufl_vector(domain: Domain, values: Sequence[float | str], key: str) -> tuple[Any, int]:
     """A vector of numbers or expressions as UFL, with the degree to integrate it to."""
     names = AXES[: domain.dim]
     components = [parse(value, names) for value in values]

@@ -111,7 +111,9 @@ def _locking_limits(
 def _elasticities(
     domain: Domain, cells: Cells, given: MaterialParameters
 ) -> list[tuple[IntArray, Elasticity, str]]:
-    parts = [(cells.all, given.elasticity, "material.elasticity")]
+    parts: list[tuple[IntArray, Elasticity, str]] = [
+        (cells.all, given.elasticity, "material.elasticity")
+    ]
     for name, region in given.regions.items():
         where = domain.cells(name, f"material.regions.{name}")
         if region.elasticity is not None:
@@ -149,7 +151,7 @@ def _anisotropic(
     for where, elasticity, key in parts:
         if elasticity.stiffness is None:
             lame = _lame(cells, where, elasticity, key)
-            matrices[where] = law.isotropic_stiffness(*lame, domain.dim)
+            matrices[where] = law.isotropic_stiffness(lame[0], lame[1], domain.dim)
             continue
         for i, row in enumerate(elasticity.stiffness):
             for j, entry in enumerate(row):
@@ -159,7 +161,7 @@ def _anisotropic(
         skew = np.abs(part - np.swapaxes(part, 1, 2))
         if -_minimum(domain, -skew) > 1e-10 * -_minimum(domain, -np.abs(part)):
             raise InputError("the stiffness matrix is not symmetric", f"{key}.stiffness")
-    eigenvalues = np.linalg.eigvalsh(matrices)
+    eigenvalues = np.asarray(np.linalg.eigvalsh(matrices), dtype=float)
     lowest, highest = _eigenvalue_range(domain, eigenvalues, parts[-1][2])
     space = fem.functionspace(domain.mesh, ("DG", 0, (size, size)))
     field = fem.Function(space)

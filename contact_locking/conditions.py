@@ -50,7 +50,8 @@ def constrain(
 
     Where two conditions meet in a node, the later one holds.
     """
-    conditions, fixed = [], [np.empty(0, dtype=np.int32)]
+    conditions: list[fem.DirichletBC] = []
+    fixed: list[IntArray] = [np.empty(0, dtype=np.int32)]
     scalars = [space.sub(i).collapse()[0] for i in range(domain.dim)] if wanted else []
     for item in wanted:
         sub, scalar = space.sub(item.component), scalars[item.component]

@@ -211,7 +211,7 @@ def on_root(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
     result, failure = comm.bcast(outcome, root=0)
     if failure is not None:
         raise failure
-    return result  # type: ignore[return-value]
+    return result
 
 
 def agree(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
@@ -219,13 +219,12 @@ def agree(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
 
     For local evaluations of user data: an error on one rank alone would leave the others waiting.
     """
-    result: T | None = None
     failure: ContactLockingError | None = None
     try:
         result = work()
     except ContactLockingError as error:
         failure = error
-    for error in comm.allgather(failure):
-        if error is not None:
-            raise error
-    return result  # type: ignore[return-value]
+    for raised in comm.allgather(failure):
+        if raised is not None:
+            raise raised
+    return result

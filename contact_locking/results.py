@@ -102,9 +102,9 @@ class ContactFields:
         )
         gathered = [self.surface.domain.comm.gather(column) for column in columns]
         segments = self.surface.facet_corners()
-        if self.surface.domain.comm.rank != 0:
+        whole = [np.concatenate(parts) for parts in gathered if parts is not None]
+        if not whole:
             return None
-        whole = [np.concatenate(parts) for parts in gathered]
         order = lexicographic(whole[0]) if segments is None else along_curve(whole[0], segments)
         return ContactPoints(*(column[order] for column in whole))
 

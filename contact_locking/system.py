@@ -125,7 +125,7 @@ class PenalisedSystem:
 
     def near_nullspace(self) -> PETSc.NullSpace:
         """The rigid body motions, orthonormalised, for algebraic multigrid; collective."""
-        basis = []
+        basis: list[PETSc.Vec] = []
         for motion in rigid_motions(self.u.function_space):
             vector = self.u.x.petsc_vec.duplicate()
             vector.array_w[:] = motion[: self._owned]

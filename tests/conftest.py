@@ -1,12 +1,22 @@
-"""Shared by all tests: the communicator, and collective destruction of PETSc objects."""
+"""Shared by all tests: the communicator, and what pytest needs on several ranks."""
 
 from __future__ import annotations
 
 import gc
+import io
+import os
 from collections.abc import Iterator
 
+import hypothesis
 import pytest
 from mpi4py import MPI
+
+RANK, SIZE = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
+
+# Ranks must draw the same examples and not judge them by their clocks; CI must not be a lottery.
+hypothesis.settings.register_profile("same", derandomize=True, database=None, deadline=None)
+if SIZE > 1 or "CI" in os.environ:
+    hypothesis.settings.load_profile("same")
 
 
 @pytest.fixture
@@ -18,13 +28,44 @@ def comm() -> MPI.Intracomm:
 def collect_petsc_objects() -> Iterator[None]:
     """PETSc's destructors are collective: run them at the same place on every rank."""
     yield
-    if MPI.COMM_WORLD.size > 1:
+    if SIZE > 1:
         gc.collect()
         MPI.COMM_WORLD.Barrier()
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Rank 0 speaks for all, but for failures: those of the other ranks are printed below."""
+    if RANK > 0:
+        reporter = config.pluginmanager.unregister(name="terminalreporter")
+        assert reporter is not None
+        silent = type(reporter)(config, io.StringIO())
+        config.pluginmanager.register(silent, "terminalreporter")
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if RANK > 0 and report.failed:
+        sections = "".join(f"\n--- {title} ---\n{text}" for title, text in report.sections)
+        _say(f"{report.nodeid} failed ({report.when})\n{report.longreprtext}{sections}")
+
+
+def pytest_collectreport(report: pytest.CollectReport) -> None:
+    if RANK > 0 and report.failed:
+        _say(f"{report.nodeid} cannot be collected\n{report.longreprtext}")
+
+
+def pytest_internalerror(excrepr: object) -> None:
+    if RANK > 0:
+        _say(f"error inside pytest\n{excrepr}")
+
+
+def _say(message: str) -> None:
+    """Print at once: the other ranks may wait for this one for ever."""
+    print(f"\n=== rank {RANK}: {message}", flush=True)
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if MPI.COMM_WORLD.size > 1:
+    if SIZE > 1:
         skip = pytest.mark.skip(reason="makes sense on one rank only")
         for item in items:
             if "serial" in item.keywords:

@@ -10,7 +10,7 @@ coordinates and connectivity alone, so that it shares nothing with what it judge
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -20,7 +20,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.integer]
+IntArray = npt.NDArray[np.integer[Any]]
 
 
 class Body:
@@ -61,8 +61,9 @@ class Body:
         edges = self.x[facets[:, 1:]] - self.x[facets[:, :1]]
         gram = np.einsum("fik,fjk->fij", edges, edges)
         areas = np.sqrt(np.linalg.det(gram)) / math.factorial(self.dim - 1)
-        shares = np.repeat(areas / self.dim, self.dim)
-        return np.bincount(facets.ravel(), shares, minlength=len(self.x))
+        weights = np.zeros(len(self.x))
+        np.add.at(weights, facets, (areas / self.dim)[:, None])
+        return weights
 
     def _strain(self, gradients: FloatArray) -> sp.csc_matrix:
         dim, count = self.dim, len(self.cells)
@@ -73,8 +74,8 @@ class Body:
             blocks[:, row, :, i] += weight * gradients[:, j, :]
             blocks[:, row, :, j] += weight * gradients[:, i, :]
         width = (dim + 1) * dim
-        columns = (self.cells[:, :, None] * dim + np.arange(dim)).reshape(count, 1, width)
-        columns = np.broadcast_to(columns, (count, len(rows), width))
+        dofs = (self.cells[:, :, None] * dim + np.arange(dim)).reshape(count, width)
+        columns = np.repeat(dofs, len(rows), axis=0)
         lines = np.repeat(np.arange(count * len(rows)), width)
         shape = (count * len(rows), len(self.x) * dim)
         return sp.csc_matrix((blocks.ravel(), (lines, columns.ravel())), shape=shape)
@@ -82,7 +83,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Contact:
-    """Gamma_C, node by node: ``nodes``, ``weights``, ``gap`` and ``bound`` (k,), ``normal`` (d,)."""
+    """Nodes of Gamma_C with their ``weights``, ``gap`` and ``bound``, all (k,); ``normal`` (d,)."""
 
     nodes: IntArray
     weights: FloatArray
@@ -123,17 +124,25 @@ class ConicProblem:
 
     def minimiser(self, **options: Any) -> FloatArray:
         """The displacement by Clarabel; raises AssertionError where it does not get there."""
+        solution = self.solver(**options).solve()
+        assert str(solution.status) in ("Solved", "AlmostSolved"), solution.status
+        return self.displacement(solution.x)
+
+    def solver(self, **options: Any) -> Any:
+        """Clarabel's solver of this problem with the given settings, ready to solve."""
         import clarabel
 
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         for name, value in options.items():
             setattr(settings, name, value)
-        solution = clarabel.DefaultSolver(*self._standard_form(clarabel), settings).solve()
-        assert str(solution.status) in ("Solved", "AlmostSolved"), solution.status
+        return clarabel.DefaultSolver(*self._standard_form(clarabel), settings)
+
+    def displacement(self, unknowns: Sequence[float]) -> FloatArray:
+        """The displacement that is part of the solver's unknowns."""
         free = self._free()
         u = self._start()
-        u[free] = np.array(solution.x[: len(free)]) * self._length
+        u[free] = np.array(unknowns[: len(free)]) * self._length
         return u
 
     def _standard_form(self, clarabel: Any) -> tuple[Any, ...]:

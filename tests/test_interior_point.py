@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,7 +18,7 @@ from contact_locking.solver import cones
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
 
 
-def _inside(random: np.random.Generator, count: int = 5, size: int = 4) -> np.ndarray:
+def _inside(random: np.random.Generator, count: int = 5, size: int = 4) -> npt.NDArray[np.float64]:
     x = random.standard_normal((count, size))
     x[:, 0] = np.linalg.norm(x[:, 1:], axis=1) + random.uniform(1e-6, 2.0, count)
     return x
@@ -142,7 +144,7 @@ def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
 
 
 def test_penalised_solutions_tend_to_that_of_the_inequality() -> None:
-    def displacement(n: float) -> np.ndarray:
+    def displacement(n: float) -> npt.NDArray[np.float64]:
         return problem.solve(block(penalty__n=n)).displacement.x.array.copy()
 
     limit = displacement(math.inf)
@@ -176,7 +178,7 @@ def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
 
 
 def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
-    def solve(friction: str) -> tuple[Parameters, dict]:
+    def solve(friction: str) -> tuple[Parameters, dict[str, Any]]:
         parameters = block(penalty__n=math.inf, solver={"friction": friction})
         return parameters, problem.solve(parameters).summary
 
@@ -184,3 +186,29 @@ def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
     assert inside["converged"] and nested["converged"]
     assert nested["compliance"] == pytest.approx(inside["compliance"], rel=1e-7)
     assert 0.0 < nested["friction_fixed_point"]["contraction"] < 0.5
+
+
+def _stretched(by: float, n: float) -> Parameters:
+    ends = [{"on": "left", "value": [0.0, 0.0]}, {"on": "right", "value": [by, None]}]
+    return block(penalty__n=n, loads={"displacements": ends})
+
+
+@pytest.mark.parametrize("by", [0.015, 0.0199])
+def test_displacements_that_the_locking_limit_allows_are_followed(by: float) -> None:
+    solution = problem.solve(_stretched(by, math.inf))
+    assert solution.converged, solution.summary["reason"]
+    assert solution.summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
+
+
+def test_displacements_that_no_field_within_the_limit_follows_are_infeasible() -> None:
+    # The mean strain along x is 0.0205, and |eps| is no less.
+    solution = problem.solve(_stretched(0.0205, math.inf))
+    assert not solution.converged
+    assert solution.summary["reason"].startswith("infeasible")
+    assert "times its limit near" in solution.summary["reason"]
+
+
+def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
+    solution = problem.solve(_stretched(0.0205, 1e3))
+    assert solution.converged
+    assert solution.summary["strain_norm_max"] > 0.0205

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem, la
@@ -32,7 +33,7 @@ class Point:
     def __init__(self) -> None:
         self.mesh = dmesh.create_unit_square(MPI.COMM_SELF, 1, 1)
 
-    def value(self, expr: ufl.core.expr.Expr) -> np.ndarray:
+    def value(self, expr: ufl.core.expr.Expr) -> npt.NDArray[np.float64]:
         shape = expr.ufl_shape
         parts = [expr] if shape == () else [expr[i] for i in np.ndindex(shape)]
         dx = ufl.Measure("dx", domain=self.mesh, metadata={"quadrature_degree": 0})

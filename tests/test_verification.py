@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem
@@ -12,7 +13,7 @@ from problems import block, column
 from contact_locking import problem
 from contact_locking.domain import Domain, from_geometry
 from contact_locking.material import lame_from_young
-from contact_locking.meshes import BUILDERS
+from contact_locking.meshes.block import Block
 from contact_locking.parameters import Parameters
 from contact_locking.smoothing import Convolution, HelmholtzFilter, Identity, Smoothing
 from contact_locking.solution import Solution
@@ -79,7 +80,7 @@ def test_v6_hertz_line_contact_has_the_half_width_and_peak_of_theory() -> None:
         assert solution.contact_points.pressure.max() == pytest.approx(peak, rel=0.05)
 
 
-def _fingerprint(solution: Solution) -> np.ndarray:
+def _fingerprint(solution: Solution) -> npt.NDArray[np.float64]:
     """Numbers that any error of the parallel code would change."""
     summary = solution.summary
     square = fem.assemble_scalar(
@@ -111,7 +112,7 @@ class Foot:
     """Gamma_C of a block, with R of each kind on it."""
 
     def __init__(self, dim: int, h: float) -> None:
-        geometry = BUILDERS["block"](dim=dim, size=(1.0,) * dim, h=max(h, 0.1), h_contact=h)
+        geometry = Block(dim=dim, size=(1.0,) * dim, h=max(h, 0.1), h_contact=h)
         self.domain: Domain = from_geometry(geometry, MPI.COMM_WORLD)
         space = fem.functionspace(self.domain.mesh, ("P", 1, (dim,)))
         self.surface = ContactSurface(self.domain, space, ("bottom",))
@@ -124,7 +125,7 @@ class Foot:
             return HelmholtzFilter(surface.weights, surface.laplacian(), radius)
         return Identity()
 
-    def maximum(self, values: np.ndarray) -> float:
+    def maximum(self, values: npt.NDArray[np.float64]) -> float:
         local = float(np.abs(values).max(initial=0.0))
         return float(self.domain.comm.allreduce(local, op=MPI.MAX))
 

@@ -56,7 +56,7 @@ class LockingBlock:
         scaling = self._scaling = Scaling.of(self.x, self.z)
         square, w_0, kappa = scaling.eta**2, scaling.w[:, 0], self.compliance
         factor = 2.0 * (square - kappa) / (square * (square + kappa * (2.0 * w_0**2 - 1.0)))
-        return 1.0 / square, factor, scaling.w[:, 1:]
+        return np.reciprocal(square), factor, scaling.w[:, 1:]
 
     def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
         """The locking stress (k, m) that the step leads to if the displacement stands still."""
@@ -185,8 +185,8 @@ class FrictionBlock:
         self._gap = self._fixed_columns(slip) - self.x[:, 1:]
         scaling = self._scaling = Scaling.of(self.x, self.z)
         square, w_0 = scaling.eta**2, scaling.w[:, 0]
-        factor = 2.0 / ((2.0 * w_0**2 - 1.0) * square)
-        return 1.0 / square, factor, scaling.w[:, 1 : 1 + self._dim]
+        factor = 2.0 * np.reciprocal((2.0 * w_0**2 - 1.0) * square)
+        return np.reciprocal(square), factor, scaling.w[:, 1 : 1 + self._dim]
 
     def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
         """``-sigma_tau`` (k, d) that the step leads to if the displacement stands still."""

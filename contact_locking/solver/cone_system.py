@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
@@ -37,6 +38,7 @@ class ConeSystem:
         dofs = scalars.dofmap.list.reshape(-1)[:owned]
         inverse_limit = data.inverse_limit.x.array[dofs]
         self._cells = dofs[inverse_limit > 0.0]
+        self._cell_numbers = np.flatnonzero(inverse_limit > 0.0)
         self.limit = 1.0 / inverse_limit[inverse_limit > 0.0]
         self.volumes = fem.assemble_vector(fem.form(ufl.TestFunction(scalars) * data.dx)).array[
             self._cells
@@ -82,9 +84,16 @@ class ConeSystem:
             self._ksp.setFromOptions()
         self._iterations = 0
 
+    def place(self, cell: int) -> list[float]:
+        """The midpoint of the given one of the cells that can lock."""
+        mesh = self.system.u.function_space.mesh
+        local = np.array([self._cell_numbers[cell]], dtype=np.int32)
+        return [float(x) for x in dmesh.compute_midpoints(mesh, self.dim, local)[0, : self.dim]]
+
     def _find_nodes(self) -> None:
         """Leave out nodes whose normal displacement is prescribed: nothing is left to decide."""
         surface, contact = self.surface, self.system.data.contact
+        assert surface is not None and contact is not None
         normal = contact.normal.x.array.reshape(-1, self.dim)[surface.blocks]
         is_free = self.system.free_dofs().reshape(-1, self.dim)[surface.blocks]
         self.active = np.linalg.norm(normal * is_free, axis=1) > 1e-6
@@ -128,11 +137,11 @@ class ConeSystem:
         self._set_tensors(self._w, w)
         for function in (self._a, self._b):
             function.x.scatter_forward()
-        if self.surface is not None:
+        if contact is not None:
             self._set_nodal(self._contact_stiffness, contact)
-            if friction is not None:
-                for function, values in zip(self._slip_stiffness, friction, strict=True):
-                    self._set_nodal(function, values)
+        if friction is not None:
+            for function, values in zip(self._slip_stiffness, friction, strict=True):
+                self._set_nodal(function, values)
         self.matrix.zeroEntries()
         petsc.assemble_matrix(self.matrix, self._tangent, bcs=self.system.conditions)
         self.matrix.assemble()
@@ -143,10 +152,10 @@ class ConeSystem:
     ) -> None:
         """``friction`` is ``-sigma_tau`` (k, d)."""
         self._set_tensors(self.stress, stress)
-        if self.surface is not None:
+        if pressure is not None:
             self._set_nodal(self._pressure, pressure)
-            if friction is not None:
-                self._set_nodal(self._friction, friction)
+        if friction is not None:
+            self._set_nodal(self._friction, friction)
 
     def residual_norm(self) -> float:
         """The equilibrium residual of the system's displacement with the multipliers set last."""

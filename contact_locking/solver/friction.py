@@ -21,12 +21,14 @@ def fixed_point(
     settings: Settings,
     report: SolverReport,
     monitor: Monitor,
+    least: Callable[[], float],
     evaluate: Callable[[], FloatArray] | None = None,
 ) -> None:
     """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
 
     ``solve`` solves for the displacement under the present bound, and ``evaluate`` gives the bound
-    of a solution, that of the penalty law by default.  Afterwards the forms hold a
+    of a solution, that of the penalty law by default; changes count relative to the bound's norm,
+    or to ``least()`` if that is larger.  Afterwards the forms hold a
     bound that agrees with the displacement to the tolerance, and ``report.contraction`` is the
     geometric mean of the ratios of successive changes.  Raises NotConverged after
     ``max_friction_updates``.
@@ -36,7 +38,7 @@ def fixed_point(
     for update in range(1, settings.max_friction_updates + 1):
         solve()
         new = evaluate()
-        size = bound.norm(new)
+        size = max(bound.norm(new), least())
         change = bound.norm(new - bound.values)
         relative = change / size if size > 0.0 else change
         bound.values = new

@@ -10,6 +10,7 @@ one with a known bound.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,6 +39,8 @@ _GAP_TOLERANCE = 1e-8
 _GAP_LEFT = 0.5
 # The gap may not be a smaller share than this of the other residuals.
 _GAP_AHEAD = 1e-2
+# Multipliers that have grown by this factor while the laws stay violated will not come back.
+_DIVERGED = 1e4
 # Starting values: complementarity against stiffness times strain squared, and the least opening
 # against strain times length.  Between 3 and 1000, and 0.1 and 1, the iterations change by a tenth.
 _START_LEVEL = 30.0
@@ -92,11 +95,12 @@ class InteriorPoint:
         self._contact: ContactBlock | None = None
         self._friction: FrictionBlock | None = None
         self._friction_change = 0.0
+        self._first: tuple[float, float] | None = None
 
     def solve(self, report: SolverReport) -> Multipliers:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place."""
         monitor, settings = self._monitor, self._settings
-        self._friction, self._friction_change = None, 0.0
+        self._friction, self._friction_change, self._first = None, 0.0, None
         try:
             self._start(report)
         except PETSc.Error as error:
@@ -109,6 +113,7 @@ class InteriorPoint:
                 raise NotConverged("the interior point iteration lost its digits")
             if measures.reached(settings):
                 break
+            self._stop_if_infeasible(measures)
             if iteration == limit:
                 raise NotConverged(
                     f"{limit} interior point iterations did not suffice ({measures})"
@@ -150,6 +155,7 @@ class InteriorPoint:
             self._contact = ContactBlock(opening, cones.node_weights, target.epsilon, least)
             self._contact.start(level * target.length)
             bound = system.bound
+            assert bound is not None
             if self._bound_moves and not bound.frictionless:
                 bound.values = self._new_bound()
             # A bound that is nothing leaves no friction to account for.
@@ -195,13 +201,47 @@ class InteriorPoint:
             block.advance(t, *step)
         if self._friction is not None and self._bound_moves:
             bound = self._system.bound
+            assert bound is not None
             cones.look_at(self._system.u.x.array)
             new = self._new_bound()
-            size = bound.norm(new)
+            least = self._target.least_bound(self._system.energy(), cones.dim)
+            size = max(bound.norm(new), least)
             self._friction_change = bound.norm(new - bound.values) / size if size > 0.0 else 0.0
             bound.values = new
             self._friction.set_bound(new[cones.active])
             report.friction += 1
+
+    def _stop_if_infeasible(self, measures: Measures) -> None:
+        """Multipliers that grow without bound while the laws stay violated: nothing is feasible."""
+        if self._target.epsilon > 0.0 and math.isfinite(self._target.n):
+            return
+        size = self._multiplier_size()
+        if self._first is None:
+            self._first = size, measures.primal
+        first_size, first_primal = self._first
+        if size > _DIVERGED * first_size and measures.primal > 0.01 * first_primal:
+            raise NotConverged(
+                "infeasible: no displacement within the locking limit and the gap follows the "
+                f"prescribed values; {self._worst_place()}"
+            )
+
+    def _multiplier_size(self) -> float:
+        """The largest locking multiplier or pressure; collective."""
+        local = float(self._locking.z[:, 0].max(initial=0.0))
+        if self._contact is not None:
+            local = max(local, float(self._contact.z.max(initial=0.0)))
+        return float(self._cones.comm.allreduce(local, op=MPI.MAX))
+
+    def _worst_place(self) -> str:
+        """Where, and by how much, the present strain exceeds its limit the most; collective."""
+        ratio = np.linalg.norm(self._strain, axis=1) / self._locking.limit
+        worst = int(np.argmax(ratio)) if len(ratio) else -1
+        found = (float(ratio[worst]), self._cones.place(worst)) if len(ratio) else (0.0, [])
+        largest, place = max(self._cones.comm.allgather(found))
+        if largest <= 1.0:
+            return "the foundation is in the way"
+        at = ", ".join(f"{x:.3g}" for x in place)
+        return f"the strain is forced to {largest:.2g} times its limit near ({at})"
 
     def _limited(self, centring: float) -> float:
         """Keep the complementarity from running ahead of equilibrium, and from vanishing.
@@ -279,7 +319,7 @@ class InteriorPoint:
         # units, is the one that does not vanish.
         touches = pressure > contact.x * self._target.stiffness / self._target.length
         return Multipliers(
-            self._cones.stress, every(pressure), every(traction), every(touches).astype(bool)
+            self._cones.stress, every(pressure), every(traction), every(touches.astype(float)) > 0.0
         )
 
     @property
@@ -292,8 +332,9 @@ class InteriorPoint:
 
     def _new_bound(self) -> FloatArray:
         """``mu |R p|``, kept positive so that the friction cones have an inside."""
-        pressure = self._cones.at_all_nodes(self._contact.z)
-        new = self._system.bound.evaluate(pressure)
+        bound = self._system.bound
+        assert self._contact is not None and bound is not None
+        new = bound.evaluate(self._cones.at_all_nodes(self._contact.z))
         return np.maximum(new, 1e-14 * self._target.stiffness)
 
     def _longest_step(self, direction: tuple[FloatArray, list[Any]]) -> float:

@@ -136,9 +136,7 @@ class NewtonSolver:
             self._snes.solve(None, self._x)
             reason = self._snes.getConvergedReason()
         except PETSc.Error:
-            if self._raised is not None and not isinstance(self._raised, NotConverged):
-                raise self._raised from None
-            failure = str(self._raised or "the linear solve failed")
+            failure = self._failure()
         else:
             failure = _describe(reason)
         if reason is None or reason < 0:
@@ -159,11 +157,19 @@ class NewtonSolver:
         def call(*arguments: Any) -> Any:
             try:
                 return callback(*arguments)
+            except PETSc.Error:
+                raise
             except BaseException as error:
                 self._raised = error
                 raise
 
         return call
+
+    def _failure(self) -> str:
+        """Why PETSc gave up; what a callback raised is raised again unless it is NotConverged."""
+        if self._raised is not None and not isinstance(self._raised, NotConverged):
+            raise self._raised from None
+        return str(self._raised or "the linear solve failed")
 
     def _count(self, iterations: int) -> None:
         self._report.tangents += 1

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 
 import numpy as np
+import numpy.typing as npt
 
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.progress import Monitor
@@ -25,7 +26,9 @@ _INNER_SHARE = 0.1
 # length/epsilon an interior point solution is too far for it, and where a few steps do not
 # arrive, many do not.
 _POLISHED_UP_TO = 1e7
-_POLISHING_STEPS = 4
+_POLISH = 4
+# Newton's steps from where the interior point method stopped early.
+_RESCUE = 30
 
 _NEWTON_WAY_OUT = (
     "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon; if the friction "
@@ -53,7 +56,7 @@ def newton_with_continuation(
         monitor.stage(len(report.stages) + 1, round(path.decades) + 1, n, epsilon)
         before = report.tangents
         if last:
-            _settle(newton, system, settings, report, monitor)
+            _settle(newton, system, target, settings, report, monitor)
         else:
             newton.solve(_INTERMEDIATE_TOLERANCE, report)
             if bound is not None:
@@ -86,7 +89,7 @@ def interior_point(
         system.u.x.array[:] = start
         report.multipliers = solver.solve(report)
 
-    def evaluate() -> np.ndarray:
+    def evaluate() -> npt.NDArray[np.float64]:
         assert bound is not None and report.multipliers is not None
         return bound.evaluate(report.multipliers.pressure)
 
@@ -95,18 +98,19 @@ def interior_point(
             assert bound is not None
             solve()
             bound.values = evaluate()
-            fixed_point(bound, solve, settings, report, monitor, evaluate)
+            least = _least_bound(system, target)
+            fixed_point(bound, solve, settings, report, monitor, least, evaluate)
         else:
             solve()
     except NotConverged as failure:
         report.multipliers = report.multipliers or solver.multipliers()
         report.reason = str(failure)
-        return report
     finally:
         solver.destroy()
     report.stages.append({"n": target.n, "epsilon": target.epsilon, "tangents": report.tangents})
-    _polish(system, target, settings, report, monitor)
-    return _success(report)
+    stopped = bool(report.reason)
+    polished = _polish(system, target, settings, report, monitor, _RESCUE if stopped else _POLISH)
+    return report if stopped and not polished else _success(report)
 
 
 def _polish(
@@ -115,23 +119,26 @@ def _polish(
     settings: Settings,
     report: SolverReport,
     monitor: Monitor,
-) -> None:
-    """Newton from the interior point solution; where it fails, that solution stays."""
+    steps: int,
+) -> bool:
+    """Newton from the interior point's end; where it fails, that stays. Says whether it arrived."""
     sharpness = max(target.n / target.stiffness, target.length / max(target.epsilon, 1e-300))
     if sharpness > _POLISHED_UP_TO:
-        return
-    settings = dataclasses.replace(settings, max_iterations=_POLISHING_STEPS)
+        return False
+    settings = dataclasses.replace(settings, max_iterations=min(steps, settings.max_iterations))
     kept = system.u.x.array.copy()
     bound_kept = None if system.bound is None else system.bound.values.copy()
     system.set_penalty(target.n, target.epsilon)
     newton = NewtonSolver(system, settings, monitor)
     try:
-        _settle(newton, system, settings, report, monitor)
+        _settle(newton, system, target, settings, report, monitor)
         report.multipliers = None
+        return True
     except NotConverged:
         system.u.x.array[:] = kept
         if system.bound is not None and bound_kept is not None:
             system.bound.values = bound_kept
+        return False
     finally:
         newton.destroy()
 
@@ -139,6 +146,7 @@ def _polish(
 def _settle(
     newton: NewtonSolver,
     system: PenalisedSystem,
+    target: Target,
     settings: Settings,
     report: SolverReport,
     monitor: Monitor,
@@ -151,8 +159,14 @@ def _settle(
     def solve() -> None:
         newton.solve(_INNER_SHARE * settings.tolerance, report, least_steps=1)
 
-    fixed_point(system.bound, solve, settings, report, monitor)
+    least = _least_bound(system, target)
+    fixed_point(system.bound, solve, settings, report, monitor, least)
     newton.solve(settings.tolerance, report)
+
+
+def _least_bound(system: PenalisedSystem, target: Target) -> Callable[[], float]:
+    dim = system.u.function_space.mesh.topology.dim
+    return lambda: target.least_bound(system.energy(), dim)
 
 
 def _success(report: SolverReport) -> SolverReport:

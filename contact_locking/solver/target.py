@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -17,3 +18,12 @@ class Target:
     epsilon: float
     stiffness: float
     length: float
+
+    def least_bound(self, energy: float, dim: int) -> float:
+        """The L2 norm on Gamma_C below which changes of the friction bound are judged absolutely.
+
+        It is a thousandth of the mean elastic stress over a face of the body: where contact only
+        grazes, relative changes of next to nothing say nothing.
+        """
+        stress = math.sqrt(2.0 * energy * self.stiffness / self.length**dim)
+        return 1e-3 * stress * self.length ** (0.5 * (dim - 1))

@@ -1,0 +1,274 @@
+"""How many tangents, and how long beside one linear elastic solve and beside Clarabel: results.md.
+
+    make bench                              about five minutes
+    ./in-env python3 benchmarks/bench.py --finest 256 --large
+
+The case is the unit block of the tests on a regular grid, mu = 0.3, R a convolution over r = 0.1.
+Everything that is compared is measured in one run, and nothing is timed before its forms are
+compiled.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import math
+import os
+import platform
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import dolfinx
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from contact_locking import forms, problem
+from contact_locking.assembly import assemble
+from contact_locking.parameters import Parameters
+from contact_locking.progress import Monitor
+from contact_locking.solution import Solution
+from contact_locking.solver.linear import PREFIX, default_options, options_set
+from contact_locking.system import PenalisedSystem
+
+# The reference problem and the conic solver's form of it belong to the tests.
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+from problems import block
+from test_conic_reference import block_problem
+
+PENALTIES = (1e2, 1e4, 1e6, 1e8, math.inf)
+RESULTS = Path(__file__).resolve().parent / "results.md"
+
+
+class Stopwatch(Monitor):
+    """Times the nonlinear solve alone, from its first stage to the fields derived from it."""
+
+    def __init__(self) -> None:
+        self._began = self._ended = math.nan
+
+    @property
+    def seconds(self) -> float:
+        return self._ended - self._began
+
+    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
+        if index == 1:
+            self._began = time.perf_counter()
+
+    def message(self, text: str) -> None:
+        self._ended = time.perf_counter()
+
+
+@dataclass(frozen=True)
+class Run:
+    """One solve: ``seconds`` of the nonlinear solver, ``wall`` from the parameters to the end."""
+
+    divisions: int
+    n: float
+    solution: Solution
+    seconds: float
+    wall: float
+
+    @property
+    def tangents(self) -> str:
+        """Their number, struck out where the solve failed."""
+        count = str(self.solution.summary["iterations"]["tangents"])
+        return count if self.solution.converged else f"~~{count}~~"
+
+
+def case(dim: int, divisions: int, n: float) -> Parameters:
+    return block(dim, 1.0 / divisions, mesh__structured=True, penalty__n=n)
+
+
+def run(dim: int, divisions: int, n: float) -> Run:
+    watch = Stopwatch()
+    began = time.perf_counter()
+    solution = problem.solve(case(dim, divisions, n), monitor=watch)
+    result = Run(divisions, n, solution, watch.seconds, time.perf_counter() - began)
+    say(
+        f"{dim}D, h = 1/{divisions}, n = {n:g}: {result.tangents} tangents, "
+        f"{result.seconds:.2f} s of {result.wall:.2f} s; {solution.summary['reason']}"
+    )
+    return result
+
+
+def elastic_seconds(dim: int, divisions: int, repeats: int = 3) -> float:
+    """One linear elastic solve: assembly, factorisation (or set-up) and solution; the fastest."""
+    given = assemble(case(dim, divisions, 1.0), MPI.COMM_WORLD)
+    system = PenalisedSystem(given.data, given.u, given.constraints, given.bound)
+    space, conditions = given.u.function_space, given.constraints.conditions
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    left = fem.form(forms.elastic_form(u, v, given.data))
+    right = fem.form(forms.external_work(v, given.data))
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        matrix = petsc.assemble_matrix(left, bcs=conditions)
+        matrix.assemble()
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        matrix.setNearNullSpace(system.near_nullspace())
+        load = petsc.assemble_vector(right)
+        petsc.set_bc(load, conditions)
+        ksp = PETSc.KSP().create(space.mesh.comm)
+        ksp.setOptionsPrefix(PREFIX)
+        ksp.setOperators(matrix)
+        ksp.setErrorIfNotConverged(True)
+        with options_set(default_options("auto", dim, system.size), {"ksp_rtol": 1e-8}):
+            ksp.setFromOptions()
+        ksp.solve(load, load.duplicate())
+        times.append(time.perf_counter() - began)
+        ksp.destroy()
+        matrix.destroy()
+    say(f"{dim}D, h = 1/{divisions}: an elastic solve takes {min(times):.3f} s")
+    return min(times)
+
+
+def tangents(grids: Sequence[int]) -> tuple[list[str], list[Run]]:
+    """The table of tangents over meshes and penalties, and the runs on the finest mesh."""
+    runs = {(size, n): run(2, size, n) for size in grids for n in PENALTIES}
+    rows = [[f"1/{size}", *(runs[size, n].tangents for n in PENALTIES)] for size in grids]
+
+    def ratio(n: float) -> float:
+        counts = [
+            runs[size, n].solution.summary["iterations"]["tangents"]
+            for size in (grids[0], grids[-1])
+        ]
+        return counts[1] / counts[0]
+
+    rows.append(["last over first", *(f"{ratio(n):.2f}" for n in PENALTIES)])
+    header = ["h", *(f"n = {n:g}" for n in PENALTIES)]
+    return table(header, rows), [runs[grids[-1], n] for n in PENALTIES]
+
+
+def over_elastic(runs: Sequence[Run]) -> list[list[str]]:
+    """Rows of the times of runs of one mesh over that of an elastic solve."""
+    first = runs[0].solution
+    elastic = elastic_seconds(first.domain.dim, runs[0].divisions)
+    return [
+        [
+            f"{first.domain.dim}D, 1/{r.divisions}",
+            str(first.summary["dofs"]),
+            f"{r.n:g}",
+            r.tangents,
+            f"{elastic:.3f}",
+            f"{r.seconds:.2f}",
+            f"{r.seconds / elastic:.1f}",
+            f"{r.wall:.2f}",
+            f"{r.wall / elastic:.1f}",
+        ]
+        for r in runs
+    ]
+
+
+def against_clarabel(mine: Run) -> list[str]:
+    """A row: the same discrete problem with the bound frozen where the run left it."""
+    reference = block_problem(mine.solution)
+    began = time.perf_counter()
+    solution = reference.solver(max_threads=1).solve()
+    seconds = time.perf_counter() - began
+    say(f"Clarabel: {solution.status}, {solution.iterations} iterations, {seconds:.2f} s")
+    least = reference.energy(reference.displacement(solution.x))
+    ours = reference.energy(mine.solution.displacement.x.array)
+    return [
+        f"{mine.solution.domain.dim}D, 1/{mine.divisions}",
+        str(mine.solution.summary["dofs"]),
+        f"{seconds:.2f} ({solution.iterations})",
+        f"{mine.seconds:.2f} ({mine.tangents})",
+        f"{seconds / mine.seconds:.1f}",
+        f"{mine.wall:.2f}",
+        f"{seconds / mine.wall:.1f}",
+        f"{abs(ours / least - 1.0):.0e}",
+    ]
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """In Markdown, the columns lined up."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    lines = [header, ["-" * width for width in widths], *rows]
+    return ["| " + " | ".join(map(str.ljust, line, widths)) + " |" for line in lines]
+
+
+def machine() -> str:
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        lines = info.read_text().splitlines()
+        cpu = next((line.split(": ")[1] for line in lines if line.startswith("model name")), cpu)
+    return (
+        f"{cpu}, {os.cpu_count()} cores, one rank and one thread; DOLFINx {dolfinx.__version__}; "
+        f"{datetime.date.today():%d %B %Y}."
+    )
+
+
+def say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--finest", type=int, default=128, help="1/h of the finest mesh in 2D")
+    parser.add_argument("--large", action="store_true", help="also 3D with 100 k dofs, CG + GAMG")
+    given = parser.parse_args()
+    grids = [size for size in (32, 64, 128, 256) if size <= given.finest]
+    for dim in (2, 3):
+        run(dim, 4, math.inf)  # compiles the forms
+        run(dim, 4, 1e2)
+    counts, planar = tangents(grids)
+    solid = [run(3, 16, n) for n in (1e4, math.inf)]
+    times = over_elastic(planar) + over_elastic(solid)
+    if given.large:
+        times += over_elastic([run(3, 32, n) for n in (1e4, math.inf)])
+    conic = [against_clarabel(planar[-1]), against_clarabel(solid[-1])]
+    columns = [
+        "block",
+        "dofs",
+        "n",
+        "tangents",
+        "elastic s",
+        "solver s",
+        "ratio",
+        "wall s",
+        "ratio",
+    ]
+    against = "block, dofs, Clarabel s (iterations), solver s (tangents), faster, wall s, faster, "
+    against += "energies differ by"
+    text = [
+        "# Measured by `make bench`",
+        "",
+        machine(),
+        "",
+        "The unit block of the tests, E = 1, nu = 0.3, M = 0.02, mu = 0.3, R a convolution over",
+        "r = 0.1, eps = 1/n, on a regular grid. Struck out: not converged.",
+        "",
+        "## Tangents in 2D",
+        "",
+        *counts,
+        "",
+        "## Times beside a linear elastic solve",
+        "",
+        "An elastic solve is assembly, factorisation (or set-up) and solution with the same linear",
+        "solver. The solver's time is that of the nonlinear solve alone; the wall time adds the",
+        "mesh, the problem and the fields and bounds derived from its solution.",
+        "",
+        *table(columns, times),
+        "",
+        "## Times beside Clarabel, n = inf",
+        "",
+        "The same discrete problem with the friction bound frozen, at Clarabel's own tolerances;",
+        "setting up its matrices is not counted.",
+        "",
+        *table(against.split(", "), conic),
+        "",
+    ]
+    partial = RESULTS.with_suffix(".partial")
+    partial.write_text("\n".join(text))
+    os.replace(partial, RESULTS)
+    print("\n".join(text))
+
+
+if __name__ == "__main__":
+    main()
