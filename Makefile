@@ -10,7 +10,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint serial serial-all parallel parallel-all format image image-test clean
+.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -35,6 +35,9 @@ parallel: ## the tests under mpirun -n 2 (RANKS=2)
 	./in-env $(PARALLEL) python3 -m pytest -p no:cacheprovider
 parallel-all:
 	./in-env $(PARALLEL) python3 -m pytest -p no:cacheprovider -m ""
+
+bench: ## measure tangents and times (minutes) and write benchmarks/results.md
+	./in-env python3 benchmarks/bench.py
 
 format: ## format the code
 	./in-env ruff check --fix

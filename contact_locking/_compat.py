@@ -15,11 +15,9 @@ except ImportError:  # DOLFINx 0.9
     from dolfinx.io import gmshio as _gmshio
 
 
-def model_to_mesh(
-    model: Any, comm: Any, rank: int, dim: int, partitioner: Any = None
-) -> tuple[dmesh.Mesh, Any, Any]:
+def model_to_mesh(model: Any, comm: Any, rank: int, dim: int) -> tuple[dmesh.Mesh, Any, Any]:
     """Mesh, cell tags and facet tags of a gmsh model that lives on one rank."""
-    data = _gmshio.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner)
+    data = _gmshio.model_to_mesh(model, comm, rank, gdim=dim)
     return data[0], data[1], data[2]
 
 

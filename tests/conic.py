@@ -3,8 +3,8 @@
     min  1/2 a(u, u) - (f, u) + sum_K |K| n q_K^2 + sum_i w_i (g_i t_i + r_i^2/(2 eps))
     with |eps_K(u)| <= M + q_K,  u_nu,i - gap_i <= r_i,  |(u_tau,i, eps)| <= t_i
 
-over the cells K and the nodes i of Gamma_C; q = 0 for n = inf and r = 0 for eps = 0.  Built from
-coordinates and connectivity alone, so that it shares nothing with what it judges.
+over the cells K and the nodes i of Gamma_C; q = 0 for n = inf and r = 0 for eps = 0.  Of the
+solution that it judges it takes coordinates, connectivity and the bound g, and nothing else.
 """
 
 from __future__ import annotations
@@ -18,9 +18,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from contact_locking.solution import Solution
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.integer[Any]]
+Place = Callable[[FloatArray], Any]
+
+# The material of every reference problem.
+YOUNG, POISSON, LIMIT = 1.0, 0.3, 0.02
 
 
 class Body:
@@ -48,7 +55,7 @@ class Body:
             self.strain.T @ sp.kron(sp.diags(self.volumes), law) @ self.strain
         ).tocsc()
 
-    def facets(self, inside: Callable[[FloatArray], npt.NDArray[np.bool_]]) -> IntArray:
+    def facets(self, inside: Place) -> IntArray:
         """The facets (f, d) of the boundary all of whose vertices lie where ``inside`` says."""
         sides = [np.delete(self.cells, i, axis=1) for i in range(self.dim + 1)]
         facets, count = np.unique(
@@ -241,3 +248,55 @@ class ConicProblem:
             (np.ones(len(nodes)), (np.arange(len(nodes)), nodes)), (len(nodes), len(body.x))
         )
         return sp.kron(select, directions, "csc")
+
+
+def conic_problem(
+    solution: Solution,
+    touches: Place,
+    held: Place,
+    value: list[float],
+    pulled: Place = lambda x: np.zeros(x.shape[:-1], dtype=bool),
+    traction: Sequence[float] = (),
+) -> ConicProblem:
+    """The problem of a solution at its friction bound; places are those of nodes (..., d).
+
+    The foundation is the plane through the origin, below the body.
+    """
+    space = solution.displacement.function_space
+    dim = solution.domain.dim
+    x = space.tabulate_dof_coordinates()[:, :dim]
+    body = Body(x, space.dofmap.list, YOUNG, POISSON)
+    force = np.array(traction or [0.0] * dim)
+    load = body.nodal_areas(body.facets(pulled))[:, None] * force
+    areas = body.nodal_areas(body.facets(touches))
+    areas[held(x)] = 0.0
+    nodes = np.flatnonzero(areas)
+    points = solution.contact_points
+    assert points is not None
+    distance, match = cKDTree(points.x).query(x[nodes])
+    np.testing.assert_allclose(distance, 0.0, atol=1e-12)
+    contact = Contact(nodes, areas[nodes], x[nodes, -1], points.bound[match], -np.eye(dim)[-1])
+    penalty = solution.parameters.penalty
+    return ConicProblem(
+        body,
+        LIMIT,
+        load.ravel(),
+        np.flatnonzero(held(x)),
+        np.array(value),
+        contact,
+        n=penalty.n,
+        epsilon=penalty.epsilon or 0.0,
+    )
+
+
+def block_problem(solution: Solution) -> ConicProblem:
+    """That of ``problems.block``."""
+    pull = [0.03, -0.05] if solution.domain.dim == 2 else [0.03, 0.0, -0.05]
+    return conic_problem(
+        solution,
+        touches=lambda x: x[..., -1] < 1e-9,
+        held=lambda x: x[..., 0] < 1e-9,
+        value=[0.0] * len(pull),
+        pulled=lambda x: x[..., -1] > 1.0 - 1e-9,
+        traction=pull,
+    )

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
-from conic import Body, ConicProblem, Contact
+from conic import LIMIT, ConicProblem, block_problem, conic_problem
 from problems import block, with_changes
-from scipy.spatial import cKDTree
 
 from contact_locking import problem
 from contact_locking.parameters import Parameters
@@ -20,10 +17,7 @@ from contact_locking.solution import Solution
 pytest.importorskip("clarabel")
 pytestmark = pytest.mark.serial
 
-FloatArray = npt.NDArray[np.float64]
-Place = Callable[[FloatArray], Any]
-
-LIMIT, REACH = 0.02, 0.4
+REACH = 0.4
 PUSH = [0.006, -0.018]
 # With Clarabel's own tolerances of 1e-8 its energies are up to 5e-8 above the least.
 TIGHT = {"tol_gap_rel": 1e-10, "tol_gap_abs": 1e-12, "tol_feas": 1e-11}
@@ -43,57 +37,6 @@ def half_disc() -> Parameters:
         "penalty": {"n": math.inf},
     }
     return with_changes(data)
-
-
-def conic_problem(
-    solution: Solution,
-    touches: Place,
-    held: Place,
-    value: list[float],
-    pulled: Place = lambda x: np.zeros(x.shape[:-1], dtype=bool),
-    traction: Sequence[float] = (),
-) -> ConicProblem:
-    """The problem of a solution at its friction bound; places are those of nodes (..., d).
-
-    The foundation is the plane through the origin, below the body.
-    """
-    space = solution.displacement.function_space
-    dim = solution.domain.dim
-    x = space.tabulate_dof_coordinates()[:, :dim]
-    body = Body(x, space.dofmap.list, young=1.0, poisson=0.3)
-    force = np.array(traction or [0.0] * dim)
-    load = body.nodal_areas(body.facets(pulled))[:, None] * force
-    areas = body.nodal_areas(body.facets(touches))
-    areas[held(x)] = 0.0
-    nodes = np.flatnonzero(areas)
-    points = solution.contact_points
-    assert points is not None
-    distance, match = cKDTree(points.x).query(x[nodes])
-    np.testing.assert_allclose(distance, 0.0, atol=1e-12)
-    contact = Contact(nodes, areas[nodes], x[nodes, -1], points.bound[match], -np.eye(dim)[-1])
-    penalty = solution.parameters.penalty
-    return ConicProblem(
-        body,
-        LIMIT,
-        load.ravel(),
-        np.flatnonzero(held(x)),
-        np.array(value),
-        contact,
-        n=penalty.n,
-        epsilon=penalty.epsilon or 0.0,
-    )
-
-
-def block_problem(solution: Solution) -> ConicProblem:
-    pull = [0.03, -0.05] if solution.domain.dim == 2 else [0.03, 0.0, -0.05]
-    return conic_problem(
-        solution,
-        touches=lambda x: x[..., -1] < 1e-9,
-        held=lambda x: x[..., 0] < 1e-9,
-        value=[0.0] * len(pull),
-        pulled=lambda x: x[..., -1] > 1.0 - 1e-9,
-        traction=pull,
-    )
 
 
 def assert_the_same(solution: Solution, reference: ConicProblem) -> None:
