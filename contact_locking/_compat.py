@@ -33,3 +33,9 @@ def entities_to_geometry(mesh: dmesh.Mesh, dim: int, entities: Any) -> npt.NDArr
         return np.empty((0, dim + 1), dtype=np.int32)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
     return dmesh.entities_to_geometry(mesh, dim, entities)
+
+
+def collapse(component: Any) -> tuple[fem.FunctionSpace, npt.NDArray[np.int32]]:
+    """The space of a component and its dofs in the whole; DOLFINx 0.11 nests the latter."""
+    space, dofs = component.collapse()
+    return space, np.asarray(dofs, dtype=np.int32).reshape(-1)

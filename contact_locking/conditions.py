@@ -10,6 +10,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from scipy.optimize import linprog
 
+from contact_locking import _compat
 from contact_locking.domain import Domain
 from contact_locking.errors import InputError
 
@@ -52,7 +53,7 @@ def constrain(
     """
     conditions: list[fem.DirichletBC] = []
     fixed: list[IntArray] = [np.empty(0, dtype=np.int32)]
-    scalars = [space.sub(i).collapse()[0] for i in range(domain.dim)] if wanted else []
+    scalars = [_compat.collapse(space.sub(i))[0] for i in range(domain.dim)] if wanted else []
     for item in wanted:
         sub, scalar = space.sub(item.component), scalars[item.component]
         facets = domain.facets(item.on, item.key)

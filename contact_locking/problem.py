@@ -11,6 +11,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking import _compat
 from contact_locking.assembly import Problem, assemble, penalty
 from contact_locking.certificate import proved_bounds
 from contact_locking.domain import Domain
@@ -136,7 +137,7 @@ def _solution(
         traction = surface.vector_function(contact.traction, "tangential_traction")
         state = surface.scalar_function(contact.state.astype(float), "contact_state")
     else:
-        scalar = problem.u.function_space.sub(0).collapse()[0]
+        scalar = _compat.collapse(problem.u.function_space.sub(0))[0]
         pressure, smoothed, state = (
             fem.Function(scalar, name=name)
             for name in ("contact_pressure", "smoothed_stress", "contact_state")

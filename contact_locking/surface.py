@@ -34,8 +34,8 @@ class ContactSurface:
         self.facets = domain.facets(names, "contact.on")
         self.ds = domain.ds(names, "contact.on", **VERTEX_RULE)
         self.vector_space = space
-        self.scalar_space, to_vector = space.sub(0).collapse()
-        self._block_of = np.asarray(to_vector) // domain.dim
+        self.scalar_space, to_vector = _compat.collapse(space.sub(0))
+        self._block_of = to_vector // domain.dim
         owned = self.scalar_space.dofmap.index_map.size_local
         # A rank may own a node of Gamma_C without owning a facet there; the weights find it.
         mass = self._assemble(ufl.TestFunction(self.scalar_space) * self.ds)

@@ -186,7 +186,7 @@ class NewtonSolver:
             return None
         residual = norms[2]
         if not np.isfinite(residual):
-            return ConvergedReason.DIVERGED_FNORM_NAN
+            raise NotConverged("the residual is not finite")
         self._system.set_displacement(snes.getSolution())
         scale = self._system.force_scale()
         self._monitor.iteration(iteration, residual / scale if scale > 0.0 else residual)
@@ -214,7 +214,6 @@ class NewtonSolver:
 def _describe(reason: int) -> str:
     names = {
         ConvergedReason.DIVERGED_MAX_IT: "too many Newton steps",
-        ConvergedReason.DIVERGED_FNORM_NAN: "the residual is not finite",
         ConvergedReason.DIVERGED_LINEAR_SOLVE: "the linear solve failed",
         ConvergedReason.DIVERGED_LINE_SEARCH: "the line search failed",
     }
