@@ -32,6 +32,9 @@ from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 
+# A penalised strain this share above its limit deserves a word.
+_NOTABLE_OVERSTRAIN = 0.1
+
 
 def solve(
     parameters: Parameters,
@@ -72,6 +75,8 @@ def solve(
     system.set_penalty(n, epsilon)
     monitor.message("computing fields and bounds")
     solution = _collect(problem, report, settings)
+    for warning in solution.summary["warnings"][len(problem.warnings) :]:
+        monitor.message(f"warning: {warning}")
     solution.summary["wall_seconds"] = time.perf_counter() - start
     if problem.bound is not None:
         problem.bound.smoothing.destroy()
@@ -93,6 +98,14 @@ def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solu
     if problem.bound is not None:
         contact = ContactFields(problem.bound, u, data, report.multipliers)
     residual = equilibrium_residual(u, data, problem.constraints, body, contact)
+    warnings = [*problem.warnings]
+    overstrain = body.largest_overstrain(domain)
+    if report.converged and overstrain > _NOTABLE_OVERSTRAIN:
+        warnings.append(
+            f"the strain exceeds its limit by up to {100.0 * overstrain:.0f} %: raise penalty.n; if "
+            "that hardly helps, no displacement within the limit can follow the prescribed ones, "
+            "which penalty.n: .inf would report"
+        )
     summary: dict[str, Any] = {
         "title": problem.parameters.title,
         "converged": report.converged,
@@ -115,7 +128,7 @@ def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solu
         "bounds": proved_bounds(
             domain, u, data, problem.material, problem.constraints, problem.free
         ),
-        "warnings": problem.warnings,
+        "warnings": warnings,
     }
     if report.converged and not residual <= settings.tolerance:
         summary |= {

@@ -58,6 +58,11 @@ class BodyFields:
         threshold = m.limit.x.array * (1.0 - _LOCKED_MARGIN)
         self.locked.x.array[:] = self.strain_norm.x.array >= threshold
 
+    def largest_overstrain(self, domain: Domain) -> float:
+        """``max |eps|/M - 1`` over the body; collective."""
+        ratio = self.strain_norm.x.array / self.locking_limit.x.array
+        return float(domain.comm.allreduce(ratio.max(initial=0.0), op=MPI.MAX)) - 1.0
+
 
 class ContactFields:
     """Nodal fields of Gamma_C, as arrays over the owned nodes."""

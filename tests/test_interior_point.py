@@ -215,3 +215,5 @@ def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
     solution = problem.solve(_stretched(0.0205, 1e3))
     assert solution.converged
     assert solution.summary["strain_norm_max"] > 0.0205
+    soft = problem.solve(_stretched(0.03, 1e1))
+    assert any("exceeds its limit" in warning for warning in soft.summary["warnings"])

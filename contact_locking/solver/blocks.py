@@ -20,7 +20,39 @@ from contact_locking.solver.cones import Scaling, dot
 FloatArray = npt.NDArray[np.float64]
 
 
-class LockingBlock:
+class LorentzBlock:
+    """What cones of any dimension share: pairs (x, z) of points in Lorentz cones, weighted."""
+
+    x: FloatArray
+    z: FloatArray
+    weights: FloatArray
+    _scaling: Scaling
+    _b: FloatArray
+
+    def products(self) -> FloatArray:
+        """``x . z`` of each pair."""
+        return dot(self.x, self.z)
+
+    def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
+        """The second-order term of a step, in scaled coordinates."""
+        return cones.product(self._scaling.apply_inverse(dx), self._scaling.apply(dz))
+
+    def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
+        return min(cones.longest_step(self.x, dx), cones.longest_step(self.z, dz))
+
+    def advance(self, t: float, dx: FloatArray, dz: FloatArray) -> None:
+        self.x += t * dx
+        self.z += t * dz
+
+    def _aim(self, target: float, correction: FloatArray | float) -> None:
+        """The b of ``dz = b - W^-2 dx`` that drives the scaled products to ``target e``."""
+        scaling = self._scaling
+        wanted = -cones.product(scaling.point, scaling.point) - correction
+        wanted[:, 0] += target
+        self._b = scaling.apply_inverse(cones.divide(wanted, scaling.point))
+
+
+class LockingBlock(LorentzBlock):
     """``x = (M + q, eps) in L`` with cost ``n q^2``, cell by cell; multiplier ``z = (z_0, -Z)``.
 
     ``q = z_0/(2n)`` holds throughout; ``compliance = 1/(2n)`` is 0 for n = inf.  Strains and the
@@ -43,9 +75,6 @@ class LockingBlock:
         """The locking stress Z (k, m)."""
         return -self.z[:, 1:]
 
-    def products(self) -> FloatArray:
-        return dot(self.x, self.z)
-
     def primal_residual(self, strain: FloatArray) -> FloatArray:
         """``(M + q, eps) - x``."""
         return np.column_stack([self.limit + self.compliance * self.z[:, 0], strain]) - self.x
@@ -60,10 +89,7 @@ class LockingBlock:
 
     def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
         """The locking stress (k, m) that the step leads to if the displacement stands still."""
-        scaling = self._scaling
-        wanted = -cones.product(scaling.point, scaling.point) - correction
-        wanted[:, 0] += target
-        self._b = scaling.apply_inverse(cones.divide(wanted, scaling.point))
+        self._aim(target, correction)
         dz = self._multiplier_step(self._gap[:, 1:])
         return -(self.z + dz)[:, 1:]
 
@@ -72,16 +98,6 @@ class LockingBlock:
         dz = self._multiplier_step(d_strain + self._gap[:, 1:])
         d_q = self.compliance * dz[:, 0] + self._gap[:, 0]
         return np.column_stack([d_q, d_strain + self._gap[:, 1:]]), dz
-
-    def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
-        return cones.product(self._scaling.apply_inverse(dx), self._scaling.apply(dz))
-
-    def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
-        return min(cones.longest_step(self.x, dx), cones.longest_step(self.z, dz))
-
-    def advance(self, t: float, dx: FloatArray, dz: FloatArray) -> None:
-        self.x += t * dx
-        self.z += t * dz
 
     def _multiplier_step(self, d_x1: FloatArray) -> FloatArray:
         """``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated."""
@@ -151,7 +167,7 @@ class ContactBlock:
         return (self._wanted - self.z * d_rest) / (self.x + self.compliance * self.z)
 
 
-class FrictionBlock:
+class FrictionBlock(LorentzBlock):
     """``x = (t, u_tau, eps) in L`` with cost ``g t``, node by node.
 
     The multiplier is ``z = (g, sigma_tau, .)``.  The last entry of the primal point is the
@@ -177,9 +193,6 @@ class FrictionBlock:
         """Scale the multipliers to the bound (k,), which keeps them inside their cones."""
         self.z *= (bound / self.z[:, 0])[:, None]
 
-    def products(self) -> FloatArray:
-        return dot(self.x, self.z)
-
     def linearise(self, slip: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``D = a I - b w w^T``: a (k,), b (k,), w (k, d); remembers the primal residual."""
         self._gap = self._fixed_columns(slip) - self.x[:, 1:]
@@ -190,10 +203,7 @@ class FrictionBlock:
 
     def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
         """``-sigma_tau`` (k, d) that the step leads to if the displacement stands still."""
-        scaling = self._scaling
-        wanted = -cones.product(scaling.point, scaling.point) - correction
-        wanted[:, 0] += target
-        self._b = scaling.apply_inverse(cones.divide(wanted, scaling.point))
+        self._aim(target, correction)
         dz = self._steps(self._gap)[1]
         return -(self.z + dz)[:, 1 : 1 + self._dim]
 
@@ -201,16 +211,6 @@ class FrictionBlock:
         d_rest = self._gap.copy()
         d_rest[:, : self._dim] += d_slip
         return self._steps(d_rest)
-
-    def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
-        return cones.product(self._scaling.apply_inverse(dx), self._scaling.apply(dz))
-
-    def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
-        return min(cones.longest_step(self.x, dx), cones.longest_step(self.z, dz))
-
-    def advance(self, t: float, dx: FloatArray, dz: FloatArray) -> None:
-        self.x += t * dx
-        self.z += t * dz
 
     def _fixed_columns(self, slip: FloatArray) -> FloatArray:
         self._dim = slip.shape[1]
