@@ -102,9 +102,9 @@ def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solu
     overstrain = body.largest_overstrain(domain)
     if report.converged and overstrain > _NOTABLE_OVERSTRAIN:
         warnings.append(
-            f"the strain exceeds its limit by up to {100.0 * overstrain:.0f} %: raise penalty.n; if "
-            "that hardly helps, no displacement within the limit can follow the prescribed ones, "
-            "which penalty.n: .inf would report"
+            f"the strain exceeds its limit by up to {100.0 * overstrain:.0f} %: raise penalty.n; "
+            "if that hardly helps, no displacement within the limit can follow the prescribed "
+            "ones, which penalty.n: .inf would report"
         )
     summary: dict[str, Any] = {
         "title": problem.parameters.title,
