@@ -32,7 +32,7 @@ from contact_locking.system import PenalisedSystem
 FloatArray = npt.NDArray[np.float64]
 
 # How far a step goes towards the boundary of the cones.
-_TO_BOUNDARY = 0.995
+_TO_BOUNDARY = 0.99
 # The duality gap, relative to the elastic energy, at which the iteration stops, and the share of
 # it that is aimed at.  Rounding in nearly singular cones leaves about 1e-9.
 _GAP_TOLERANCE = 1e-8
