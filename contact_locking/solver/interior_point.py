@@ -24,6 +24,7 @@ from contact_locking.material import MANDEL_PAIRS
 from contact_locking.progress import Monitor
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
 from contact_locking.solver.cone_system import ConeSystem
+from contact_locking.solver.linear import LINEAR_FAILURE
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.target import Target
@@ -104,7 +105,9 @@ class InteriorPoint:
         try:
             self._start(report)
         except PETSc.Error as error:
-            raise NotConverged("the linear solve failed") from error
+            raise NotConverged(LINEAR_FAILURE) from error
+        finally:
+            report.linear += self._cones.take_iterations()
         limit = settings.max_iterations
         for iteration in range(limit + 1):
             measures = self._measured = self._measure()
@@ -190,7 +193,7 @@ class InteriorPoint:
             ]
             combined = self._direction(centring * before, corrections)
         except PETSc.Error as error:
-            raise NotConverged("the linear solve failed") from error
+            raise NotConverged(LINEAR_FAILURE) from error
         finally:
             report.linear += self._cones.take_iterations()
         t = min(1.0, _TO_BOUNDARY * self._longest_step(combined))

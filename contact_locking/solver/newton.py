@@ -15,7 +15,12 @@ from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
 from contact_locking.progress import Monitor
-from contact_locking.solver.linear import PREFIX, default_options, options_set
+from contact_locking.solver.linear import (
+    LINEAR_FAILURE,
+    PREFIX,
+    default_options,
+    options_set,
+)
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.system import PenalisedSystem
 
@@ -169,7 +174,7 @@ class NewtonSolver:
         """Why PETSc gave up; what a callback raised is raised again unless it is NotConverged."""
         if self._raised is not None and not isinstance(self._raised, NotConverged):
             raise self._raised from None
-        return str(self._raised or "the linear solve failed")
+        return str(self._raised or LINEAR_FAILURE)
 
     def _count(self, iterations: int) -> None:
         self._report.tangents += 1
@@ -214,7 +219,7 @@ class NewtonSolver:
 def _describe(reason: int) -> str:
     names = {
         ConvergedReason.DIVERGED_MAX_IT: "too many Newton steps",
-        ConvergedReason.DIVERGED_LINEAR_SOLVE: "the linear solve failed",
+        ConvergedReason.DIVERGED_LINEAR_SOLVE: LINEAR_FAILURE,
         ConvergedReason.DIVERGED_LINE_SEARCH: "the line search failed",
     }
     return names.get(reason, f"SNES stopped with reason {reason}")
