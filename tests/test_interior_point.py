@@ -15,6 +15,7 @@ from problems import block, column
 
 from contact_locking import problem
 from contact_locking.parameters import Parameters
+from contact_locking.solution import OPEN
 from contact_locking.solver import cones
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
 
@@ -168,6 +169,7 @@ def test_inequality_keeps_both_constraints_and_the_coulomb_cone(dim: int) -> Non
         traction = np.linalg.norm(points.traction, axis=1)
         assert np.all(traction <= points.bound * (1.0 + 1e-6) + 1e-9)
         assert np.abs(points.pressure * (points.gap - points.u_normal)).max() <= 1e-8
+        assert np.array_equal(points.pressure > 0.0, points.state != OPEN)
         sliding = np.sum(points.traction * points.u_tangent, axis=1)
         assert np.all(sliding <= 1e-12)
 
