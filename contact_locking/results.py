@@ -124,9 +124,7 @@ class ContactFields:
         penetration = float(np.max(self.u_normal - self.gap, initial=0.0))
         return {
             "penetration_max": float(surface.domain.comm.allreduce(penetration, op=MPI.MAX)),
-            "contact_force": (
-                0.0 - surface.integral(self.pressure[:, None] * self.normal)
-            ).tolist(),
+            "contact_force": force.tolist(),
             "friction_force": surface.integral(self.traction).tolist(),
             "contact_area": float(surface.integral((self.state != OPEN).astype(float))),
             "slip_area": float(surface.integral((self.state == SLIP).astype(float))),
