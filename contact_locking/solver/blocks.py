@@ -20,6 +20,16 @@ from contact_locking.solver.cones import Scaling, dot
 FloatArray = npt.NDArray[np.float64]
 
 
+# Products between these multiples of the target are left alone by a recentring.
+_BAND = (0.1, 10.0)
+
+
+def _into_band(products: FloatArray, target: float) -> FloatArray:
+    """The change that takes products into the band around the target, limited from below."""
+    low, high = (factor * target for factor in _BAND)
+    return np.maximum(np.clip(products, low, high) - products, -high)
+
+
 class LorentzBlock:
     """What cones of any dimension share: pairs (x, z) of points in Lorentz cones, weighted."""
 
@@ -36,6 +46,20 @@ class LorentzBlock:
     def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
         """The second-order term of a step, in scaled coordinates."""
         return cones.product(self._scaling.apply_inverse(dx), self._scaling.apply(dz))
+
+    def recentring(self, t: float, dx: FloatArray, dz: FloatArray, target: float) -> FloatArray:
+        """What brings the scaled products after a step of length t back to ``target``, roughly.
+
+        Their eigenvalues ``v_0 +- |v_1|`` are clipped to a band around the target (Gondzio,
+        doi:10.1007/BF00249643); the difference is what a correction has to aim at beside it.
+        """
+        x, z = self.x + t * dx, self.z + t * dz
+        v = cones.product(self._scaling.apply_inverse(x), self._scaling.apply(z))
+        norm = np.linalg.norm(v[:, 1:], axis=1)
+        low, high = _into_band(v[:, 0] - norm, target), _into_band(v[:, 0] + norm, target)
+        change = (0.5 * (high - low) / np.where(norm > 0.0, norm, 1.0))[:, None] * v
+        change[:, 0] = 0.5 * (high + low)
+        return change
 
     def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
         return min(cones.longest_step(self.x, dx), cones.longest_step(self.z, dz))
@@ -155,6 +179,9 @@ class ContactBlock:
     def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
         return dx * dz
 
+    def recentring(self, t: float, dx: FloatArray, dz: FloatArray, target: float) -> FloatArray:
+        return _into_band((self.x + t * dx) * (self.z + t * dz), target)
+
     def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
         speed = np.max([-dx / self.x, -dz / self.z], initial=0.0)
         return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
@@ -183,11 +210,18 @@ class FrictionBlock(LorentzBlock):
         self.x = np.column_stack([norm, rest])
         self.z = np.zeros_like(self.x)
         self.z[:, 0] = bound
+        # How far a step is to move the bound.
+        self.bound_step = np.zeros(len(bound))
 
     @property
     def traction(self) -> FloatArray:
         """``-sigma_tau`` (k, d)."""
         return -self.z[:, 1 : 1 + self._dim]
+
+    @property
+    def bound(self) -> FloatArray:
+        """G (k,)."""
+        return self.z[:, 0]
 
     def set_bound(self, bound: FloatArray) -> None:
         """Scale the multipliers to the bound (k,), which keeps them inside their cones."""
@@ -219,13 +253,14 @@ class FrictionBlock(LorentzBlock):
         return np.column_stack([slip, np.full(len(slip), self.epsilon)])
 
     def _steps(self, d_rest: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """``dz = b - W^-2 dx`` with ``dz_0 = 0`` solved for ``dx_0``."""
+        """``dz = b - W^-2 dx`` with ``dz_0 = bound_step`` solved for ``dx_0``."""
         square, w = self._scaling.eta**2, self._scaling.w
         w_0, w_1 = w[:, 0], w[:, 1:]
         h_00 = (2.0 * w_0**2 - 1.0) / square
         h_10 = (-2.0 * w_0 / square)[:, None] * w_1
-        d_t = (self._b[:, 0] - dot(h_10, d_rest)) / h_00
-        dz = np.zeros_like(self.z)
+        d_t = (self._b[:, 0] - self.bound_step - dot(h_10, d_rest)) / h_00
+        dz = np.empty_like(self.z)
+        dz[:, 0] = self.bound_step
         h_11 = (d_rest + 2.0 * dot(w_1, d_rest)[:, None] * w_1) / square[:, None]
         dz[:, 1:] = self._b[:, 1:] - h_10 * d_t[:, None] - h_11
         return np.column_stack([d_t, d_rest]), dz

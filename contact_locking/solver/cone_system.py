@@ -84,11 +84,21 @@ class ConeSystem:
             self._ksp.setFromOptions()
         self._iterations = 0
 
-    def place(self, cell: int) -> list[float]:
-        """The midpoint of the given one of the cells that can lock."""
-        mesh = self.system.u.function_space.mesh
-        local = np.array([self._cell_numbers[cell]], dtype=np.int32)
-        return [float(x) for x in dmesh.compute_midpoints(mesh, self.dim, local)[0, : self.dim]]
+    def describe_excess(self, strain: FloatArray) -> str:
+        """Where, and by how much, strains (k, m) exceed their limit the most; collective."""
+        ratio = np.linalg.norm(strain, axis=1) / self.limit
+        found: tuple[float, list[float]] = (0.0, [])
+        if len(ratio):
+            worst = int(np.argmax(ratio))
+            cell = np.array([self._cell_numbers[worst]], dtype=np.int32)
+            mesh = self.system.u.function_space.mesh
+            place = dmesh.compute_midpoints(mesh, self.dim, cell)[0, : self.dim]
+            found = float(ratio[worst]), place.tolist()
+        largest, place = max(self.comm.allgather(found))
+        if largest <= 1.0:
+            return "the foundation is in the way"
+        at = ", ".join(f"{x:.3g}" for x in place)
+        return f"the strain is forced to {largest:.2g} times its limit near ({at})"
 
     def _find_nodes(self) -> None:
         """Leave out nodes whose normal displacement is prescribed: nothing is left to decide."""

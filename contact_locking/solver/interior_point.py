@@ -11,8 +11,7 @@ one with a known bound.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +24,7 @@ from contact_locking.progress import Monitor
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
 from contact_locking.solver.cone_system import ConeSystem
 from contact_locking.solver.linear import LINEAR_FAILURE
+from contact_locking.solver.measures import Measures, mean, relative_rms
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.target import Target
@@ -33,7 +33,15 @@ from contact_locking.system import PenalisedSystem
 FloatArray = npt.NDArray[np.float64]
 
 # How far a step goes towards the boundary of the cones.
-_TO_BOUNDARY = 0.99
+_TO_BOUNDARY = 0.97
+# Recentrings (Gondzio's correctors) after each predictor and corrector: at most this many, while
+# the step is shorter than this, reaching this much farther, kept if the step grows by this factor.
+_RECENTRINGS = 2
+_LONG_ENOUGH = 0.95
+_REACH = 0.3
+_GAIN = 1.01
+# From this length on the bound of the step's own end is worth another solve.
+_NEARLY_FULL = 0.9
 # The duality gap, relative to the elastic energy, at which the iteration stops, and the share of
 # it that is aimed at.  Rounding in nearly singular cones leaves about 1e-9.
 _GAP_TOLERANCE = 1e-8
@@ -48,31 +56,8 @@ _START_LEVEL = 30.0
 _START_OPENING = 0.1
 
 
-@dataclass
-class Measures:
-    """What convergence is judged on, all relative."""
-
-    equilibrium: float
-    primal: float
-    gap: float
-    friction: float
-
-    def __str__(self) -> str:
-        return (
-            f"equilibrium {self.equilibrium:.1e}, laws {self.primal:.1e}, "
-            f"duality gap {self.gap:.1e}, friction bound {self.friction:.1e}"
-        )
-
-    def worst(self) -> float:
-        return max(self.equilibrium, self.primal, self.gap, self.friction)
-
-    def reached(self, settings: Settings) -> bool:
-        return (
-            self.equilibrium <= settings.tolerance
-            and self.primal <= settings.tolerance
-            and self.gap <= _GAP_TOLERANCE
-            and self.friction <= settings.friction_tolerance
-        )
+# A step of the displacement (local values), and the primal and dual step of each block.
+Direction: TypeAlias = tuple[FloatArray, list[Any]]
 
 
 class InteriorPoint:
@@ -114,7 +99,7 @@ class InteriorPoint:
             monitor.iteration(iteration, measures.worst())
             if not np.isfinite(measures.equilibrium + measures.gap):
                 raise NotConverged("the interior point iteration lost its digits")
-            if measures.reached(settings):
+            if measures.reached(settings, _GAP_TOLERANCE):
                 break
             self._stop_if_infeasible(measures)
             if iteration == limit:
@@ -145,7 +130,7 @@ class InteriorPoint:
         system.u.x.array[:] += cones.solve_step()
         cones.look_at(system.u.x.array)
         strain = cones.strains()
-        size = self._mean(cones.volumes, np.linalg.norm(strain, axis=1))
+        size = mean(cones.comm, cones.volumes, np.linalg.norm(strain, axis=1))
         size = size or self._rms_displacement() / target.length or 1e-3
         kappa = 0.5 / target.n
         self._locking = LockingBlock(strain, cones.limit, cones.volumes, kappa)
@@ -179,6 +164,7 @@ class InteriorPoint:
             contact = self._contact.linearise(self._opening())
         if self._friction is not None:
             friction = self._friction.linearise(self._slip)
+            self._friction.bound_step[:] = 0.0
         try:
             cones.set_scaling(locking, contact, friction)
             report.tangents += 1
@@ -188,15 +174,11 @@ class InteriorPoint:
             after = self._complementarity_after(t, affine)
             centring = min(1.0, max(after / before, 0.0)) ** 3
             centring = self._limited(centring)
-            corrections = [
-                block.correction(*step) for block, step in zip(self._blocks, affine[1], strict=True)
-            ]
-            combined = self._direction(centring * before, corrections)
+            combined, t = self._combined(affine, t, centring * before)
         except PETSc.Error as error:
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
             report.linear += self._cones.take_iterations()
-        t = min(1.0, _TO_BOUNDARY * self._longest_step(combined))
         if not t > 1e-8:
             raise NotConverged(f"the interior point step vanished ({self._measured})")
         self._system.u.x.array[:] += t * combined[0]
@@ -209,10 +191,61 @@ class InteriorPoint:
             new = self._new_bound()
             least = self._target.least_bound(self._system.energy(), cones.dim)
             size = max(bound.norm(new), least)
-            self._friction_change = bound.norm(new - bound.values) / size if size > 0.0 else 0.0
+            used = bound.values.copy()
+            used[cones.active] = self._friction.bound
+            self._friction_change = bound.norm(new - used) / size if size > 0.0 else 0.0
             bound.values = new
             self._friction.set_bound(new[cones.active])
             report.friction += 1
+
+    def _combined(self, affine: Direction, t: float, target: float) -> tuple[Direction, float]:
+        """The step to take and its length: corrected, recentred, and with the bound moved along.
+
+        Everything here uses the factorisation that the predictor ``affine`` of length ``t`` has.
+        """
+        corrections = [
+            block.correction(*step) for block, step in zip(self._blocks, affine[1], strict=True)
+        ]
+        self._move_bound(t, affine)
+        best = self._direction(target, corrections)
+        t = self._length(best)
+        for _ in range(_RECENTRINGS):
+            if t >= _LONG_ENOUGH:
+                break
+            reach = min(1.0, t + _REACH)
+            trial = [
+                correction - block.recentring(reach, *step, target * scale)
+                for correction, block, step, scale in zip(
+                    corrections, self._blocks, best[1], self._scales, strict=True
+                )
+            ]
+            candidate = self._direction(target, trial)
+            longer = self._length(candidate)
+            if longer < _GAIN * t:
+                break
+            best, corrections, t = candidate, trial, longer
+        if t >= _NEARLY_FULL and self._move_bound(1.0, best):
+            best = self._direction(target, corrections)
+            t = self._length(best)
+        return best, t
+
+    def _move_bound(self, t: float, direction: Direction) -> bool:
+        """Let the step take the bound to where a step of length t along ``direction`` wants it."""
+        if self._friction is None or not self._bound_moves:
+            return False
+        assert self._contact is not None
+        pressure = np.maximum(self._contact.z + t * direction[1][1][1], 0.0)
+        active = self._cones.active
+        self._friction.bound_step = self._new_bound(pressure)[active] - self._friction.bound
+        return True
+
+    def _length(self, direction: Direction) -> float:
+        return min(1.0, _TO_BOUNDARY * self._longest_step(direction))
+
+    @property
+    def _scales(self) -> list[float]:
+        """What the target of each block is multiplied by: products on Gamma_C are per area."""
+        return [1.0, self._target.length, self._target.length][: len(self._blocks)]
 
     def _stop_if_infeasible(self, measures: Measures) -> None:
         """Multipliers that grow without bound while the laws stay violated: nothing is feasible."""
@@ -225,7 +258,7 @@ class InteriorPoint:
         if size > _DIVERGED * first_size and measures.primal > 0.01 * first_primal:
             raise NotConverged(
                 "infeasible: no displacement within the locking limit and the gap follows the "
-                f"prescribed values; {self._worst_place()}"
+                f"prescribed values; {self._cones.describe_excess(self._strain)}"
             )
 
     def _multiplier_size(self) -> float:
@@ -234,17 +267,6 @@ class InteriorPoint:
         if self._contact is not None:
             local = max(local, float(self._contact.z.max(initial=0.0)))
         return float(self._cones.comm.allreduce(local, op=MPI.MAX))
-
-    def _worst_place(self) -> str:
-        """Where, and by how much, the present strain exceeds its limit the most; collective."""
-        ratio = np.linalg.norm(self._strain, axis=1) / self._locking.limit
-        worst = int(np.argmax(ratio)) if len(ratio) else -1
-        found = (float(ratio[worst]), self._cones.place(worst)) if len(ratio) else (0.0, [])
-        largest, place = max(self._cones.comm.allgather(found))
-        if largest <= 1.0:
-            return "the foundation is in the way"
-        at = ", ".join(f"{x:.3g}" for x in place)
-        return f"the strain is forced to {largest:.2g} times its limit near ({at})"
 
     def _limited(self, centring: float) -> float:
         """Keep the complementarity from running ahead of equilibrium, and from vanishing.
@@ -257,7 +279,7 @@ class InteriorPoint:
             return 1.0
         return max(centring, min(1.0, _GAP_LEFT * _GAP_TOLERANCE / now.gap))
 
-    def _direction(self, target: float, corrections: Any) -> tuple[FloatArray, list[Any]]:
+    def _direction(self, target: float, corrections: list[Any] | None) -> Direction:
         """The displacement step and each block's steps towards products of ``target``."""
         cones, length = self._cones, self._target.length
         given = corrections or [0.0] * len(self._blocks)
@@ -283,14 +305,14 @@ class InteriorPoint:
         cones.look_at(system.u.x.array)
         self._strain = cones.strains()
         locking = self._locking.primal_residual(self._strain)
-        primal = self._rms(cones.volumes, locking, self._locking.x)
+        primal = relative_rms(cones.comm, cones.volumes, locking, self._locking.x)
         pressure = friction = None
         if self._contact is not None:
             pressure = self._contact.z
             contact = self._contact.primal_residual(self._opening())
             # Openings may all be zero; what is small is judged against the body, too.
             size = np.abs(self._contact.x) + 1e-3 * self._target.length
-            primal = max(primal, self._rms(self._contact.weights, contact, size))
+            primal = max(primal, relative_rms(cones.comm, self._contact.weights, contact, size))
         if self._friction is not None:
             self._slip = cones.slips()
             friction = self._friction.traction
@@ -333,14 +355,15 @@ class InteriorPoint:
     def _opening(self) -> FloatArray:
         return self._cones.node_gap - self._cones.normal_displacement()
 
-    def _new_bound(self) -> FloatArray:
+    def _new_bound(self, pressure: FloatArray | None = None) -> FloatArray:
         """``mu |R p|``, kept positive so that the friction cones have an inside."""
         bound = self._system.bound
         assert self._contact is not None and bound is not None
-        new = bound.evaluate(self._cones.at_all_nodes(self._contact.z))
+        pressure = self._contact.z if pressure is None else pressure
+        new = bound.evaluate(self._cones.at_all_nodes(pressure))
         return np.maximum(new, 1e-14 * self._target.stiffness)
 
-    def _longest_step(self, direction: tuple[FloatArray, list[Any]]) -> float:
+    def _longest_step(self, direction: Direction) -> float:
         local = min(
             block.longest_step(*step)
             for block, step in zip(self._blocks, direction[1], strict=True)
@@ -356,7 +379,7 @@ class InteriorPoint:
         """The mean product, those of Gamma_C divided by the length; collective."""
         return self._total() / self._measure_of_cones()
 
-    def _complementarity_after(self, t: float, direction: tuple[FloatArray, list[Any]]) -> float:
+    def _complementarity_after(self, t: float, direction: Direction) -> float:
         local = 0.0
         for block, (dx, dz) in zip(self._blocks, direction[1], strict=True):
             product = (block.x + t * dx) * (block.z + t * dz)
@@ -369,19 +392,6 @@ class InteriorPoint:
         for block in self._blocks[1:]:
             local += self._target.length * float(block.weights.sum())
         return float(self._cones.comm.allreduce(local)) or 1.0
-
-    def _mean(self, weights: FloatArray, values: FloatArray) -> float:
-        pair = np.array([weights @ values if len(weights) else 0.0, weights.sum()])
-        total, weight = self._cones.comm.allreduce(pair)
-        return float(total / weight) if weight > 0.0 else 0.0
-
-    def _rms(self, weights: FloatArray, values: FloatArray, scale: FloatArray) -> float:
-        def square(a: FloatArray) -> float:
-            return float(weights @ (a**2 if a.ndim == 1 else np.sum(a**2, axis=1)))
-
-        pair = np.array([square(values), square(scale)])
-        total, size = self._cones.comm.allreduce(pair)
-        return float(np.sqrt(total / size)) if size > 0.0 else 0.0
 
     def _rms_displacement(self) -> float:
         local = float(np.max(np.abs(self._system.u.x.array), initial=0.0))

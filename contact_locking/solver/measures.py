@@ -1,0 +1,59 @@
+"""What the convergence of the interior point method is judged on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from contact_locking.solver.report import Settings
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass
+class Measures:
+    """What convergence is judged on, all relative."""
+
+    equilibrium: float
+    primal: float
+    gap: float
+    friction: float
+
+    def __str__(self) -> str:
+        return (
+            f"equilibrium {self.equilibrium:.1e}, laws {self.primal:.1e}, "
+            f"duality gap {self.gap:.1e}, friction bound {self.friction:.1e}"
+        )
+
+    def worst(self) -> float:
+        return max(self.equilibrium, self.primal, self.gap, self.friction)
+
+    def reached(self, settings: Settings, gap: float) -> bool:
+        """Whether all are within the tolerances, the duality gap within ``gap``."""
+        return (
+            self.equilibrium <= settings.tolerance
+            and self.primal <= settings.tolerance
+            and self.gap <= gap
+            and self.friction <= settings.friction_tolerance
+        )
+
+
+def mean(comm: MPI.Intracomm, weights: FloatArray, values: FloatArray) -> float:
+    """The weighted mean over all ranks, 0 without weights; collective."""
+    total, weight = comm.allreduce(np.array([float(weights @ values), float(weights.sum())]))
+    return float(total / weight) if weight > 0.0 else 0.0
+
+
+def relative_rms(
+    comm: MPI.Intracomm, weights: FloatArray, values: FloatArray, scale: FloatArray
+) -> float:
+    """``|values|/|scale|`` in the weighted L2 norm, rows being vectors; collective."""
+
+    def square(a: FloatArray) -> float:
+        return float(weights @ (a**2 if a.ndim == 1 else np.sum(a**2, axis=1)))
+
+    total, size = comm.allreduce(np.array([square(values), square(scale)]))
+    return float(np.sqrt(total / size)) if size > 0.0 else 0.0
