@@ -40,7 +40,10 @@ _RECENTRINGS = 2
 _LONG_ENOUGH = 0.95
 _REACH = 0.3
 _GAIN = 1.01
-# From this length on the bound of the step's own end is worth another solve.
+# The predictor tells where the bound goes, until it has changed by less than this: then the
+# complementarity that the predictor takes away is all it sees.  From there on, and where a step is
+# longer than this, the bound at the step's own end is worth another solve.
+_ALMOST_AGREED = 1e-5
 _NEARLY_FULL = 0.9
 # The duality gap, relative to the elastic energy, at which the iteration stops, and the share of
 # it that is aimed at.  Rounding in nearly singular cones leaves about 1e-9.
@@ -206,7 +209,9 @@ class InteriorPoint:
         corrections = [
             block.correction(*step) for block, step in zip(self._blocks, affine[1], strict=True)
         ]
-        self._move_bound(t, affine)
+        agreed = self._measured.friction <= _ALMOST_AGREED
+        if not agreed:
+            self._move_bound(t, affine)
         best = self._direction(target, corrections)
         t = self._length(best)
         for _ in range(_RECENTRINGS):
@@ -224,7 +229,7 @@ class InteriorPoint:
             if longer < _GAIN * t:
                 break
             best, corrections, t = candidate, trial, longer
-        if t >= _NEARLY_FULL and self._move_bound(1.0, best):
+        if (agreed or t >= _NEARLY_FULL) and self._move_bound(t, best):
             best = self._direction(target, corrections)
             t = self._length(best)
         return best, t
