@@ -122,7 +122,7 @@ def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
 
 
 def _check_parts(domain: Domain, parameters: Parameters) -> None:
-    """Names exist, and Gamma_C carries neither a load nor a full displacement condition."""
+    """The names exist, and no part is both contact and subject to a displacement condition."""
     contact = domain.facets(parameters.contact.on, "contact.on")
     for i, condition in enumerate(parameters.loads.displacements):
         key = f"loads.displacements.{i}.on"
@@ -141,13 +141,9 @@ def _conditions(domain: Domain, loads: LoadParameters) -> list[ComponentConditio
         for j, value in enumerate(condition.value):
             if value is not None:
                 key = f"loads.displacements.{i}.value.{j}"
-                field = partial(_on_points, domain.comm, value, key)
+                field = partial(evaluate, domain.comm, value, key=key)
                 wanted.append(ComponentCondition(condition.on, j, field, key))
     return wanted
-
-
-def _on_points(comm: MPI.Intracomm, value: float | str, key: str, x: FloatArray) -> FloatArray:
-    return evaluate(comm, value, x, key)
 
 
 def _loads(domain: Domain, loads: LoadParameters) -> list[tuple[Any, ufl.Measure]]:
@@ -171,10 +167,8 @@ def _contact(
     surface = ContactSurface(domain, space, given.on)
     points = surface.points.T
     if given.foundation is None:
-        gap, normal = (
-            evaluate(domain.comm, given.gap, points, "contact.gap"),
-            surface.body_normals(),
-        )
+        gap = evaluate(domain.comm, given.gap, points, "contact.gap")
+        normal = surface.body_normals()
     else:
         body = _foundation(given, domain.dim)
         gap, normal = body.gap(points), body.contact_normal(points).T

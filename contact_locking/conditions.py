@@ -119,15 +119,17 @@ def check_held(
             )
             if found.status == 0 and -found.fun > 1e-3:
                 motion = _describe(free @ found.x, dim)
-                slides = contact is not None and np.abs(scaled @ found.x).max(initial=0.0) < 1e-6
-                why = (
-                    "nothing holds the body"
-                    if contact is None
-                    else "it slides along the foundation"
-                    + (" and friction alone does not decide where it rests" if friction else "")
-                    if slides
-                    else "the loads do not press the body onto the foundation"
-                )
+                if contact is None:
+                    why = "nothing holds the body"
+                elif np.abs(scaled @ found.x).max(initial=0.0) >= 1e-6:
+                    why = "the loads do not press the body onto the foundation"
+                elif friction:
+                    why = (
+                        "it slides along the foundation and friction alone does not decide "
+                        "where it rests"
+                    )
+                else:
+                    why = "it slides along the foundation"
                 raise InputError(
                     f"the displacement conditions leave a rigid motion free ({motion}): {why}; "
                     "fix a boundary part, or a component of it, in loads.displacements",

@@ -8,6 +8,7 @@ eigenvalues of the matrix are those of A.  Two dimensions mean plane strain.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,11 @@ MANDEL_PAIRS: dict[int, tuple[tuple[int, int], ...]] = {
     2: ((0, 0), (1, 1), (0, 1)),
     3: ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)),
 }
+
+
+def mandel_factor(i: int, j: int) -> float:
+    """What the entry (i, j) of a tensor is multiplied by in its Mandel vector."""
+    return 1.0 if i == j else math.sqrt(2.0)
 
 
 def strain(u: Expr) -> Expr:
@@ -41,14 +47,14 @@ def anisotropic_stress(eps: Expr, stiffness: Expr) -> Expr:
 def mandel_vector(tensor: Expr) -> Expr:
     """The Mandel vector of a symmetric (d, d) tensor."""
     pairs = MANDEL_PAIRS[tensor.ufl_shape[0]]
-    return ufl.as_vector([tensor[i, j] * (1.0 if i == j else np.sqrt(2.0)) for i, j in pairs])
+    return ufl.as_vector([tensor[i, j] * mandel_factor(i, j) for i, j in pairs])
 
 
 def mandel_tensor(vector: Expr, dim: int) -> Expr:
     """The symmetric (d, d) tensor of a Mandel vector; the inverse of :func:`mandel_vector`."""
     entry: dict[tuple[int, int], Any] = {}
     for k, (i, j) in enumerate(MANDEL_PAIRS[dim]):
-        entry[i, j] = entry[j, i] = vector[k] / (1.0 if i == j else np.sqrt(2.0))
+        entry[i, j] = entry[j, i] = vector[k] / mandel_factor(i, j)
     return ufl.as_tensor([[entry[i, j] for j in range(dim)] for i in range(dim)])
 
 

@@ -35,12 +35,11 @@ class ContactSurface:
         self.ds = domain.ds(names, "contact.on", **VERTEX_RULE)
         self.vector_space = space
         self.scalar_space, to_vector = _compat.collapse(space.sub(0))
-        self._block_of = to_vector // domain.dim
         owned = self.scalar_space.dofmap.index_map.size_local
         # A rank may own a node of Gamma_C without owning a facet there; the weights find it.
         mass = self._assemble(ufl.TestFunction(self.scalar_space) * self.ds)
         self.nodes = np.flatnonzero(mass[:owned] > 0.0).astype(np.int32)
-        self.blocks = self._block_of[self.nodes]
+        self.blocks = to_vector[self.nodes] // domain.dim
         self.weights = mass[self.nodes]
         self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
 

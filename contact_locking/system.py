@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -90,22 +91,34 @@ class PenalisedSystem:
         held_by_contact: bool = False,
     ) -> None:
         space = u.function_space
-        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
+        v = ufl.TestFunction(space)
         self.data, self.u, self.bound = data, u, bound
         self.comm = space.mesh.comm
         self._constraints = constraints
         constraints.apply(u)
-        self._residual = fem.form(forms.residual(u, v, data))
-        tangent = forms.tangent(u, v, du, data)
-        if held_by_contact:
-            floor = fem.Constant(space.mesh, self.CONTACT_FLOOR)
-            tangent += forms.contact_stiffness(v, du, data, floor)
-        self._tangent = fem.form(tangent)
+        self._held_by_contact = held_by_contact
         self._elastic = fem.form(forms.elastic_form(u, v, data))
         self._elastic_energy = fem.form(0.5 * forms.elastic_form(u, u, data))
         self._work = fem.Function(space)
         self._load_norm = self._norm_of(fem.form(forms.external_work(v, data)))
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+
+    # The penalised forms are compiled when first asked for: n = inf never does.
+
+    @cached_property
+    def _residual(self) -> fem.Form:
+        test = ufl.TestFunction(self.u.function_space)
+        return fem.form(forms.residual(self.u, test, self.data))
+
+    @cached_property
+    def _tangent(self) -> fem.Form:
+        space = self.u.function_space
+        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
+        tangent = forms.tangent(self.u, v, du, self.data)
+        if self._held_by_contact:
+            floor = fem.Constant(space.mesh, self.CONTACT_FLOOR)
+            tangent += forms.contact_stiffness(v, du, self.data, floor)
+        return fem.form(tangent)
 
     @property
     def size(self) -> int:

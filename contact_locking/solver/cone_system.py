@@ -11,7 +11,7 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking import _compat, forms
-from contact_locking.material import MANDEL_PAIRS, strain
+from contact_locking.material import MANDEL_PAIRS, mandel_factor, strain
 from contact_locking.solver.linear import PREFIX, default_options, options_set
 from contact_locking.solver.report import Settings
 from contact_locking.system import PenalisedSystem
@@ -125,7 +125,7 @@ class ConeSystem:
     def strains(self) -> FloatArray:
         self._strain.interpolate(self._strain_of_seen)
         tensors = self._strain.x.array.reshape(-1, self.dim, self.dim)[self._cells]
-        columns = [tensors[:, i, j] * (1.0 if i == j else np.sqrt(2.0)) for i, j in self._pairs]
+        columns = [tensors[:, i, j] * mandel_factor(i, j) for i, j in self._pairs]
         return np.stack(columns, axis=1)
 
     def normal_displacement(self) -> FloatArray:
@@ -200,7 +200,7 @@ class ConeSystem:
     def _set_tensors(self, function: fem.Function, mandel: FloatArray) -> None:
         tensors = function.x.array.reshape(-1, self.dim, self.dim)
         for column, (i, j) in zip(mandel.T, self._pairs, strict=True):
-            entry = column / (1.0 if i == j else np.sqrt(2.0))
+            entry = column / mandel_factor(i, j)
             tensors[self._cells, i, j] = tensors[self._cells, j, i] = entry
         function.x.scatter_forward()
 
