@@ -18,7 +18,7 @@ from contact_locking.convex import positive_part, squared_norm, unit_ball_excess
 from contact_locking.domain import Domain
 from contact_locking.material import strain
 from contact_locking.results import integral
-from contact_locking.solver.linear import default_options, options_set
+from contact_locking.solver.linear import create_ksp, default_options
 
 # Rounding and the solver's tolerance may put a measured value this share above its bound.
 _SLACK = 1e-6
@@ -104,14 +104,9 @@ def dual_norm(
     owned = right.getLocalSize()
     right.array_w[constraints.dofs[constraints.dofs < owned]] = 0.0
     solution = right.duplicate()
-    solver = PETSc.KSP().create(domain.comm)
-    solver.setOptionsPrefix(_PREFIX)
-    solver.setOperators(matrix)
     size = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
     options = default_options("auto", domain.dim, size) | {"ksp_rtol": 1e-8}
-    with options_set(options, prefix=_PREFIX):
-        solver.setFromOptions()
-    solver.setErrorIfNotConverged(True)
+    solver = create_ksp(matrix, options, prefix=_PREFIX)
     solver.solve(right, solution)
     square = right.dot(solution)
     for item in (solver, matrix, right, solution):

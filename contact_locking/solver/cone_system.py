@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 from contact_locking import _compat, forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor, strain
-from contact_locking.solver.linear import PREFIX, default_options, options_set
+from contact_locking.solver.linear import create_ksp, default_options
 from contact_locking.solver.report import Settings
 from contact_locking.system import PenalisedSystem
 
@@ -75,13 +75,8 @@ class ConeSystem:
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
         self._right, self._step = self.matrix.createVecLeft(), self.matrix.createVecRight()
-        self._ksp = PETSc.KSP().create(self.comm)
-        self._ksp.setOptionsPrefix(PREFIX)
-        self._ksp.setOperators(self.matrix)
-        self._ksp.setErrorIfNotConverged(True)
         defaults = default_options(settings.linear, self.dim, system.size)
-        with options_set(defaults, settings.petsc):
-            self._ksp.setFromOptions()
+        self._ksp = create_ksp(self.matrix, defaults, settings.petsc)
         self._iterations = 0
 
     def describe_excess(self, strain: FloatArray) -> str:

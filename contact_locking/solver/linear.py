@@ -59,3 +59,19 @@ def options_set(
     finally:
         for key in ours:
             database.delValue(key)
+
+
+def create_ksp(
+    matrix: PETSc.Mat,
+    defaults: Mapping[str, Any],
+    overrides: Mapping[str, Any] | None = None,
+    prefix: str = PREFIX,
+) -> PETSc.KSP:
+    """A linear solver for ``matrix`` that raises where it does not converge; collective."""
+    ksp = PETSc.KSP().create(matrix.getComm())
+    ksp.setOptionsPrefix(prefix)
+    ksp.setOperators(matrix)
+    ksp.setErrorIfNotConverged(True)
+    with options_set(defaults, overrides, prefix):
+        ksp.setFromOptions()
+    return ksp
