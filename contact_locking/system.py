@@ -100,8 +100,11 @@ class PenalisedSystem:
         self._elastic = fem.form(forms.elastic_form(u, v, data))
         self._elastic_energy = fem.form(0.5 * forms.elastic_form(u, u, data))
         self._work = fem.Function(space)
-        self._load_norm = self._norm_of(fem.form(forms.external_work(v, data)))
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        self._assemble(fem.form(forms.external_work(v, data)))
+        # (f, .), owned degrees of freedom, constrained ones included.
+        self.load = self._work.x.array[: self._owned].copy()
+        self._load_norm = float(la.norm(self._work.x))
 
     # The penalised forms are compiled when first asked for: n = inf never does.
 
@@ -179,16 +182,10 @@ class PenalisedSystem:
         self._work.x.array[self._constraints.dofs] = 0.0
         f.array_w[:] = self._work.x.array[: self._owned]
 
-    def local_step(self, step: PETSc.Vec) -> FloatArray:
-        """A step as local values, ghosts included, zero at constrained dofs; collective."""
-        self._work.x.array[: self._owned] = step.array_r
-        self._work.x.array[self._constraints.dofs] = 0.0
-        self._work.x.scatter_forward()
-        return self._work.x.array.copy()
-
     def force_scale(self) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included."""
-        return max(self._load_norm, self._norm_of(self._elastic))
+        self._assemble(self._elastic)
+        return max(self._load_norm, float(la.norm(self._work.x)))
 
     def energy(self) -> float:
         """The elastic energy ``a(u, u)/2``; collective."""
@@ -207,7 +204,3 @@ class PenalisedSystem:
         self._work.x.array[:] = 0.0
         fem.assemble_vector(self._work.x.array, form)
         self._work.x.scatter_reverse(la.InsertMode.add)
-
-    def _norm_of(self, form: fem.Form) -> float:
-        self._assemble(form)
-        return float(la.norm(self._work.x))

@@ -21,8 +21,8 @@ from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBl
 
 
 def _inside(random: np.random.Generator, count: int = 5, size: int = 4) -> npt.NDArray[np.float64]:
-    x = random.standard_normal((count, size))
-    x[:, 0] = np.linalg.norm(x[:, 1:], axis=1) + random.uniform(1e-6, 2.0, count)
+    x = random.standard_normal((size, count))
+    x[0] = np.linalg.norm(x[1:], axis=0) + random.uniform(1e-6, 2.0, count)
     return x
 
 
@@ -42,70 +42,70 @@ def test_the_scaling_maps_both_points_to_the_same_one(seed: int) -> None:
 @given(seed=st.integers(0, 2**32 - 1))
 def test_division_undoes_the_jordan_product_and_the_inverse_gives_the_unit(seed: int) -> None:
     random = np.random.default_rng(seed)
-    x, d = _inside(random), random.standard_normal((5, 4))
+    x, d = _inside(random), random.standard_normal((4, 5))
     np.testing.assert_allclose(cones.product(x, cones.divide(d, x)), d, rtol=1e-6, atol=1e-8)
     unit = cones.product(x, cones.inverse(x))
-    np.testing.assert_allclose(unit, np.eye(4)[[0] * 5], atol=1e-8)
+    np.testing.assert_allclose(unit, np.eye(4)[:, [0] * 5], atol=1e-8)
 
 
 @settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_longest_step_ends_on_the_boundary_of_a_cone(seed: int) -> None:
     random = np.random.default_rng(seed)
-    x, step = _inside(random), random.standard_normal((5, 4))
+    x, step = _inside(random), random.standard_normal((4, 5))
     t = cones.longest_step(x, step)
     if math.isinf(t):
         assert np.all(cones.det(x + 1e6 * step) > 0.0)
         return
     end = x + t * step
-    slack = end[:, 0] - np.linalg.norm(end[:, 1:], axis=1)
+    slack = end[0] - np.linalg.norm(end[1:], axis=0)
     assert slack.min() == pytest.approx(0.0, abs=1e-7 * (1.0 + np.abs(end).max()))
 
 
 def test_a_direction_that_is_no_number_allows_no_step() -> None:
-    x = np.array([[1.0, 0.0]])
-    assert cones.longest_step(x, np.full((1, 2), np.nan)) == 0.0
+    x = np.array([[1.0], [0.0]])
+    assert cones.longest_step(x, np.full((2, 1), np.nan)) == 0.0
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.3])
 def test_eliminated_steps_satisfy_the_full_newton_system(compliance: float) -> None:
     random = np.random.default_rng(3)
-    eps = 0.3 * random.standard_normal((6, 3))
+    eps = 0.3 * random.standard_normal((3, 6))
     locking = LockingBlock(eps, np.full(6, 1.0), np.ones(6), compliance)
-    locking.x[:, 0] += 0.3
+    locking.x[0] += 0.3
     locking.z = _inside(random, 6, 4)
     a, b, w = locking.linearise(eps + 0.01)
     resting = locking.aim(0.2)
-    d_eps = random.standard_normal((6, 3))
+    d_eps = random.standard_normal((3, 6))
     dx, dz = locking.step(d_eps)
     # The multiplier's step is what the tangent block says it is ...
-    tangent = a[:, None] * d_eps + (b * np.sum(w * d_eps, axis=1))[:, None] * w
-    np.testing.assert_allclose(-(locking.z + dz)[:, 1:], resting + tangent, rtol=1e-9, atol=1e-9)
+    tangent = a * d_eps + b * np.sum(w * d_eps, axis=0) * w
+    np.testing.assert_allclose(-(locking.z + dz)[1:], resting + tangent, rtol=1e-9, atol=1e-9)
     # ... primal feasibility is restored ...
-    limit = 1.0 + compliance * (locking.z + dz)[:, 0]
-    np.testing.assert_allclose((locking.x + dx)[:, 0], limit, atol=1e-10)
-    np.testing.assert_allclose((locking.x + dx)[:, 1:], eps + 0.01 + d_eps, atol=1e-10)
+    limit = 1.0 + compliance * (locking.z + dz)[0]
+    np.testing.assert_allclose((locking.x + dx)[0], limit, atol=1e-10)
+    np.testing.assert_allclose((locking.x + dx)[1:], eps + 0.01 + d_eps, atol=1e-10)
     # ... and the linearised complementarity reaches its target.
     scaling = cones.Scaling.of(locking.x, locking.z)
     reached = cones.product(scaling.point, scaling.point) + cones.product(
         scaling.point, scaling.apply_inverse(dx) + scaling.apply(dz)
     )
-    np.testing.assert_allclose(reached, 0.2 * np.eye(4)[[0] * 6], atol=1e-8)
+    np.testing.assert_allclose(reached, 0.2 * np.eye(4)[:, [0] * 6], atol=1e-8)
 
 
 @pytest.mark.parametrize("epsilon", [0.0, 0.2])
 def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(epsilon: float) -> None:
     random = np.random.default_rng(5)
-    slip = random.standard_normal((4, 2))
+    slip = random.standard_normal((2, 4))
     friction = FrictionBlock(slip, np.ones(4), epsilon, np.full(4, 2.0), 0.5)
-    friction.z[:, 1:] = 0.3 * random.standard_normal(friction.z[:, 1:].shape)
+    friction.z[1:] = 0.3 * random.standard_normal(friction.z[1:].shape)
     a, b, w = friction.linearise(slip)
     resting = friction.aim(0.1)
-    d_slip = random.standard_normal((4, 2))
+    d_slip = random.standard_normal((2, 4))
     _, dz = friction.step(d_slip)
-    assert np.all(dz[:, 0] == 0.0)
-    tangent = a[:, None] * d_slip - (b * np.sum(w * d_slip, axis=1))[:, None] * w
-    moved = -(friction.z + dz)[:, 1:3]
+    assert np.all(dz[0] == 0.0)
+    tangent = a * d_slip - b * np.sum(w * d_slip, axis=0) * w
+    moved = -(friction.z + dz)[1:3]
     np.testing.assert_allclose(moved, resting + tangent, rtol=1e-9, atol=1e-9)
 
 

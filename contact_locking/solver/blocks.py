@@ -55,10 +55,10 @@ class LorentzBlock:
         """
         x, z = self.x + t * dx, self.z + t * dz
         v = cones.product(self._scaling.apply_inverse(x), self._scaling.apply(z))
-        norm = np.linalg.norm(v[:, 1:], axis=1)
-        low, high = _into_band(v[:, 0] - norm, target), _into_band(v[:, 0] + norm, target)
-        change = (0.5 * (high - low) / np.where(norm > 0.0, norm, 1.0))[:, None] * v
-        change[:, 0] = 0.5 * (high + low)
+        norm = cones.norm(v[1:])
+        low, high = _into_band(v[0] - norm, target), _into_band(v[0] + norm, target)
+        change = (0.5 * (high - low) / np.where(norm > 0.0, norm, 1.0)) * v
+        change[0] = 0.5 * (high + low)
         return change
 
     def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
@@ -72,7 +72,7 @@ class LorentzBlock:
         """The b of ``dz = b - W^-2 dx`` that drives the scaled products to ``target e``."""
         scaling = self._scaling
         wanted = -cones.product(scaling.point, scaling.point) - correction
-        wanted[:, 0] += target
+        wanted[0] += target
         self._b = scaling.apply_inverse(cones.divide(wanted, scaling.point))
 
 
@@ -80,14 +80,14 @@ class LockingBlock(LorentzBlock):
     """``x = (M + q, eps) in L`` with cost ``n q^2``, cell by cell; multiplier ``z = (z_0, -Z)``.
 
     ``q = z_0/(2n)`` holds throughout; ``compliance = 1/(2n)`` is 0 for n = inf.  Strains and the
-    locking stress Z are Mandel vectors (k, m), ``limit`` is M (k,), ``weights`` are cell volumes.
+    locking stress Z are Mandel vectors (m, k), ``limit`` is M (k,), ``weights`` are cell volumes.
     """
 
     def __init__(
         self, strain: FloatArray, limit: FloatArray, weights: FloatArray, compliance: float
     ) -> None:
         self.limit, self.weights, self.compliance = limit, weights, compliance
-        self.x = np.column_stack([np.maximum(limit, 1.5 * np.linalg.norm(strain, axis=1)), strain])
+        self.x = np.vstack([np.maximum(limit, 1.5 * cones.norm(strain)), strain])
         self.z = np.zeros_like(self.x)
 
     def start(self, target: float) -> None:
@@ -96,46 +96,46 @@ class LockingBlock(LorentzBlock):
 
     @property
     def stress(self) -> FloatArray:
-        """The locking stress Z (k, m)."""
-        return -self.z[:, 1:]
+        """The locking stress Z (m, k)."""
+        return -self.z[1:]
 
     def primal_residual(self, strain: FloatArray) -> FloatArray:
         """``(M + q, eps) - x``."""
-        return np.column_stack([self.limit + self.compliance * self.z[:, 0], strain]) - self.x
+        return np.vstack([self.limit + self.compliance * self.z[0], strain]) - self.x
 
     def linearise(self, strain: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """``D = a I + b w w^T``: a (k,), b (k,), w (k, m); remembers the primal residual."""
+        """``D = a I + b w w^T``: a (k,), b (k,), w (m, k); remembers the primal residual."""
         self._gap = self.primal_residual(strain)
         scaling = self._scaling = Scaling.of(self.x, self.z)
-        square, w_0, kappa = scaling.eta**2, scaling.w[:, 0], self.compliance
+        square, w_0, kappa = scaling.eta**2, scaling.w[0], self.compliance
         factor = 2.0 * (square - kappa) / (square * (square + kappa * (2.0 * w_0**2 - 1.0)))
-        return np.reciprocal(square), factor, scaling.w[:, 1:]
+        return np.reciprocal(square), factor, scaling.w[1:]
 
     def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
-        """The locking stress (k, m) that the step leads to if the displacement stands still."""
+        """The locking stress (m, k) that the step leads to if the displacement stands still."""
         self._aim(target, correction)
-        dz = self._multiplier_step(self._gap[:, 1:])
-        return -(self.z + dz)[:, 1:]
+        dz = self._multiplier_step(self._gap[1:])
+        return -(self.z + dz)[1:]
 
     def step(self, d_strain: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Primal and dual step for the strain's step (k, m)."""
-        dz = self._multiplier_step(d_strain + self._gap[:, 1:])
-        d_q = self.compliance * dz[:, 0] + self._gap[:, 0]
-        return np.column_stack([d_q, d_strain + self._gap[:, 1:]]), dz
+        """Primal and dual step for the strain's step (m, k)."""
+        d_x1 = d_strain + self._gap[1:]
+        dz = self._multiplier_step(d_x1)
+        d_q = self.compliance * dz[0] + self._gap[0]
+        return np.vstack([d_q, d_x1]), dz
 
     def _multiplier_step(self, d_x1: FloatArray) -> FloatArray:
         """``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated."""
         square, w = self._scaling.eta**2, self._scaling.w
-        w_0, w_1 = w[:, 0], w[:, 1:]
+        w_0, w_1 = w[0], w[1:]
         h_00 = (2.0 * w_0**2 - 1.0) / square
-        h_10 = (-2.0 * w_0 / square)[:, None] * w_1
+        w_dx1 = dot(w_1, d_x1)
         dz = np.empty_like(self.z)
-        dz[:, 0] = (self._b[:, 0] - h_00 * self._gap[:, 0] - dot(h_10, d_x1)) / (
+        dz[0] = (self._b[0] - h_00 * self._gap[0] + 2.0 * w_0 * w_dx1 / square) / (
             1.0 + self.compliance * h_00
         )
-        d_x0 = self.compliance * dz[:, 0] + self._gap[:, 0]
-        h_11_dx1 = (d_x1 + 2.0 * dot(w_1, d_x1)[:, None] * w_1) / square[:, None]
-        dz[:, 1:] = self._b[:, 1:] - h_10 * d_x0[:, None] - h_11_dx1
+        d_x0 = self.compliance * dz[0] + self._gap[0]
+        dz[1:] = self._b[1:] - (d_x1 + 2.0 * (w_dx1 - w_0 * d_x0) * w_1) / square
         return dz
 
 
@@ -205,62 +205,60 @@ class FrictionBlock(LorentzBlock):
         self, slip: FloatArray, weights: FloatArray, epsilon: float, bound: FloatArray, least: float
     ) -> None:
         self.weights, self.epsilon = weights, epsilon
-        rest = self._fixed_columns(slip)
-        norm = np.sqrt(np.sum(rest**2, axis=1) + least**2)
-        self.x = np.column_stack([norm, rest])
+        rest = self._fixed_rows(slip)
+        self.x = np.vstack([np.sqrt(dot(rest, rest) + least**2), rest])
         self.z = np.zeros_like(self.x)
-        self.z[:, 0] = bound
+        self.z[0] = bound
         # How far a step is to move the bound.
         self.bound_step = np.zeros(len(bound))
 
     @property
     def traction(self) -> FloatArray:
-        """``-sigma_tau`` (k, d)."""
-        return -self.z[:, 1 : 1 + self._dim]
+        """``-sigma_tau`` (d, k)."""
+        return -self.z[1 : 1 + self._dim]
 
     @property
     def bound(self) -> FloatArray:
         """G (k,)."""
-        return self.z[:, 0]
+        return self.z[0]
 
     def set_bound(self, bound: FloatArray) -> None:
         """Scale the multipliers to the bound (k,), which keeps them inside their cones."""
-        self.z *= (bound / self.z[:, 0])[:, None]
+        self.z *= bound / self.z[0]
 
     def linearise(self, slip: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """``D = a I - b w w^T``: a (k,), b (k,), w (k, d); remembers the primal residual."""
-        self._gap = self._fixed_columns(slip) - self.x[:, 1:]
+        """``D = a I - b w w^T``: a (k,), b (k,), w (d, k); remembers the primal residual."""
+        self._gap = self._fixed_rows(slip) - self.x[1:]
         scaling = self._scaling = Scaling.of(self.x, self.z)
-        square, w_0 = scaling.eta**2, scaling.w[:, 0]
+        square, w_0 = scaling.eta**2, scaling.w[0]
         factor = 2.0 * np.reciprocal((2.0 * w_0**2 - 1.0) * square)
-        return np.reciprocal(square), factor, scaling.w[:, 1 : 1 + self._dim]
+        return np.reciprocal(square), factor, scaling.w[1 : 1 + self._dim]
 
     def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
-        """``-sigma_tau`` (k, d) that the step leads to if the displacement stands still."""
+        """``-sigma_tau`` (d, k) that the step leads to if the displacement stands still."""
         self._aim(target, correction)
         dz = self._steps(self._gap)[1]
-        return -(self.z + dz)[:, 1 : 1 + self._dim]
+        return -(self.z + dz)[1 : 1 + self._dim]
 
     def step(self, d_slip: FloatArray) -> tuple[FloatArray, FloatArray]:
         d_rest = self._gap.copy()
-        d_rest[:, : self._dim] += d_slip
+        d_rest[: self._dim] += d_slip
         return self._steps(d_rest)
 
-    def _fixed_columns(self, slip: FloatArray) -> FloatArray:
-        self._dim = slip.shape[1]
+    def _fixed_rows(self, slip: FloatArray) -> FloatArray:
+        self._dim = len(slip)
         if self.epsilon == 0.0:
             return slip.copy()
-        return np.column_stack([slip, np.full(len(slip), self.epsilon)])
+        return np.vstack([slip, np.full(slip.shape[1], self.epsilon)])
 
     def _steps(self, d_rest: FloatArray) -> tuple[FloatArray, FloatArray]:
         """``dz = b - W^-2 dx`` with ``dz_0 = bound_step`` solved for ``dx_0``."""
         square, w = self._scaling.eta**2, self._scaling.w
-        w_0, w_1 = w[:, 0], w[:, 1:]
+        w_0, w_1 = w[0], w[1:]
+        w_rest = dot(w_1, d_rest)
         h_00 = (2.0 * w_0**2 - 1.0) / square
-        h_10 = (-2.0 * w_0 / square)[:, None] * w_1
-        d_t = (self._b[:, 0] - self.bound_step - dot(h_10, d_rest)) / h_00
+        d_t = (self._b[0] - self.bound_step + 2.0 * w_0 * w_rest / square) / h_00
         dz = np.empty_like(self.z)
-        dz[:, 0] = self.bound_step
-        h_11 = (d_rest + 2.0 * dot(w_1, d_rest)[:, None] * w_1) / square[:, None]
-        dz[:, 1:] = self._b[:, 1:] - h_10 * d_t[:, None] - h_11
-        return np.column_stack([d_t, d_rest]), dz
+        dz[0] = self.bound_step
+        dz[1:] = self._b[1:] - (d_rest + 2.0 * (w_rest - w_0 * d_t) * w_1) / square
+        return np.vstack([d_t, d_rest]), dz

@@ -1,4 +1,4 @@
-"""The discrete problem with multipliers: fields, residual and scaled tangent over PETSc."""
+"""The discrete problem with multipliers: strains, forces and the scaled tangent over PETSc."""
 
 from __future__ import annotations
 
@@ -10,20 +10,23 @@ from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from contact_locking import _compat, forms
-from contact_locking.material import MANDEL_PAIRS, mandel_factor, strain
+from contact_locking import forms
+from contact_locking.material import MANDEL_PAIRS, mandel_factor
 from contact_locking.solver.linear import create_ksp, default_options
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
+from contact_locking.solver.strain_operator import StrainOperator
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 
 
 class ConeSystem:
-    """Strains, openings and slips of a displacement; forces of multipliers; the linear solver.
+    """Strains and slips of a displacement; forces of multipliers; the linear solver.
 
-    Cells are those that can lock, owned by this rank; nodes are the owned nodes of Gamma_C.
-    Strains and stresses of cells are Mandel vectors (k, m).
+    Cells are those that can lock, owned by this rank; nodes are the owned nodes of Gamma_C whose
+    normal displacement is free.  Strains and stresses are Mandel vectors (m, k), vectors at nodes
+    (d, k).  What is asked for at the system's displacement, ``visit`` evaluates.
     """
 
     def __init__(self, system: PenalisedSystem, settings: Settings) -> None:
@@ -32,56 +35,149 @@ class ConeSystem:
         mesh = space.mesh
         self.dim = mesh.topology.dim
         self.comm = system.comm
+        self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        self._free = system.free_dofs()[: self._owned]
         scalars = fem.functionspace(mesh, ("DG", 0))
-        self._tensors = fem.functionspace(mesh, ("DG", 0, (self.dim, self.dim)))
-        owned = mesh.topology.index_map(self.dim).size_local
-        dofs = scalars.dofmap.list.reshape(-1)[:owned]
+        owned_cells = mesh.topology.index_map(self.dim).size_local
+        # Degrees of freedom of P0 spaces, in which cells need not be numbered as in the mesh.
+        dofs = scalars.dofmap.list.reshape(-1)[:owned_cells]
         inverse_limit = data.inverse_limit.x.array[dofs]
-        self._cells = dofs[inverse_limit > 0.0]
-        self._cell_numbers = np.flatnonzero(inverse_limit > 0.0)
-        self.limit = 1.0 / inverse_limit[inverse_limit > 0.0]
-        self.volumes = fem.assemble_vector(fem.form(ufl.TestFunction(scalars) * data.dx)).array[
-            self._cells
-        ]
-        self._strain = fem.Function(self._tensors)
-        # One displacement at a time is looked at: the iterate or a step.
-        self._seen = fem.Function(space)
-        self._strain_of_seen = _compat.interpolation_expression(strain(self._seen), self._tensors)
-        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
-        self.stress = fem.Function(self._tensors, name="locking_stress")
+        self._cells, self._cell_numbers = dofs[inverse_limit > 0.0], np.flatnonzero(inverse_limit)
+        self.limit = 1.0 / inverse_limit[self._cell_numbers]
+        self._operator = StrainOperator(space, data.dx, self._cells)
+        self.volumes = self._operator.volumes
         self._a, self._b = fem.Function(scalars), fem.Function(scalars)
+        self._tensors = fem.functionspace(mesh, ("DG", 0, (self.dim, self.dim)))
         self._w = fem.Function(self._tensors)
         bound = system.bound
         self.surface = None if bound is None else bound.surface
-        if self.surface is None:
-            pressure = friction = stiffness = None
-            slip = (None, None, None)
-        else:
+        stiffness, slip = None, (None, None, None)
+        if self.surface is not None:
             nodal, vectors = self.surface.scalar_space, self.surface.vector_space
-            pressure, friction = fem.Function(nodal), fem.Function(vectors)
             stiffness = fem.Function(nodal)
             slip = (fem.Function(nodal), fem.Function(nodal), fem.Function(vectors))
             self._find_nodes()
-        self._pressure, self._friction = pressure, friction
         self._contact_stiffness, self._slip_stiffness = stiffness, slip
-        internal = forms.internal_forces(
-            system.u, v, data, self.stress, pressure, friction
-        ) - forms.external_work(v, data)
-        self._residual = fem.form(internal)
+        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         locking = (self._a, self._b, self._w)
         self._tangent = fem.form(forms.scaled_tangent(v, du, data, locking, stiffness, slip))
         self.matrix = petsc.create_matrix(self._tangent)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
-        self._right, self._step = self.matrix.createVecLeft(), self.matrix.createVecRight()
+        self._elasticity = petsc.assemble_matrix(fem.form(forms.elastic_form(du, v, data)))
+        self._elasticity.assemble()
+        vectors = [self.matrix.createVecRight() for _ in range(6)]
+        self._load, self._stretched, self._unbalanced, self._right, self._step, self._seen = vectors
+        self._load.array_w[:] = system.load
         defaults = default_options(settings.linear, self.dim, system.size)
         self._ksp = create_ksp(self.matrix, defaults, settings.petsc)
         self._iterations = 0
 
+    def visit(self) -> None:
+        """Evaluate the elastic forces and the energy of the system's displacement; collective."""
+        self._seen.array_w[:] = self.system.u.x.array[: self._owned]
+        self._elasticity.mult(self._seen, self._stretched)
+        self.energy = 0.5 * float(self._stretched.dot(self._seen))
+        self.force_scale = float(max(self._load.norm(), self._stretched.norm()))
+        self._unbalanced.waxpy(-1.0, self._load, self._stretched)
+
+    def strains(self, displacement: FloatArray) -> FloatArray:
+        """``eps`` (m, k) of a displacement (owned values); collective."""
+        self._seen.array_w[:] = displacement[: self._owned]
+        return self._operator.strains(self._seen)
+
+    def normal_displacements(self, displacement: FloatArray) -> FloatArray:
+        """``u_nu`` (k,)."""
+        return np.einsum("ik,ik->k", self._nodal(displacement), self.normal)
+
+    def slips(self, displacement: FloatArray) -> FloatArray:
+        """``u_tau`` (d, k)."""
+        values = self._nodal(displacement)
+        return values - np.einsum("ik,ik->k", values, self.normal) * self.normal
+
+    def set_scaling(
+        self,
+        locking: tuple[FloatArray, FloatArray, FloatArray],
+        contact: FloatArray | None,
+        friction: tuple[FloatArray, FloatArray, FloatArray] | None,
+    ) -> None:
+        """Assemble the tangent for the blocks ``D`` of cells and nodes."""
+        a, b, w = locking
+        self._a.x.array[self._cells], self._b.x.array[self._cells] = a, b
+        self._set_tensors(self._w, w)
+        for function in (self._a, self._b, self._w):
+            function.x.scatter_forward()
+        if contact is not None:
+            self._set_nodal(self._contact_stiffness, contact)
+        if friction is not None:
+            for function, values in zip(self._slip_stiffness, friction, strict=True):
+                self._set_nodal(function, values)
+        self.matrix.zeroEntries()
+        petsc.assemble_matrix(self.matrix, self._tangent, bcs=self.system.conditions)
+        self.matrix.assemble()
+        self._ksp.setOperators(self.matrix)
+
+    def residual_norm(
+        self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None
+    ) -> float:
+        """``|a(u, .) + (Z, eps(.)) + int p v_nu - sigma_tau . v_tau - (f, .)|`` over free dofs.
+
+        ``u`` is the displacement visited last, ``friction`` is ``-sigma_tau`` (d, k); collective.
+        """
+        self._find_residual(stress, pressure, friction)
+        return float(self._right.norm())
+
+    def solve_step(
+        self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None
+    ) -> FloatArray:
+        """The displacement step (owned values) that balances these multipliers; collective."""
+        self._find_residual(stress, pressure, friction)
+        self._right.scale(-1.0)
+        self._ksp.solve(self._right, self._step)
+        self._iterations += self._ksp.getIterationNumber()
+        return self._step.array_r * self._free
+
+    def move(self, t: float, step: FloatArray) -> None:
+        """Add ``t step`` (owned values) to the system's displacement; collective."""
+        self.system.u.x.array[: self._owned] += t * step
+        self.system.u.x.scatter_forward()
+
+    def take_iterations(self) -> int:
+        """The Krylov iterations since the last call."""
+        count, self._iterations = self._iterations, 0
+        return count
+
+    def multipliers(
+        self,
+        stress: FloatArray,
+        pressure: FloatArray | None,
+        friction: FloatArray | None,
+        touches: npt.NDArray[np.bool_] | None,
+    ) -> Multipliers:
+        """Them as functions and values at all owned nodes of Gamma_C; collective."""
+        field = fem.Function(self._tensors, name="locking_stress")
+        self._set_tensors(field, stress)
+        field.x.scatter_forward()
+        count = 0 if self.surface is None else len(self.surface.nodes)
+        every = np.zeros(count), np.zeros((count, self.dim)), np.zeros(count, dtype=bool)
+        if pressure is not None:
+            every[0][self.active] = pressure
+        if friction is not None:
+            every[1][self.active] = friction.T
+        if touches is not None:
+            every[2][self.active] = touches
+        return Multipliers(field, *every)
+
+    def at_all_nodes(self, values: FloatArray) -> FloatArray:
+        """Values (k,) at the nodes as values at all owned nodes of Gamma_C, zero elsewhere."""
+        result = np.zeros(len(self.active))
+        result[self.active] = values
+        return result
+
     def describe_excess(self, strain: FloatArray) -> str:
-        """Where, and by how much, strains (k, m) exceed their limit the most; collective."""
-        ratio = np.linalg.norm(strain, axis=1) / self.limit
+        """Where, and by how much, strains (m, k) exceed their limit the most; collective."""
+        ratio = np.linalg.norm(strain, axis=0) / self.limit
         found: tuple[float, list[float]] = (0.0, [])
         if len(ratio):
             worst = int(np.argmax(ratio))
@@ -95,113 +191,59 @@ class ConeSystem:
         at = ", ".join(f"{x:.3g}" for x in place)
         return f"the strain is forced to {largest:.2g} times its limit near ({at})"
 
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        self._operator.destroy()
+        for item in (
+            self._ksp,
+            self.matrix,
+            self._elasticity,
+            self._near_nullspace,
+            self._load,
+            self._stretched,
+            self._unbalanced,
+            self._right,
+            self._step,
+            self._seen,
+        ):
+            item.destroy()
+
     def _find_nodes(self) -> None:
         """Leave out nodes whose normal displacement is prescribed: nothing is left to decide."""
         surface, contact = self.surface, self.system.data.contact
         assert surface is not None and contact is not None
         normal = contact.normal.x.array.reshape(-1, self.dim)[surface.blocks]
-        is_free = self.system.free_dofs().reshape(-1, self.dim)[surface.blocks]
+        is_free = self._free.reshape(-1, self.dim)[surface.blocks]
         self.active = np.linalg.norm(normal * is_free, axis=1) > 1e-6
-        self.normal = normal[self.active]
+        self.normal = np.ascontiguousarray(normal[self.active].T)
         self._nodes, self._blocks = surface.nodes[self.active], surface.blocks[self.active]
         self.node_weights = surface.weights[self.active]
         self.node_gap = contact.gap.x.array[self._nodes]
 
-    def at_all_nodes(self, values: FloatArray) -> FloatArray:
-        """Values of the active nodes as values of all owned nodes of Gamma_C, zero elsewhere."""
-        result = np.zeros((len(self.active), *values.shape[1:]))
-        result[self.active] = values
-        return result
-
-    def look_at(self, displacement: FloatArray) -> None:
-        """Choose the displacement (local values, ghosts included) that strains and slips are of."""
-        self._seen.x.array[:] = displacement
-
-    def strains(self) -> FloatArray:
-        self._strain.interpolate(self._strain_of_seen)
-        tensors = self._strain.x.array.reshape(-1, self.dim, self.dim)[self._cells]
-        columns = [tensors[:, i, j] * mandel_factor(i, j) for i, j in self._pairs]
-        return np.stack(columns, axis=1)
-
-    def normal_displacement(self) -> FloatArray:
-        return np.einsum("ki,ki->k", self._nodal(), self.normal)
-
-    def slips(self) -> FloatArray:
-        values = self._nodal()
-        return values - np.einsum("ki,ki->k", values, self.normal)[:, None] * self.normal
-
-    def set_scaling(
-        self,
-        locking: tuple[FloatArray, FloatArray, FloatArray],
-        contact: FloatArray | None,
-        friction: tuple[FloatArray, FloatArray, FloatArray] | None,
-    ) -> None:
-        """Assemble the tangent for the blocks ``D`` of cells and nodes."""
-        a, b, w = locking
-        self._a.x.array[self._cells], self._b.x.array[self._cells] = a, b
-        self._set_tensors(self._w, w)
-        for function in (self._a, self._b):
-            function.x.scatter_forward()
-        if contact is not None:
-            self._set_nodal(self._contact_stiffness, contact)
-        if friction is not None:
-            for function, values in zip(self._slip_stiffness, friction, strict=True):
-                self._set_nodal(function, values)
-        self.matrix.zeroEntries()
-        petsc.assemble_matrix(self.matrix, self._tangent, bcs=self.system.conditions)
-        self.matrix.assemble()
-        self._ksp.setOperators(self.matrix)
-
-    def set_multipliers(
+    def _find_residual(
         self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None
     ) -> None:
-        """``friction`` is ``-sigma_tau`` (k, d)."""
-        self._set_tensors(self.stress, stress)
+        self._unbalanced.copy(self._right)
+        self._operator.add_forces(stress, self._right)
+        right = self._right.array_w
         if pressure is not None:
-            self._set_nodal(self._pressure, pressure)
-        if friction is not None:
-            self._set_nodal(self._friction, friction)
+            traction = pressure * self.normal
+            if friction is not None:
+                traction += friction
+            right.reshape(-1, self.dim)[self._blocks] += (self.node_weights * traction).T
+        right *= self._free
 
-    def residual_norm(self) -> float:
-        """The equilibrium residual of the system's displacement with the multipliers set last."""
-        self.system.assemble_free(self._residual, self._right)
-        return float(self._right.norm())
-
-    def solve_step(self) -> FloatArray:
-        """The displacement step (local values) that the multipliers set last ask for."""
-        self.system.assemble_free(self._residual, self._right)
-        self._right.scale(-1.0)
-        self._ksp.solve(self._right, self._step)
-        self._iterations += self._ksp.getIterationNumber()
-        return self.system.local_step(self._step)
-
-    def take_iterations(self) -> int:
-        """The Krylov iterations since the last call."""
-        count, self._iterations = self._iterations, 0
-        return count
-
-    def destroy(self) -> None:
-        for item in (self._ksp, self.matrix, self._near_nullspace, self._right, self._step):
-            item.destroy()
-
-    @property
-    def _pairs(self) -> tuple[tuple[int, int], ...]:
-        return MANDEL_PAIRS[self.dim]
-
-    def _nodal(self) -> FloatArray:
-        assert self.surface is not None
-        return self._seen.x.array.reshape(-1, self.dim)[self._blocks]
+    def _nodal(self, displacement: FloatArray) -> FloatArray:
+        return displacement[: self._owned].reshape(-1, self.dim)[self._blocks].T
 
     def _set_tensors(self, function: fem.Function, mandel: FloatArray) -> None:
         tensors = function.x.array.reshape(-1, self.dim, self.dim)
-        for column, (i, j) in zip(mandel.T, self._pairs, strict=True):
-            entry = column / mandel_factor(i, j)
-            tensors[self._cells, i, j] = tensors[self._cells, j, i] = entry
-        function.x.scatter_forward()
+        for row, (i, j) in zip(mandel, MANDEL_PAIRS[self.dim], strict=True):
+            tensors[self._cells, i, j] = tensors[self._cells, j, i] = row / mandel_factor(i, j)
 
     def _set_nodal(self, function: fem.Function, values: FloatArray) -> None:
         if values.ndim == 1:
             function.x.array[self._nodes] = values
         else:
-            function.x.array.reshape(-1, self.dim)[self._blocks] = values
+            function.x.array.reshape(-1, self.dim)[self._blocks] = values.T
         function.x.scatter_forward()

@@ -1,8 +1,9 @@
 """Algebra of Lorentz cones ``L = {(x_0, x_1): |x_1| <= x_0}``, in batches.
 
-Arrays are (k, 1 + m): k cones, the first column x_0.  ``J = diag(1, -1, ..., -1)``, ``det x =
-x^T J x``, and ``x o z = (x . z, x_0 z_1 + z_0 x_1)`` is the Jordan product with unit
-``e = (1, 0)``.  Formulae of the scaling: Nesterov and Todd (1997), doi:10.1287/moor.22.1.1.
+Arrays are (1 + m, k): k cones side by side, the first row x_0, so that every operation runs along
+contiguous rows.  ``J = diag(1, -1, ..., -1)``, ``det x = x^T J x``, and
+``x o z = (x . z, x_0 z_1 + z_0 x_1)`` is the Jordan product with unit ``e = (1, 0)``.  Formulae of
+the scaling: Nesterov and Todd (1997), doi:10.1287/moor.22.1.1.
 """
 
 from __future__ import annotations
@@ -16,52 +17,61 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """``a . b`` of each row, (k,)."""
-    return np.einsum("ki,ki->k", a, b)
+    """``a . b`` of each column, (k,)."""
+    result = a[0] * b[0]
+    for a_i, b_i in zip(a[1:], b[1:], strict=True):
+        result += a_i * b_i
+    return result
+
+
+def norm(a: FloatArray) -> FloatArray:
+    """``|a|`` of each column, (k,)."""
+    return np.sqrt(dot(a, a))
 
 
 def det(x: FloatArray) -> FloatArray:
     """``x_0^2 - |x_1|^2`` as a product, which keeps its digits near the boundary of the cone."""
-    norm = np.linalg.norm(x[:, 1:], axis=1)
-    return (x[:, 0] - norm) * (x[:, 0] + norm)
+    size = norm(x[1:])
+    return (x[0] - size) * (x[0] + size)
 
 
 def reflect(x: FloatArray) -> FloatArray:
     """``J x``."""
     result = -x
-    result[:, 0] = x[:, 0]
+    result[0] = x[0]
     return result
 
 
 def product(x: FloatArray, z: FloatArray) -> FloatArray:
     """The Jordan product ``x o z``."""
-    result = x[:, :1] * z + z[:, :1] * x
-    result[:, 0] = dot(x, z)
+    result = x[0] * z
+    result[1:] += z[0] * x[1:]
+    result[0] = dot(x, z)
     return result
 
 
 def divide(d: FloatArray, x: FloatArray) -> FloatArray:
     """The solution y of ``x o y = d`` for x inside the cone."""
     result = np.empty_like(d)
-    result[:, 0] = (x[:, 0] * d[:, 0] - dot(x[:, 1:], d[:, 1:])) / det(x)
-    result[:, 1:] = (d[:, 1:] - result[:, :1] * x[:, 1:]) / x[:, :1]
+    result[0] = (x[0] * d[0] - dot(x[1:], d[1:])) / det(x)
+    result[1:] = (d[1:] - result[0] * x[1:]) / x[0]
     return result
 
 
 def inverse(x: FloatArray) -> FloatArray:
     """``x^-1 = J x/det x``, so that ``x o x^-1 = e``."""
-    return reflect(x) / det(x)[:, None]
+    return reflect(x) / det(x)
 
 
 def longest_step(x: FloatArray, step: FloatArray) -> float:
     """The largest t with ``x + t step`` in every cone, inf if there is no limit."""
-    if not len(x):
+    if not x.shape[1]:
         return np.inf
     size = np.sqrt(det(x))
-    unit = x / size[:, None]
-    along = unit[:, 0] * step[:, 0] - dot(unit[:, 1:], step[:, 1:])
-    across = step[:, 1:] - ((along + step[:, 0]) / (unit[:, 0] + 1.0))[:, None] * unit[:, 1:]
-    speed = np.max((np.linalg.norm(across, axis=1) - along) / size)
+    unit = x / size
+    along = unit[0] * step[0] - dot(unit[1:], step[1:])
+    across = step[1:] - ((along + step[0]) / (unit[0] + 1.0)) * unit[1:]
+    speed = np.max((norm(across) - along) / size)
     # NaN is no direction to go in.
     return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
 
@@ -81,26 +91,34 @@ class Scaling:
     @classmethod
     def of(cls, x: FloatArray, z: FloatArray) -> Scaling:
         det_x, det_z = np.sqrt(det(x)), np.sqrt(det(z))
-        x_unit, z_unit = x / det_x[:, None], z / det_z[:, None]
+        x_unit, z_unit = x / det_x, z / det_z
         gamma = np.sqrt(0.5 * (1.0 + dot(x_unit, z_unit)))
-        w = (x_unit + reflect(z_unit)) / (2.0 * gamma)[:, None]
+        w = (x_unit + reflect(z_unit)) / (2.0 * gamma)
         v = w.copy()
-        v[:, 0] += 1.0
-        v /= np.sqrt(2.0 * (w[:, 0] + 1.0))[:, None]
-        total = x_unit[:, 0] + z_unit[:, 0] + 2.0 * gamma
+        v[0] += 1.0
+        v /= np.sqrt(2.0 * v[0])
+        total = x_unit[0] + z_unit[0] + 2.0 * gamma
         point = np.empty_like(x)
-        point[:, 0] = gamma
-        point[:, 1:] = ((gamma + z_unit[:, 0]) / total)[:, None] * x_unit[:, 1:] + (
-            (gamma + x_unit[:, 0]) / total
-        )[:, None] * z_unit[:, 1:]
-        point *= np.sqrt(det_x * det_z)[:, None]
+        point[0] = gamma
+        point[1:] = ((gamma + z_unit[0]) / total) * x_unit[1:]
+        point[1:] += ((gamma + x_unit[0]) / total) * z_unit[1:]
+        point *= np.sqrt(det_x * det_z)
         return cls(np.sqrt(det_x / det_z), w, v, point)
 
     def apply(self, y: FloatArray) -> FloatArray:
         """``W y``."""
-        return self.eta[:, None] * (2.0 * dot(self.v, y)[:, None] * self.v - reflect(y))
+        result = 2.0 * dot(self.v, y) * self.v
+        result[0] -= y[0]
+        result[1:] += y[1:]
+        result *= self.eta
+        return result
 
     def apply_inverse(self, y: FloatArray) -> FloatArray:
         """``W^-1 y``."""
-        v = reflect(self.v)
-        return (2.0 * dot(v, y)[:, None] * v - reflect(y)) / self.eta[:, None]
+        # J v takes the place of v.
+        along = 2.0 * (self.v[0] * y[0] - dot(self.v[1:], y[1:]))
+        result = along * self.v
+        result[0] -= y[0]
+        result[1:] = y[1:] - result[1:]
+        result /= self.eta
+        return result

@@ -23,6 +23,7 @@ from contact_locking.material import MANDEL_PAIRS
 from contact_locking.progress import Monitor
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
 from contact_locking.solver.cone_system import ConeSystem
+from contact_locking.solver.cones import norm
 from contact_locking.solver.linear import LINEAR_FAILURE
 from contact_locking.solver.measures import Measures, mean, relative_rms
 from contact_locking.solver.multipliers import Multipliers
@@ -80,7 +81,9 @@ class InteriorPoint:
         self._bound_moves = bound_moves
         self._system, self._target = system, target
         self._settings, self._monitor = settings, monitor
-        self._cones = ConeSystem(system, settings)
+        self._cones = cones = ConeSystem(system, settings)
+        self._unstrained = np.zeros((len(MANDEL_PAIRS[cones.dim]), len(cones.limit)))
+        self._locking = self._locking_block(self._unstrained)
         self._contact: ContactBlock | None = None
         self._friction: FrictionBlock | None = None
         self._friction_change = 0.0
@@ -121,25 +124,21 @@ class InteriorPoint:
     def _start(self, report: SolverReport) -> None:
         """An elastic solve, softened by springs, gives the place; the cones start around it."""
         cones, system, target = self._cones, self._system, self._target
-        count = len(cones.limit)
-        zeros = np.zeros((count, len(MANDEL_PAIRS[cones.dim])))
+        zeros = self._unstrained
         springs = None
         if cones.surface is not None:
             springs = np.full(len(cones.node_gap), target.stiffness / target.length)
-        cones.set_multipliers(zeros, None if springs is None else 0.0 * springs, None)
-        soft = np.full(count, 10.0 * target.stiffness)
+        soft = np.full(len(cones.limit), 10.0 * target.stiffness)
         cones.set_scaling((soft, 0.0 * soft, zeros), springs, None)
         report.tangents += 1
-        system.u.x.array[:] += cones.solve_step()
-        cones.look_at(system.u.x.array)
-        strain = cones.strains()
-        size = mean(cones.comm, cones.volumes, np.linalg.norm(strain, axis=1))
+        cones.visit()
+        cones.move(1.0, cones.solve_step(zeros, None, None))
+        strain = cones.strains(system.u.x.array)
+        size = mean(cones.comm, cones.volumes, norm(strain))
         size = size or self._rms_displacement() / target.length or 1e-3
-        kappa = 0.5 / target.n
-        self._locking = LockingBlock(strain, cones.limit, cones.volumes, kappa)
+        self._locking = self._locking_block(strain)
         level = _START_LEVEL * target.stiffness * size**2
-        if count:
-            self._locking.start(level)
+        self._locking.start(level)
         if cones.surface is not None:
             least = _START_OPENING * size * target.length
             opening = self._opening()
@@ -152,12 +151,16 @@ class InteriorPoint:
             # A bound that is nothing leaves no friction to account for.
             if not bound.frictionless and bound.norm(bound.values) > 0.0:
                 self._friction = FrictionBlock(
-                    cones.slips(),
+                    cones.slips(system.u.x.array),
                     cones.node_weights,
                     target.epsilon,
                     bound.values[cones.active],
                     least,
                 )
+
+    def _locking_block(self, strain: FloatArray) -> LockingBlock:
+        cones = self._cones
+        return LockingBlock(strain, cones.limit, cones.volumes, 0.5 / self._target.n)
 
     def _iterate(self, report: SolverReport) -> None:
         cones = self._cones
@@ -184,15 +187,14 @@ class InteriorPoint:
             report.linear += self._cones.take_iterations()
         if not t > 1e-8:
             raise NotConverged(f"the interior point step vanished ({self._measured})")
-        self._system.u.x.array[:] += t * combined[0]
+        cones.move(t, combined[0])
         for block, step in zip(self._blocks, combined[1], strict=True):
             block.advance(t, *step)
         if self._friction is not None and self._bound_moves:
             bound = self._system.bound
             assert bound is not None
-            cones.look_at(self._system.u.x.array)
             new = self._new_bound()
-            least = self._target.least_bound(self._system.energy(), cones.dim)
+            least = self._target.least_bound(cones.energy, cones.dim)
             size = max(bound.norm(new), least)
             used = bound.values.copy()
             used[cones.active] = self._friction.bound
@@ -268,7 +270,7 @@ class InteriorPoint:
 
     def _multiplier_size(self) -> float:
         """The largest locking multiplier or pressure; collective."""
-        local = float(self._locking.z[:, 0].max(initial=0.0))
+        local = float(self._locking.z[0].max(initial=0.0))
         if self._contact is not None:
             local = max(local, float(self._contact.z.max(initial=0.0)))
         return float(self._cones.comm.allreduce(local, op=MPI.MAX))
@@ -294,21 +296,19 @@ class InteriorPoint:
             pressure = self._contact.aim(target * length, given[1])
         if self._friction is not None:
             friction = self._friction.aim(target * length, given[2])
-        cones.set_multipliers(stress, pressure, friction)
-        du = cones.solve_step()
-        cones.look_at(du)
-        steps: list[Any] = [self._locking.step(cones.strains())]
+        du = cones.solve_step(stress, pressure, friction)
+        steps: list[Any] = [self._locking.step(cones.strains(du))]
         if self._contact is not None:
-            steps.append(self._contact.step(cones.normal_displacement()))
+            steps.append(self._contact.step(cones.normal_displacements(du)))
         if self._friction is not None:
-            steps.append(self._friction.step(cones.slips()))
+            steps.append(self._friction.step(cones.slips(du)))
         return du, steps
 
     def _measure(self) -> Measures:
         """Evaluate the iterate: remembers strain and slip for the next linearisation."""
-        cones, system = self._cones, self._system
-        cones.look_at(system.u.x.array)
-        self._strain = cones.strains()
+        cones, displacement = self._cones, self._system.u.x.array
+        cones.visit()
+        self._strain = cones.strains(displacement)
         locking = self._locking.primal_residual(self._strain)
         primal = relative_rms(cones.comm, cones.volumes, locking, self._locking.x)
         pressure = friction = None
@@ -319,12 +319,11 @@ class InteriorPoint:
             size = np.abs(self._contact.x) + 1e-3 * self._target.length
             primal = max(primal, relative_rms(cones.comm, self._contact.weights, contact, size))
         if self._friction is not None:
-            self._slip = cones.slips()
+            self._slip = cones.slips(displacement)
             friction = self._friction.traction
-        cones.set_multipliers(self._locking.stress, pressure, friction)
-        scale = system.force_scale()
-        residual = cones.residual_norm()
-        energy = abs(system.energy()) or 1.0
+        scale = cones.force_scale
+        residual = cones.residual_norm(self._locking.stress, pressure, friction)
+        energy = abs(cones.energy) or 1.0
         return Measures(
             residual / scale if scale > 0.0 else residual,
             primal,
@@ -334,23 +333,15 @@ class InteriorPoint:
 
     def multipliers(self) -> Multipliers:
         """Those of the present iterate."""
-        contact, friction = self._contact, self._friction
+        stress, contact, friction = self._locking.stress, self._contact, self._friction
         if contact is None:
-            surface = self._cones.surface
-            none = np.zeros(0 if surface is None else len(surface.nodes))
-            still = np.zeros((len(none), self._cones.dim))
-            return Multipliers(self._cones.stress, none, still, none > 0.0)
+            return self._cones.multipliers(stress, None, None, None)
         pressure = contact.z
-        traction = np.zeros((len(pressure), self._cones.dim))
-        if friction is not None:
-            traction = friction.traction
-        every = self._cones.at_all_nodes
         # On the central path opening times pressure is constant; the larger one, in comparable
         # units, is the one that does not vanish.
         touches = pressure > contact.x * self._target.stiffness / self._target.length
-        return Multipliers(
-            self._cones.stress, every(pressure), every(traction), every(touches.astype(float)) > 0.0
-        )
+        traction = None if friction is None else friction.traction
+        return self._cones.multipliers(stress, pressure, traction, touches)
 
     @property
     def _blocks(self) -> list[Any]:
@@ -358,7 +349,8 @@ class InteriorPoint:
         return [block for block in every if block is not None]
 
     def _opening(self) -> FloatArray:
-        return self._cones.node_gap - self._cones.normal_displacement()
+        cones = self._cones
+        return cones.node_gap - cones.normal_displacements(self._system.u.x.array)
 
     def _new_bound(self, pressure: FloatArray | None = None) -> FloatArray:
         """``mu |R p|``, kept positive so that the friction cones have an inside."""
@@ -388,7 +380,7 @@ class InteriorPoint:
         local = 0.0
         for block, (dx, dz) in zip(self._blocks, direction[1], strict=True):
             product = (block.x + t * dx) * (block.z + t * dz)
-            products = product if product.ndim == 1 else product.sum(axis=1)
+            products = product if product.ndim == 1 else product.sum(axis=0)
             local += float(block.weights @ products)
         return float(self._cones.comm.allreduce(local)) / self._measure_of_cones()
 

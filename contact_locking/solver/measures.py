@@ -50,10 +50,10 @@ def mean(comm: MPI.Intracomm, weights: FloatArray, values: FloatArray) -> float:
 def relative_rms(
     comm: MPI.Intracomm, weights: FloatArray, values: FloatArray, scale: FloatArray
 ) -> float:
-    """``|values|/|scale|`` in the weighted L2 norm, rows being vectors; collective."""
+    """``|values|/|scale|`` in the weighted L2 norm, columns being vectors; collective."""
 
     def square(a: FloatArray) -> float:
-        return float(weights @ (a**2 if a.ndim == 1 else np.sum(a**2, axis=1)))
+        return float(weights @ (a**2 if a.ndim == 1 else np.sum(a**2, axis=0)))
 
     total, size = comm.allreduce(np.array([square(values), square(scale)]))
     return float(np.sqrt(total / size)) if size > 0.0 else 0.0
