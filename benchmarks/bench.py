@@ -121,7 +121,9 @@ def elastic_seconds(dim: int, divisions: int, repeats: int = 5) -> float:
         ksp.setOptionsPrefix(PREFIX)
         ksp.setOperators(matrix)
         ksp.setErrorIfNotConverged(True)
-        with options_set(default_options("auto", dim, system.size), {"ksp_rtol": 1e-8}):
+        with options_set(
+            default_options("auto", dim, system.size, space.mesh.comm), {"ksp_rtol": 1e-8}
+        ):
             ksp.setFromOptions()
         ksp.solve(load, load.duplicate())
         times.append(time.process_time() - began)

@@ -105,7 +105,7 @@ def dual_norm(
     right.array_w[constraints.dofs[constraints.dofs < owned]] = 0.0
     solution = right.duplicate()
     size = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
-    options = default_options("auto", domain.dim, size) | {"ksp_rtol": 1e-8}
+    options = default_options("auto", domain.dim, size, domain.comm) | {"ksp_rtol": 1e-8}
     solver = create_ksp(matrix, options, prefix=_PREFIX)
     solver.solve(right, solution)
     square = right.dot(solution)

@@ -14,7 +14,6 @@ from petsc4py import PETSc
 
 from contact_locking import forms
 from contact_locking.conditions import Constraints, rigid_motions
-from contact_locking.convex import tangential_part
 from contact_locking.smoothing import Smoothing
 from contact_locking.surface import ContactSurface
 
@@ -44,16 +43,24 @@ class FrictionBound:
         self._coefficient = coefficient
         self._bound = data.contact.bound
         self._pressure = surface.average(forms.pressure(u, data))
-        self._slip = surface.average(tangential_part(u, data.contact.normal))
+        dim = surface.domain.dim
+        self._u = u
+        self._normal = data.contact.normal.x.array.reshape(-1, dim)[surface.blocks]
 
     def evaluate(self, pressure: FloatArray | None = None) -> FloatArray:
         """The bound (k,) that belongs to the present displacement; collective.
 
         The pressure (k,) is that of the penalty law unless it is given.
         """
-        slip = np.linalg.norm(self._slip(), axis=1)
         smoothed = np.abs(self.smoothing.apply(self._pressure() if pressure is None else pressure))
-        return self._coefficient(self.surface.points, slip) * smoothed
+        return self._coefficient(self.surface.points, self._slip()) * smoothed
+
+    def _slip(self) -> FloatArray:
+        """``|u_tau|`` (k,)."""
+        nu = self._normal
+        values = self._u.x.array.reshape(-1, nu.shape[1])[self.surface.blocks]
+        along = np.einsum("ki,ki->k", values, nu)[:, None]
+        return np.linalg.norm(values - along * nu, axis=1)
 
     @property
     def values(self) -> FloatArray:

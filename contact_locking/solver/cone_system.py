@@ -70,7 +70,7 @@ class ConeSystem:
         vectors = [self.matrix.createVecRight() for _ in range(6)]
         self._load, self._stretched, self._unbalanced, self._right, self._step, self._seen = vectors
         self._load.array_w[:] = system.load
-        defaults = default_options(settings.linear, self.dim, system.size)
+        defaults = default_options(settings.linear, self.dim, system.size, self.comm)
         self._ksp = create_ksp(self.matrix, defaults, settings.petsc)
         self._iterations = 0
 
