@@ -100,7 +100,7 @@ class PenalisedSystem:
         space = u.function_space
         v = ufl.TestFunction(space)
         self.data, self.u, self.bound = data, u, bound
-        self.comm = space.mesh.comm
+        self.comm, self.dim = space.mesh.comm, space.mesh.topology.dim
         self._constraints = constraints
         constraints.apply(u)
         self._held_by_contact = held_by_contact

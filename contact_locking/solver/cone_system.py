@@ -2,23 +2,40 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking import forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor
-from contact_locking.solver.linear import create_ksp, default_options
+from contact_locking.solver.filtered_multigrid import FilteredMultigrid
+from contact_locking.solver.linear import create_ksp, direct_options, is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.strain_operator import StrainOperator
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
+
+# CG with the filtered multigrid.  The norm is that of the equilibrium residual, which is what is
+# left of an inexact solve.
+_ITERATIVE: dict[str, Any] = {
+    "ksp_type": "cg",
+    "ksp_norm_type": "unpreconditioned",
+    "ksp_rtol": 1e-2,
+    "ksp_max_it": 500,
+    "pc_type": "python",
+}
+# No linear residual gets smaller than this.
+_ROUNDING = 1e-12
+# Cells stiffer than the material by this factor go into the filter.
+_STIFF = 10.0
 
 
 class ConeSystem:
@@ -29,8 +46,9 @@ class ConeSystem:
     (d, k).  What is asked for at the system's displacement, ``visit`` evaluates.
     """
 
-    def __init__(self, system: PenalisedSystem, settings: Settings) -> None:
+    def __init__(self, system: PenalisedSystem, settings: Settings, stiffness: float) -> None:
         self.system, data = system, system.data
+        self._stiffness = stiffness
         space = system.u.function_space
         mesh = space.mesh
         self.dim = mesh.topology.dim
@@ -70,8 +88,16 @@ class ConeSystem:
         vectors = [self.matrix.createVecRight() for _ in range(6)]
         self._load, self._stretched, self._unbalanced, self._right, self._step, self._seen = vectors
         self._load.array_w[:] = system.load
-        defaults = default_options(settings.linear, self.dim, system.size, self.comm)
+        self.is_direct = is_direct(settings.linear, self.dim, system.size)
+        defaults = direct_options(self.comm) if self.is_direct else _ITERATIVE
         self._ksp = create_ksp(self.matrix, defaults, settings.petsc)
+        self._multigrid: FilteredMultigrid | None = None
+        if self._ksp.getPC().getType() == PETSc.PC.Type.PYTHON:
+            soft = self.matrix.duplicate()
+            soft.setNearNullSpace(self._near_nullspace)
+            self._multigrid = FilteredMultigrid(self.matrix, soft)
+            self._ksp.getPC().setPythonContext(self._multigrid)
+            self._ksp.setInitialGuessNonzero(True)
         self._iterations = 0
 
     def visit(self) -> None:
@@ -103,20 +129,21 @@ class ConeSystem:
         friction: tuple[FloatArray, FloatArray, FloatArray] | None,
     ) -> None:
         """Assemble the tangent for the blocks ``D`` of cells and nodes."""
-        a, b, w = locking
-        self._a.x.array[self._cells], self._b.x.array[self._cells] = a, b
-        self._set_tensors(self._w, w)
-        for function in (self._a, self._b, self._w):
-            function.x.scatter_forward()
+        self._set_tensors(self._w, locking[2])
+        self._w.x.scatter_forward()
         if contact is not None:
             self._set_nodal(self._contact_stiffness, contact)
         if friction is not None:
             for function, values in zip(self._slip_stiffness, friction, strict=True):
                 self._set_nodal(function, values)
-        self.matrix.zeroEntries()
-        petsc.assemble_matrix(self.matrix, self._tangent, bcs=self.system.conditions)
-        self.matrix.assemble()
+        self._assemble(self.matrix, *locking[:2])
+        if self._multigrid is not None:
+            a, b, w = locking
+            is_stiff = a + np.maximum(b, 0.0) * np.sum(w**2, axis=0) > _STIFF * self._stiffness
+            self._assemble(self._multigrid.soft, *(np.where(is_stiff, 0.0, c) for c in (a, b)))
+            self._multigrid.refresh(self._dofs_of(self._cell_numbers[is_stiff]))
         self._ksp.setOperators(self.matrix)
+        self._step.set(0.0)
 
     def residual_norm(
         self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None
@@ -129,11 +156,24 @@ class ConeSystem:
         return float(self._right.norm())
 
     def solve_step(
-        self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None
+        self,
+        stress: FloatArray,
+        pressure: FloatArray | None,
+        friction: FloatArray | None,
+        accuracy: float = 0.0,
     ) -> FloatArray:
-        """The displacement step (owned values) that balances these multipliers; collective."""
+        """The displacement step (owned values) that balances these multipliers; collective.
+
+        An iterative solver leaves a residual of ``accuracy``, relative to the forces, at most, and
+        starts from the step before, if that was for the same scaling.
+        """
         self._find_residual(stress, pressure, friction)
         self._right.scale(-1.0)
+        if self._multigrid is not None:
+            size = self._right.norm() or 1.0
+            rtol = min(_ITERATIVE["ksp_rtol"], max(accuracy * self.force_scale / size, _ROUNDING))
+            self._ksp.setTolerances(rtol=rtol)
+            self._multigrid.start(self._right, self._step)
         self._ksp.solve(self._right, self._step)
         self._iterations += self._ksp.getIterationNumber()
         return self._step.array_r * self._free
@@ -194,6 +234,9 @@ class ConeSystem:
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._operator.destroy()
+        if self._multigrid is not None:
+            self._multigrid.soft.destroy()
+            self._multigrid.destroy()
         for item in (
             self._ksp,
             self.matrix,
@@ -207,6 +250,22 @@ class ConeSystem:
             self._seen,
         ):
             item.destroy()
+
+    def _assemble(self, matrix: PETSc.Mat, a: FloatArray, b: FloatArray) -> None:
+        self._a.x.array[self._cells], self._b.x.array[self._cells] = a, b
+        self._a.x.scatter_forward()
+        self._b.x.scatter_forward()
+        matrix.zeroEntries()
+        petsc.assemble_matrix(matrix, self._tangent, bcs=self.system.conditions)
+        matrix.assemble()
+
+    def _dofs_of(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+        """The owned free degrees of freedom of owned cells, of all ranks; collective."""
+        touched = fem.Function(self.system.u.function_space)
+        blocks = touched.function_space.dofmap.list[cells]
+        touched.x.array.reshape(-1, self.dim)[blocks.reshape(-1)] = 1.0
+        touched.x.scatter_reverse(la.InsertMode.add)
+        return np.flatnonzero(touched.x.array[: self._owned] * self._free).astype(np.int32)
 
     def _find_nodes(self) -> None:
         """Leave out nodes whose normal displacement is prescribed: nothing is left to decide."""

@@ -52,6 +52,9 @@ _GAP_TOLERANCE = 1e-8
 _GAP_LEFT = 0.5
 # The gap may not be a smaller share than this of the other residuals.
 _GAP_AHEAD = 1e-2
+# The share of the duality gap, or of the tolerance, that a linear solve may leave as residual:
+# sharper solves save a tangent or two and cost more than these.
+_LINEAR_SHARE = 0.3
 # Multipliers that have grown by this factor while the laws stay violated will not come back.
 _DIVERGED = 1e4
 # Starting values: complementarity against stiffness times strain squared, and the least opening
@@ -81,7 +84,7 @@ class InteriorPoint:
         self._bound_moves = bound_moves
         self._system, self._target = system, target
         self._settings, self._monitor = settings, monitor
-        self._cones = cones = ConeSystem(system, settings)
+        self._cones = cones = ConeSystem(system, settings, target.stiffness)
         self._unstrained = np.zeros((len(MANDEL_PAIRS[cones.dim]), len(cones.limit)))
         self._locking = self._locking_block(self._unstrained)
         self._contact: ContactBlock | None = None
@@ -132,7 +135,7 @@ class InteriorPoint:
         cones.set_scaling((soft, 0.0 * soft, zeros), springs, None)
         report.tangents += 1
         cones.visit()
-        cones.move(1.0, cones.solve_step(zeros, None, None))
+        cones.move(1.0, cones.solve_step(zeros, None, None, math.inf))
         strain = cones.strains(system.u.x.array)
         size = mean(cones.comm, cones.volumes, norm(strain))
         size = size or self._rms_displacement() / target.length or 1e-3
@@ -296,13 +299,17 @@ class InteriorPoint:
             pressure = self._contact.aim(target * length, given[1])
         if self._friction is not None:
             friction = self._friction.aim(target * length, given[2])
-        du = cones.solve_step(stress, pressure, friction)
+        du = cones.solve_step(stress, pressure, friction, self._linear_accuracy())
         steps: list[Any] = [self._locking.step(cones.strains(du))]
         if self._contact is not None:
             steps.append(self._contact.step(cones.normal_displacements(du)))
         if self._friction is not None:
             steps.append(self._friction.step(cones.slips(du)))
         return du, steps
+
+    def _linear_accuracy(self) -> float:
+        """What a linear solve may leave: a share of what the iteration has not yet achieved."""
+        return _LINEAR_SHARE * max(self._settings.tolerance, self._measured.gap)
 
     def _measure(self) -> Measures:
         """Evaluate the iterate: remembers strain and slip for the next linearisation."""

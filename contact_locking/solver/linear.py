@@ -6,22 +6,17 @@ import contextlib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 PREFIX = "contact_locking_"
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
 
-# Above these many unknowns CG with GAMG takes over.  One elastic solve in 3D is faster by CG from
-# some 50 k unknowns on (3.1 s against 9.3 s at 108 k), but the tangents of a locked body need up
-# to ten times its iterations; in 2D direct solvers stay ahead at 526 k.
+# Above these many unknowns CG takes over; below, the direct solver is as fast and never fails.
 _DIRECT_LIMIT = {2: 1_000_000, 3: 150_000}
 
-DIRECT: dict[str, Any] = {
-    "ksp_type": "preonly",
-    "pc_type": "cholesky",
-}
-# On one rank CHOLMOD factorises in 50 (3D) to 80 % (2D) of MUMPS's time and orders in a fifth of it.
+DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
+# On one rank CHOLMOD factorises in 60 (3D) to 80 % (2D) of MUMPS's time, after a fifth of its
+# analysis.
 _SERIAL_PACKAGE, _PARALLEL_PACKAGE = "cholmod", "mumps"
 ITERATIVE: dict[str, Any] = {
     "ksp_type": "cg",
@@ -34,12 +29,18 @@ ITERATIVE: dict[str, Any] = {
 }
 
 
-def default_options(linear: str, dim: int, size: int, comm: MPI.Comm) -> dict[str, Any]:
+def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, Any]:
     """PETSc options for ``linear`` = direct, iterative, or auto (by dimension and size)."""
-    if linear == "auto":
-        linear = "direct" if size <= _DIRECT_LIMIT[dim] else "iterative"
-    if linear == "iterative":
-        return dict(ITERATIVE)
+    return direct_options(comm) if is_direct(linear, dim, size) else dict(ITERATIVE)
+
+
+def is_direct(linear: str, dim: int, size: int) -> bool:
+    """Whether ``linear`` = direct, iterative, or auto means a factorisation."""
+    return linear == "direct" or (linear == "auto" and size <= _DIRECT_LIMIT[dim])
+
+
+def direct_options(comm: Any) -> dict[str, Any]:
+    """A Cholesky factorisation by the package that suits the communicator (of mpi4py or PETSc)."""
     alone = comm.size == 1 and PETSc.Sys.hasExternalPackage(_SERIAL_PACKAGE)
     package = _SERIAL_PACKAGE if alone else _PARALLEL_PACKAGE
     return {**DIRECT, "pc_factor_mat_solver_type": package}
@@ -56,6 +57,13 @@ def options_set(
     """
     database = PETSc.Options(prefix)
     ours = []
+    preconditioner = {**defaults, **(overrides or {})}.get("pc_type")
+    if database.hasName("pc_type"):
+        preconditioner = database.getString("pc_type")
+    is_other = preconditioner != defaults.get("pc_type")
+    if is_other and defaults.get("pc_factor_mat_solver_type") == _SERIAL_PACKAGE:
+        # CHOLMOD has nothing but Cholesky's factorisation.
+        defaults = {**defaults, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE}
     for key, value in {**defaults, **(overrides or {})}.items():
         if not database.hasName(key):
             database.setValue(key, value)

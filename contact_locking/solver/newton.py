@@ -116,8 +116,7 @@ class NewtonSolver:
         snes.setType(PETSc.SNES.Type.PYTHON)
         snes.setPythonContext(CriticalPointStep(self._count, self._kept))
         snes.ksp.setErrorIfNotConverged(True)
-        dim = system.u.function_space.mesh.topology.dim
-        defaults = default_options(settings.linear, dim, system.size, system.comm)
+        defaults = default_options(settings.linear, system.dim, system.size, system.comm)
         # SNES's own divergence test takes the growth of the residual norm for divergence.
         defaults |= {"snes_divergence_tolerance": -1.0}
         with options_set(defaults, settings.petsc):

@@ -13,6 +13,7 @@ from contact_locking.progress import Monitor
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.friction import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint
+from contact_locking.solver.linear import is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.target import Target
@@ -108,9 +109,13 @@ def interior_point(
     finally:
         solver.destroy()
     report.stages.append({"n": target.n, "epsilon": target.epsilon, "tangents": report.tangents})
-    stopped = bool(report.reason)
-    polished = _polish(system, target, settings, report, monitor, _RESCUE if stopped else _POLISH)
-    return report if stopped and not polished else _success(report)
+    if not report.reason:
+        # Newton's last steps want a linear solver as sharp as they are.
+        if is_direct(settings.linear, system.dim, system.size):
+            _polish(system, target, settings, report, monitor, _POLISH)
+        return _success(report)
+    rescued = _polish(system, target, settings, report, monitor, _RESCUE)
+    return _success(report) if rescued else report
 
 
 def _polish(
@@ -165,8 +170,7 @@ def _settle(
 
 
 def _least_bound(system: PenalisedSystem, target: Target) -> Callable[[], float]:
-    dim = system.u.function_space.mesh.topology.dim
-    return lambda: target.least_bound(system.energy(), dim)
+    return lambda: target.least_bound(system.energy(), system.dim)
 
 
 def _success(report: SolverReport) -> SolverReport:
