@@ -13,6 +13,7 @@ import json
 import os
 import re
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -69,14 +70,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and say what came out."""
-    overrides = list(arguments.set)
-    if arguments.output is not None:
-        # A JSON string is a YAML string.
-        overrides.append(f"output.directory={json.dumps(arguments.output, ensure_ascii=False)}")
-    study = _load(arguments.file, overrides)
+    study = _load(arguments.file, _overrides(arguments))
     comm = _world_with_dolfinx()
     from contact_locking import output, problem
-    from contact_locking.progress import Monitor, TerminalMonitor
+    from contact_locking.progress import Monitor, ProgressFile, TerminalMonitor
 
     parameters = study.parameters
     directory = parameters.output.directory
@@ -89,6 +86,8 @@ def run(arguments: argparse.Namespace) -> int:
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
         with listening as monitor, _petsc_complaints():
+            if arguments.progress is not None and comm.rank == 0:
+                monitor = ProgressFile(arguments.progress, monitor)
             solution = problem.solve(parameters, comm, monitor, arguments.petsc)
         warnings = output.write(solution, directory)
     if arguments.quiet:
@@ -107,6 +106,22 @@ def run(arguments: argparse.Namespace) -> int:
     return NOT_CONVERGED
 
 
+def study(arguments: argparse.Namespace) -> int:
+    """Solve every case of a study that is not finished, and write the table of all."""
+    if terminal.world() is not None:
+        raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
+    began = time.perf_counter()
+    file = _load(arguments.file, _overrides(arguments))
+    from contact_locking import studies
+
+    plan = studies.Plan(arguments.jobs, arguments.ranks)
+    with _explained(file):
+        done = studies.run(file, plan, terminal.console())
+    rows = studies.summary_rows(done, time.perf_counter() - began)
+    print(terminal.two_columns(rows))
+    return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
+
+
 def check(arguments: argparse.Namespace) -> int:
     """Say what is wrong or what would run, and solve nothing."""
     study = _load(arguments.file, arguments.set)
@@ -123,7 +138,11 @@ def check(arguments: argparse.Namespace) -> int:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
         rows += [(name, _shown(value)) for name, value in facts.items()]
         if parameters.study is not None:
-            rows.append(("cases of the study", str(len(list(parameters.study.cases())))))
+            from contact_locking import studies
+
+            cases = studies.Study.of(study)
+            finished = f"{cases.finished} finished in {cases.directory}"
+            rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
         print(f"{arguments.file} can be run:\n{terminal.two_columns(rows)}")
     return 0
 
@@ -207,6 +226,11 @@ def _parser() -> _Parser:
     one = add_for_file("run", run, "Solve a study file; also under mpirun.", _PETSC_HINT)
     one.add_argument("--output", metavar="DIR", help="folder of the results")
     one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)  # for a study to look at
+    one = add_for_file("study", study, "Solve every case of a study; again to go on with it.")
+    one.add_argument("--output", metavar="DIR", help="folder of the results")
+    one.add_argument("--jobs", metavar="J", type=_positive, default=1, help="cases at a time")
+    one.add_argument("--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each")
     add_for_file("check", check, "Say what is wrong or what would run, and solve nothing.")
     one = add_for_file("mesh", mesh, "Write the mesh of a study file as a Gmsh file.")
     one.add_argument("-o", "--output", metavar="FILE.msh", type=Path, required=True)
@@ -241,6 +265,21 @@ def _petsc_options(words: Sequence[str]) -> dict[str, str | None]:
         else:
             raise InputError(f"{word!r} after -- is no option of PETSc; they begin with a dash")
     return options
+
+
+def _overrides(arguments: argparse.Namespace) -> list[str]:
+    """What the command line changes in the file."""
+    if arguments.output is None:
+        return list(arguments.set)
+    # A JSON string is a YAML string.
+    folder = json.dumps(arguments.output, ensure_ascii=False)
+    return [*arguments.set, f"output.directory={folder}"]
+
+
+def _positive(text: str) -> int:
+    if not (text.isascii() and text.isdecimal() and 0 < int(text) < 10**6):
+        raise argparse.ArgumentTypeError(f"must be an integer from 1, not {text!r}")
+    return int(text)
 
 
 def _load(path: Path, overrides: Sequence[str]) -> StudyFile:

@@ -11,10 +11,10 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import _compat
+from contact_locking import __version__, _compat, study_file
 from contact_locking.assembly import Problem, assemble, penalty
 from contact_locking.certificate import proved_bounds
-from contact_locking.domain import Domain
+from contact_locking.domain import Domain, on_root
 from contact_locking.parameters import Parameters
 from contact_locking.progress import Monitor
 from contact_locking.results import (
@@ -52,6 +52,8 @@ def solve(
     start = time.perf_counter()
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm)
+    # Now, as the mesh file may be another one when the solve is over.
+    fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
     given = parameters.solver
@@ -77,6 +79,8 @@ def solve(
     solution = _collect(problem, report, settings)
     for warning in solution.summary["warnings"][len(problem.warnings) :]:
         monitor.message(f"warning: {warning}")
+    solution.summary["version"] = __version__
+    solution.summary["fingerprint"] = fingerprint
     solution.summary["wall_seconds"] = time.perf_counter() - start
     if problem.bound is not None:
         problem.bound.smoothing.destroy()

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
+import os
 import time
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -124,3 +128,41 @@ class TerminalMonitor(Monitor):
         from rich.text import Text
 
         return Text(text, no_wrap=True, overflow="ellipsis")
+
+
+class ProgressFile(Monitor):
+    """Keeps a small JSON file with the latest news for another process, and passes all on.
+
+    ``{"message": ...}`` before the first stage, then ``{"n": ..., "iteration": ...,
+    "residual": ...}``, numbers as text.  A file that cannot be written is no reason to stop.
+    """
+
+    def __init__(self, path: Path, listener: Monitor) -> None:
+        self._path = path
+        self._listener = listener
+        self._n = ""
+
+    def message(self, text: str) -> None:
+        self._listener.message(text)
+        self._write(message=text)
+
+    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
+        self._listener.stage(index, count_estimate, n, epsilon)
+        self._n = f"{n:.3g}"
+        self._write(message=f"n = {self._n}")
+
+    def friction_update(self, k: int, change: float, factor: float | None) -> None:
+        self._listener.friction_update(k, change, factor)
+
+    def iteration(self, k: int, residual: float) -> None:
+        self._listener.iteration(k, residual)
+        self._write(n=self._n, iteration=str(k), residual=f"{residual:.1e}")
+
+    def finish(self) -> None:
+        self._listener.finish()
+
+    def _write(self, **news: str) -> None:
+        partial = self._path.with_name(f".{self._path.name}")
+        with contextlib.suppress(OSError):
+            partial.write_text(json.dumps(news), encoding="utf-8")
+            os.replace(partial, self._path)

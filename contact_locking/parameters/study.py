@@ -98,6 +98,9 @@ class StudyParameters(Section):
                 if parts[0] == "study":
                     yield Fault((kind, key), "a study cannot vary itself")
                     continue
+                if parts[:2] == ["output", "directory"]:
+                    yield Fault((kind, key), "each case has a folder of its own already")
+                    continue
                 try:
                     known_keys(model, parts)
                 except KeyError as error:

@@ -1,7 +1,17 @@
 """The study file: read, overridden from the command line, checked, explained and written again."""
 
 from .dump import dump
+from .fingerprint import file_digest, fingerprint
 from .load import StudyFile, from_mapping, load
 from .schema import schema, schema_text
 
-__all__ = ["StudyFile", "dump", "from_mapping", "load", "schema", "schema_text"]
+__all__ = [
+    "StudyFile",
+    "dump",
+    "file_digest",
+    "fingerprint",
+    "from_mapping",
+    "load",
+    "schema",
+    "schema_text",
+]

@@ -29,6 +29,13 @@ class StudyFile:
         """The message of an error, with file, line and key if the error has a key."""
         return self.source.explain(str(error), error.key) if error.key else str(error)
 
+    def case(self, values: Mapping[str, Any]) -> Parameters:
+        """The parameters of a case: the file without its study, with ``values`` by dotted key.
+
+        Raises InputError for values that do not fit, which `load` has found out for all cases.
+        """
+        return from_mapping(_with_values(self.source.data, values), Path(self.source.name).parent)
+
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
     """Read and check a study file, with ``overrides`` such as ``penalty.n=1e6`` applied to it.
@@ -71,11 +78,9 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
     if parameters is None or parameters.study is None:
         return parameters, faults
     for case in parameters.study.cases():
-        changed = copy.deepcopy({key: value for key, value in data.items() if key != "study"})
         shown = ", ".join(f"{key} = {show(value)}" for key, value in case.items())
         try:
-            for key, value in case.items():
-                assign(changed, key, copy.deepcopy(value))
+            changed = _with_values(data, case)
         except KeyError as error:
             return None, [Fault(("study",), f"in the case {shown}: {error.args[0]}")]
         valid, faults = _validate(changed, folder)
@@ -83,6 +88,13 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
             first = f"{'.'.join(map(str, faults[0].place))}: {faults[0].message}"
             return None, [Fault(("study",), f"in the case {shown}: {first}")]
     return parameters, []
+
+
+def _with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    changed = copy.deepcopy({key: value for key, value in data.items() if key != "study"})
+    for key, value in values.items():
+        assign(changed, key, copy.deepcopy(value))
+    return changed
 
 
 def _validate(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:

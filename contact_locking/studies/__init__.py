@@ -1,0 +1,8 @@
+"""Studies: many cases from one file, each solved by a `run` of its own and found again by a hash.
+
+Nothing here imports DOLFINx or MPI: the cases do, in their own processes.
+"""
+
+from .runner import Plan, Study, run, summary_rows
+
+__all__ = ["Plan", "Study", "run", "summary_rows"]

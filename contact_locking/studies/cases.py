@@ -1,0 +1,73 @@
+"""The cases of a study: their parameters, and the name by which their results are found again."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from contact_locking import study_file
+from contact_locking.errors import InputError
+from contact_locking.parameters import Parameters
+from contact_locking.parameters.base import show
+from contact_locking.study_file import StudyFile
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of a study.
+
+    ``values`` are those of the keys that vary; ``name`` is the fingerprint of the ``parameters``,
+    which write their results to ``folder``.  Rows that differ in their title only share a name.
+    """
+
+    values: dict[str, Any]
+    name: str
+    folder: Path
+    parameters: Parameters
+
+    @property
+    def label(self) -> str:
+        """What varies, in one line."""
+        return ", ".join(f"{key} = {show(value)}" for key, value in self.values.items())
+
+
+def cases_of(study: StudyFile) -> list[Case]:
+    """All cases of a study file, in its order.
+
+    Raises InputError for a file without a study and for a mesh file that cannot be read.
+    """
+    parameters = study.parameters
+    if parameters.study is None:
+        raise InputError(
+            f"{study.source.name}: has no study; give the keys to vary, such as\n"
+            "study: {vary: {penalty.n: [1.0e2, 1.0e4, .inf]}}\nor solve it with run"
+        )
+    digest = functools.cache(study_file.file_digest)
+    return [
+        _case(study.case(values), values, Path(parameters.output.directory), digest)
+        for values in parameters.study.cases()
+    ]
+
+
+def each_once(cases: Iterable[Case]) -> list[Case]:
+    """The cases that have to be solved: one for each name."""
+    return list({case.name: case for case in reversed(list(cases))}.values())[::-1]
+
+
+def case_folder(directory: Path, name: str) -> Path:
+    """Where the results of a case are, below the folder of its study."""
+    return directory / "cases" / name
+
+
+def _case(parameters: Parameters, values: dict[str, Any], directory: Path, digest: Any) -> Case:
+    try:
+        name = study_file.fingerprint(parameters, digest)
+    except OSError as error:
+        message = f"cannot be read: {error.filename}: {error.strerror}"
+        raise InputError(message, "mesh.file") from error
+    folder = case_folder(directory, name)
+    output = parameters.output.model_copy(update={"directory": str(folder)})
+    return Case(values, name, folder, parameters.model_copy(update={"output": output}))

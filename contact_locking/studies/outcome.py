@@ -1,0 +1,88 @@
+"""How far a case is, as its folder tells: the only memory that a study has.
+
+A case is finished when its folder holds a summary that is complete, of this version of the
+program, and of these parameters.  `run` writes the summary last and moves it into its place, so
+that whatever stops a study leaves each case finished or not.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from contact_locking import __version__, study_file
+
+from .cases import Case
+from .files import read_mapping, write_text
+
+SUMMARY, PARAMETERS, FAILURE = "summary.json", "parameters.yaml", "failure.json"
+PROGRESS, LOG = "progress.json", "log.txt"
+
+State = Literal["converged", "not converged", "failed", "not run"]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """``reason`` is in words; ``summary`` is there if the case is finished."""
+
+    state: State
+    reason: str = ""
+    summary: dict[str, Any] | None = None
+
+    @property
+    def finished(self) -> bool:
+        """Whether solving it again would only repeat it."""
+        return self.summary is not None
+
+
+def outcome(case: Case) -> Outcome:
+    """What is known of a case."""
+    summary = read_mapping(case.folder / SUMMARY)
+    if summary is not None and _matches(summary, case):
+        converged = summary.get("converged") is True
+        state: State = "converged" if converged else "not converged"
+        return Outcome(state, str(summary.get("reason", "")), summary)
+    failure = read_mapping(case.folder / FAILURE)
+    if failure is not None and _matches(failure, case):
+        return Outcome("failed", str(failure.get("reason", "")))
+    return Outcome("not run")
+
+
+def other_version(case: Case) -> str | None:
+    """The version of the program whose results are in the folder, if it is not this one."""
+    summary = read_mapping(case.folder / SUMMARY)
+    if summary is None or summary.get("version") == __version__:
+        return None
+    return str(summary.get("version", "unknown"))
+
+
+def begin(case: Case) -> None:
+    """Make the folder ready for `run`, and forget an earlier attempt. Raises OSError."""
+    case.folder.mkdir(parents=True, exist_ok=True)
+    for left in case.folder.glob(".partial-*"):
+        shutil.rmtree(left) if left.is_dir() else left.unlink()
+    for name in (FAILURE, PROGRESS):
+        (case.folder / name).unlink(missing_ok=True)
+    write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))
+
+
+def record_failure(case: Case, reason: str) -> None:
+    """Remember why a case has no results. Raises OSError."""
+    record = {"version": __version__, "fingerprint": case.name, "reason": reason}
+    write_text(case.folder / FAILURE, json.dumps(record, indent=2, ensure_ascii=False) + "\n")
+
+
+def strangers(directory: Path, cases: list[Case]) -> int:
+    """How many case folders there are that belong to no case: of an earlier form of the file."""
+    known = {case.name for case in cases}
+    folder = directory / "cases"
+    if not folder.is_dir():
+        return 0
+    return sum(entry.is_dir() and entry.name not in known for entry in folder.iterdir())
+
+
+def _matches(record: dict[str, Any], case: Case) -> bool:
+    return record.get("version") == __version__ and record.get("fingerprint") == case.name

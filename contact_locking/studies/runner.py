@@ -1,0 +1,218 @@
+"""A whole study: what is not finished is solved, J cases at a time, and the table written."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import signal
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from contact_locking import study_file
+from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.study_file import StudyFile
+
+from . import table
+from .cases import Case, cases_of, each_once
+from .files import write_text
+from .lock import locked
+from .outcome import (
+    PARAMETERS,
+    Outcome,
+    State,
+    begin,
+    other_version,
+    outcome,
+    record_failure,
+    strangers,
+)
+from .process import PROGRAM, CaseProcess, command, environment, launcher, stop
+from .view import View, duration
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+INDEX = "index.txt"
+KEY = "output.directory"
+_POLL_SECONDS = 0.1
+_TABLE_SECONDS = 2.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How many cases are solved at a time, on how many ranks each, and by which program."""
+
+    jobs: int = 1
+    ranks: int = 1
+    program: Sequence[str] = PROGRAM
+
+
+@dataclass
+class Study:
+    """The cases of a file and what is known of each, by its name."""
+
+    directory: Path
+    cases: list[Case]
+    outcomes: dict[str, Outcome]
+
+    @classmethod
+    def of(cls, file: StudyFile) -> Study:
+        """A study as its folder has it. Raises InputError."""
+        cases = cases_of(file)
+        known = {case.name: outcome(case) for case in each_once(cases)}
+        return cls(Path(file.parameters.output.directory), cases, known)
+
+    @property
+    def unfinished(self) -> list[Case]:
+        return [case for case in each_once(self.cases) if not self.outcomes[case.name].finished]
+
+    def count(self) -> Counter[State]:
+        """The cases in each state."""
+        return Counter(self.outcomes[case.name].state for case in self.cases)
+
+    @property
+    def finished(self) -> int:
+        return sum(self.outcomes[case.name].finished for case in self.cases)
+
+    def write_table(self) -> None:
+        """Raises OSError."""
+        table.write(self.directory, self.cases, [self.outcomes[case.name] for case in self.cases])
+
+
+def run(file: StudyFile, plan: Plan, console: Console) -> Study:
+    """Solve the cases that are not finished, and write the table of all.
+
+    Raises InputError for a file without a study, a folder that cannot be written to or in which
+    another study runs, and where mpirun is missing; ContactLockingError where the disk is full.
+    """
+    prefix = launcher(plan.ranks)
+    directory = Path(file.parameters.output.directory)
+    with _writing(directory):
+        (directory / "cases").mkdir(parents=True, exist_ok=True)
+        with locked(directory) as held:
+            study = Study.of(file)
+            todo = study.unfinished
+            with View(console, len(todo)) as view:
+                if not held:
+                    view.line(f"warning: the file system of {directory} has no locks", "yellow")
+                _announce(study, todo, view)
+                _prepare(study, file)
+                try:
+                    with _stoppable():
+                        _solve(study, todo, plan, prefix, view)
+                except KeyboardInterrupt:
+                    of = f"{study.finished} of {len(study.cases)}"
+                    view.line(f"{of} cases are finished; the same command does the others")
+                    raise
+                finally:
+                    study.write_table()
+    return study
+
+
+def _announce(study: Study, todo: Sequence[Case], view: View) -> None:
+    before = f", {study.finished} finished before" if study.finished else ""
+    view.line(f"{len(study.cases)} cases in {study.directory}{before}")
+    versions = Counter(version for case in todo if (version := other_version(case)) is not None)
+    for version, number in versions.items():
+        view.line(f"{number} with results of version {version} are solved again")
+    if others := strangers(study.directory, study.cases):
+        view.line(
+            f"{others} more in {study.directory / 'cases'} are of an earlier form of the file; "
+            "they stay, but are not in the table"
+        )
+
+
+def _prepare(study: Study, file: StudyFile) -> None:
+    """Write what can be said before the first case has run."""
+    lines = [f"{case.name}  {case.label}\n" for case in study.cases]
+    write_text(study.directory / "cases" / INDEX, "".join(lines))
+    write_text(study.directory / PARAMETERS, study_file.dump(file.parameters))
+    for case in study.unfinished:
+        study.outcomes[case.name] = Outcome("not run")
+    study.write_table()
+
+
+def _solve(
+    study: Study, todo: Sequence[Case], plan: Plan, prefix: Sequence[str], view: View
+) -> None:
+    variables = environment(plan.jobs, plan.ranks)
+    waiting = list(reversed(todo))
+    running: list[CaseProcess] = []
+    written = time.monotonic()
+    try:
+        while waiting or running:
+            while waiting and len(running) < plan.jobs:
+                case = waiting.pop()
+                begin(case)
+                words = [*prefix, *command(case, plan.program)]
+                running.append(CaseProcess(case, words, variables))
+            for process in [process for process in running if process.ended()]:
+                running.remove(process)
+                result = _result(process)
+                study.outcomes[process.case.name] = result
+                view.ended(process.case, result, process.seconds)
+            if time.monotonic() > written + _TABLE_SECONDS:
+                study.write_table()
+                written = time.monotonic()
+            view.show(running)
+            time.sleep(_POLL_SECONDS)
+    finally:
+        stop(running)
+
+
+def _result(process: CaseProcess) -> Outcome:
+    found = outcome(process.case)
+    if found.finished:
+        return found
+    reason = process.why()
+    record_failure(process.case, reason)
+    return Outcome("failed", reason)
+
+
+@contextlib.contextmanager
+def _stoppable() -> Iterator[None]:
+    """Ask the study to end by SIGTERM, or by closing its terminal, as by Ctrl-C."""
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:  # as under nohup
+            signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _writing(directory: Path) -> Iterator[None]:
+    """What the system refuses, as an error that says what to do."""
+    try:
+        yield
+    except OSError as error:
+        where = f"{error.strerror} ({error.filename or directory})"
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise ContactLockingError(
+                f"the study stopped: {where}\n"
+                "What is finished is kept; make room, and the same command does the others."
+            ) from error
+        raise InputError(
+            f"results cannot be written to {directory}: {where}; "
+            "give a folder that can be written to",
+            KEY,
+        ) from error
+
+
+def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:
+    """What came out, in short."""
+    count = study.count()
+    rows = [(state, str(number)) for state, number in sorted(count.items()) if number]
+    return [*rows, ("time", duration(seconds)), ("table in", str(study.directory / table.CSV))]

@@ -1,0 +1,90 @@
+"""The results of all cases as a table, in CSV and as JSON lines."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from .cases import Case
+from .files import write_text
+from .outcome import Outcome
+
+CSV, JSON_LINES = "table.csv", "table.jsonl"
+
+Row = dict[str, Any]
+
+
+def write(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> None:
+    """Write both tables: a row per case in the order of the file. Raises OSError."""
+    rows = [row(case, outcome) for case, outcome in zip(cases, outcomes, strict=True)]
+    columns = list(dict.fromkeys(name for entry in rows for name in entry))
+    stream = io.StringIO()
+    table = csv.writer(stream, lineterminator="\n")
+    table.writerow(columns)
+    for entry in rows:
+        table.writerow([_cell(entry.get(name)) for name in columns])
+    write_text(directory / CSV, stream.getvalue())
+    lines = [
+        json.dumps({name: entry.get(name) for name in columns}, ensure_ascii=False, allow_nan=False)
+        for entry in rows
+    ]
+    write_text(directory / JSON_LINES, "".join(f"{line}\n" for line in lines))
+
+
+def row(case: Case, outcome: Outcome) -> Row:
+    """What varies, then the case and how it went, then its summary with dotted keys.
+
+    Of a summary's lists those of mappings, such as the stages, are left out.  Infinity and NaN
+    are the texts "inf" and "nan", as JSON has no such numbers.
+    """
+    entry: Row = {key: _plain(value) for key, value in case.values.items()}
+    entry |= {"case": case.name, "state": outcome.state}
+    summary = outcome.summary or {"converged": False, "reason": outcome.reason}
+    named = {key: value for key, value in summary.items() if key not in _IN_OTHER_COLUMNS}
+    for key, value in _flat(named, ""):
+        entry.setdefault(key, value)
+    for key, text in summary.get("not_finite", {}).items():
+        if key in entry:
+            entry[key] = text
+    return entry
+
+
+_IN_OTHER_COLUMNS = ("fingerprint", "not_finite")
+
+
+def _flat(value: Any, key: str) -> list[tuple[str, Any]]:
+    match value:
+        case dict():
+            below = [_flat(item, f"{key}.{name}" if key else name) for name, item in value.items()]
+            return [pair for pairs in below for pair in pairs]
+        case list() if all(isinstance(item, str) for item in value):
+            return [(key, "; ".join(value))]
+        case list() if any(isinstance(item, dict) for item in value):
+            return []
+        case list():
+            below = [_flat(item, f"{key}.{index}") for index, item in enumerate(value)]
+            return [pair for pairs in below for pair in pairs]
+    return [(key, _plain(value))]
+
+
+def _plain(value: Any) -> Any:
+    match value:
+        case float() if not math.isfinite(value):
+            return str(value)
+        case dict():
+            return {key: _plain(item) for key, item in value.items()}
+        case list() | tuple():
+            return [_plain(item) for item in value]
+    return value
+
+
+def _cell(value: Any) -> Any:
+    match value:
+        case bool() | dict() | list():
+            return json.dumps(value, ensure_ascii=False)
+    return value

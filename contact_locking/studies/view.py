@@ -1,0 +1,115 @@
+"""Where a study is: live on a terminal, a line per case in a log."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from .cases import Case
+from .files import read_mapping
+from .outcome import PROGRESS, Outcome, State
+from .process import CaseProcess
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+_STYLES: dict[State, str] = {"converged": "green", "not converged": "yellow", "failed": "red"}
+
+
+class View:
+    """Tells of cases that end and of those that run; to be used as a context manager.
+
+    ``total`` counts the cases to be solved.
+    """
+
+    def __init__(self, console: Console, total: int) -> None:
+        from rich.live import Live
+
+        self._console = console
+        self._total = total
+        self._states: Counter[State] = Counter()
+        self._seconds = 0.0
+        self._live: Live | None = None
+        if console.is_terminal:
+            # Without a thread of its own, as processes are forked from this one.
+            self._live = Live(console=console, auto_refresh=False, transient=True)
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def line(self, text: str, style: str | None = None) -> None:
+        """A line that stays."""
+        from rich.text import Text
+
+        self._console.print(Text(text), style=style, soft_wrap=True)
+
+    def ended(self, case: Case, outcome: Outcome, seconds: float) -> None:
+        """A case is over."""
+        self._states[outcome.state] += 1
+        self._seconds += seconds
+        width = len(str(self._total))
+        reason = "" if outcome.state == "converged" else f": {outcome.reason}"
+        self.line(
+            f"[{self._states.total():{width}}/{self._total}] {case.label}  "
+            f"{outcome.state}{reason}  ({duration(seconds)})",
+            None if outcome.state == "converged" else _STYLES[outcome.state],
+        )
+
+    def show(self, running: Sequence[CaseProcess]) -> None:
+        """Renew what is seen of the running cases."""
+        if self._live is not None:
+            self._live.update(self._picture(running), refresh=True)
+
+    def _picture(self, running: Sequence[CaseProcess]) -> Table:
+        from rich.table import Table
+        from rich.text import Text
+
+        done = self._states.total()
+        counts = [f"{done} of {self._total} done", f"{len(running)} running"]
+        counts += [f"{self._states[state]} {state}" for state in _STYLES if self._states[state]]
+        if done:
+            work = self._seconds / done * (self._total - done) - sum(p.seconds for p in running)
+            left = max(work, 0.0) / max(len(running), 1)
+            counts.append(f"about {duration(left)} left")
+        outer = Table.grid()
+        outer.add_row(Text(", ".join(counts), style="bold"))
+        inner = Table.grid(padding=(0, 2))
+        for process in running:
+            cells = (process.case.label, status(process.case), duration(process.seconds))
+            inner.add_row(*(Text(f"  {cell}", no_wrap=True) for cell in cells))
+        outer.add_row(inner)
+        return outer
+
+
+def status(case: Case) -> str:
+    """What a running case has last said of itself."""
+    now = read_mapping(case.folder / PROGRESS)
+    if now is None:
+        return "starting"
+    if "iteration" not in now:
+        return str(now.get("message", ""))
+    return f"n = {now.get('n')}  iteration {now['iteration']}  residual {now.get('residual')}"
+
+
+def duration(seconds: float) -> str:
+    """A time in the units in which one says it."""
+    if seconds < 99.5:
+        return f"{seconds:.3g} s" if seconds < 10 else f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    if minutes < 100:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60} min"
