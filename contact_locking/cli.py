@@ -310,6 +310,10 @@ def _world_with_dolfinx() -> MPI.Intracomm:
             f"DOLFINx cannot be imported here: {error}\n"
             "It needs DOLFINx 0.9 or newer with PETSc; the README says how to get it."
         ) from error
+    from contact_locking import compiled_forms
+
+    if MPI.COMM_WORLD.rank == 0:
+        compiled_forms.clear_unfinished()
     return MPI.COMM_WORLD
 
 

@@ -63,9 +63,13 @@ class Study:
     @classmethod
     def of(cls, file: StudyFile) -> Study:
         """A study as its folder has it. Raises InputError."""
-        cases = cases_of(file)
-        known = {case.name: outcome(case) for case in each_once(cases)}
-        return cls(Path(file.parameters.output.directory), cases, known)
+        study = cls(Path(file.parameters.output.directory), cases_of(file), {})
+        study.look()
+        return study
+
+    def look(self) -> None:
+        """Learn from the folder how far each case is."""
+        self.outcomes = {case.name: outcome(case) for case in each_once(self.cases)}
 
     @property
     def unfinished(self) -> list[Case]:
@@ -91,11 +95,13 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
     another study runs, and where mpirun is missing; ContactLockingError where the disk is full.
     """
     prefix = launcher(plan.ranks)
-    directory = Path(file.parameters.output.directory)
+    study = Study.of(file)
+    directory = study.directory
     with _writing(directory):
         (directory / "cases").mkdir(parents=True, exist_ok=True)
         with locked(directory) as held:
-            study = Study.of(file)
+            # Another study may have been running until now.
+            study.look()
             todo = study.unfinished
             with View(console, len(todo)) as view:
                 if not held:
@@ -103,14 +109,11 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
                 _announce(study, todo, view)
                 _prepare(study, file)
                 try:
-                    with _stoppable():
-                        _solve(study, todo, plan, prefix, view)
+                    _solve(study, todo, plan, prefix, view)
                 except KeyboardInterrupt:
                     of = f"{study.finished} of {len(study.cases)}"
                     view.line(f"{of} cases are finished; the same command does the others")
                     raise
-                finally:
-                    study.write_table()
     return study
 
 
@@ -140,29 +143,44 @@ def _prepare(study: Study, file: StudyFile) -> None:
 def _solve(
     study: Study, todo: Sequence[Case], plan: Plan, prefix: Sequence[str], view: View
 ) -> None:
-    variables = environment(plan.jobs, plan.ranks)
-    waiting = list(reversed(todo))
+    """Run the cases, and leave a table of what is finished however this ends."""
     running: list[CaseProcess] = []
-    written = time.monotonic()
     try:
-        while waiting or running:
-            while waiting and len(running) < plan.jobs:
-                case = waiting.pop()
-                begin(case)
-                words = [*prefix, *command(case, plan.program)]
-                running.append(CaseProcess(case, words, variables))
-            for process in [process for process in running if process.ended()]:
-                running.remove(process)
-                result = _result(process)
-                study.outcomes[process.case.name] = result
-                view.ended(process.case, result, process.seconds)
-            if time.monotonic() > written + _TABLE_SECONDS:
-                study.write_table()
-                written = time.monotonic()
-            view.show(running)
-            time.sleep(_POLL_SECONDS)
+        with _stoppable():
+            _run_all(study, todo, running, plan, prefix, view)
     finally:
         stop(running)
+        study.look()
+        study.write_table()
+
+
+def _run_all(
+    study: Study,
+    todo: Sequence[Case],
+    running: list[CaseProcess],
+    plan: Plan,
+    prefix: Sequence[str],
+    view: View,
+) -> None:
+    variables = environment(plan.jobs, plan.ranks)
+    waiting = list(reversed(todo))
+    written = time.monotonic()
+    while waiting or running:
+        while waiting and len(running) < plan.jobs:
+            case = waiting.pop()
+            begin(case)
+            words = [*prefix, *command(case, plan.program)]
+            running.append(CaseProcess(case, words, variables))
+        for process in [process for process in running if process.ended()]:
+            running.remove(process)
+            result = _result(process)
+            study.outcomes[process.case.name] = result
+            view.ended(process.case, result, process.seconds)
+        if time.monotonic() > written + _TABLE_SECONDS:
+            study.write_table()
+            written = time.monotonic()
+        view.show(running)
+        time.sleep(_POLL_SECONDS)
 
 
 def _result(process: CaseProcess) -> Outcome:
@@ -197,6 +215,8 @@ def _writing(directory: Path) -> Iterator[None]:
     """What the system refuses, as an error that says what to do."""
     try:
         yield
+    except BrokenPipeError:
+        raise
     except OSError as error:
         where = f"{error.strerror} ({error.filename or directory})"
         if error.errno in (errno.ENOSPC, errno.EDQUOT):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-_STYLES: dict[State, str] = {"converged": "green", "not converged": "yellow", "failed": "red"}
+_STYLES: dict[State, str] = {"not converged": "yellow", "failed": "red"}
 
 
 class View:
@@ -66,7 +66,7 @@ class View:
         self.line(
             f"[{self._states.total():{width}}/{self._total}] {case.label}  "
             f"{outcome.state}{reason}  ({duration(seconds)})",
-            None if outcome.state == "converged" else _STYLES[outcome.state],
+            _STYLES.get(outcome.state),
         )
 
     def show(self, running: Sequence[CaseProcess]) -> None:
@@ -108,7 +108,7 @@ def status(case: Case) -> str:
 def duration(seconds: float) -> str:
     """A time in the units in which one says it."""
     if seconds < 99.5:
-        return f"{seconds:.3g} s" if seconds < 10 else f"{seconds:.0f} s"
+        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
     minutes = round(seconds / 60)
     if minutes < 100:
         return f"{minutes} min"

@@ -1,0 +1,445 @@
+"""Studies: every case once, whatever happens in between, and one table of all."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from contact_locking import cli, compiled_forms, meshes, studies, study_file, terminal
+from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.progress import Monitor, ProgressFile
+from contact_locking.studies.lock import locked
+
+pytestmark = pytest.mark.serial
+
+FAKE = (sys.executable, str(Path(__file__).parent / "fake_case.py"))
+DEMO = Path(__file__).parent.parent / "demos" / "studies" / "block_n.yml"
+STUDY = """\
+mesh: {builder: block, h: 0.5}
+material: {locking_limit: 0.05}
+loads:
+  tractions: [{on: top, value: [0.03, -0.05]}]
+  displacements: [{on: left, value: [0, 0]}]
+contact: {on: bottom}
+friction: {smoothing: {radius: 0.6}}
+output: {picture: false, fields: false}
+"""
+
+
+class Folder:
+    """A study file, its results, and a log of the cases that were run."""
+
+    def __init__(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.path = path
+        self.file = path / "study.yml"
+        self.output = path / "out"
+        self.log = path / "runs.log"
+        monkeypatch.setenv("FAKE_LOG", str(self.log))
+
+    def write(self, study: str, text: str = STUDY) -> None:
+        self.file.write_text(f"{text}study: {study}\n")
+
+    def load(self) -> study_file.StudyFile:
+        return study_file.load(self.file, [f"output.directory={self.output}"])
+
+    def run(self, jobs: int = 1) -> str:
+        """Run the study with the fake program, and return what is said."""
+        stream = io.StringIO()
+        plan = studies.Plan(jobs, program=FAKE)
+        studies.run(self.load(), plan, Console(file=stream, width=200))
+        return stream.getvalue()
+
+    def started(self) -> list[str]:
+        """penalty.n of all cases that were begun since the last call."""
+        if not self.log.exists():
+            return []
+        lines = self.log.read_text().split()
+        self.log.unlink()
+        return sorted(lines[1::2])
+
+    def table(self) -> list[dict[str, str]]:
+        with (self.output / "table.csv").open(newline="") as stream:
+            return list(csv.DictReader(stream))
+
+    def summaries(self) -> list[Path]:
+        return sorted(self.output.glob("cases/*/summary.json"))
+
+    def start(self, *words: str, ranks: int = 1, **environment: str) -> subprocess.Popen[str]:
+        """The command line as a process of its own, with the fake program."""
+        script = f"""
+        import functools, sys
+        from contact_locking import cli, studies
+        studies.Plan = functools.partial(studies.Plan, program={FAKE!r})
+        sys.exit(cli.main(sys.argv[1:]))
+        """
+        program = [sys.executable, "-c", textwrap.dedent(script)]
+        options = ["--output", str(self.output), "--ranks", str(ranks)]
+        return subprocess.Popen(
+            [*program, "study", str(self.file), *words, *options],
+            env=os.environ | environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def running(self) -> list[int]:
+        """The processes of cases that have begun and not ended."""
+        begun = self.log.read_text().split()[::2] if self.log.exists() else []
+        return [pid for pid in map(int, begun) if alive(pid)]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Folder:
+    return Folder(tmp_path, monkeypatch)
+
+
+def alive(pid: int) -> bool:
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < end, "timed out"
+        time.sleep(0.02)
+
+
+def test_every_case_is_run_once_and_the_table_begins_with_what_varies(folder: Folder) -> None:
+    folder.write("{vary: {penalty.n: [10, .inf]}, zip: {friction.coefficient: [0, 0.5]}}")
+    said = folder.run()
+    assert "4 cases in" in said and "[4/4] friction.coefficient = 0.5, penalty.n = .inf" in said
+    assert folder.started() == ["10", "10", "inf", "inf"]
+    rows = folder.table()
+    assert list(rows[0])[:4] == ["friction.coefficient", "penalty.n", "case", "state"]
+    assert [row["penalty.n"] for row in rows] == ["10", "inf", "10", "inf"]
+    first = rows[0]
+    assert (first["compliance"], first["contact_force.1"], first["converged"]) == (
+        *("0.1", "10.0", "true"),
+    )
+    assert (first["warnings"], first["duality_gap"], first["bounds.b.bound"]) == (
+        *("one; two", "", "inf"),
+    )
+    lines = (folder.output / "table.jsonl").read_text().splitlines()
+    assert [list(json.loads(line)) for line in lines] == [list(first)] * 4
+    assert json.loads(lines[1])["penalty.n"] == "inf"
+    assert json.loads(lines[1])["duality_gap"] is None
+
+
+def test_each_case_has_a_folder_that_an_index_names(folder: Folder) -> None:
+    folder.write("{vary: {penalty.n: [10, 20]}}")
+    folder.run()
+    index = (folder.output / "cases" / "index.txt").read_text().splitlines()
+    assert [line.partition("  ")[2] for line in index] == ["penalty.n = 10", "penalty.n = 20"]
+    for row, line in zip(folder.table(), index, strict=True):
+        assert line.startswith(row["case"])
+        case = study_file.load(folder.output / "cases" / row["case"] / "parameters.yaml")
+        assert case.parameters.penalty.n == float(row["penalty.n"])
+        assert case.parameters.study is None
+
+
+def test_the_table_does_not_depend_on_the_number_of_jobs_or_the_order(folder: Folder) -> None:
+    folder.write("{vary: {penalty.n: [10, 3, 9, 20, 30]}}")
+    tables = []
+    for jobs in (1, 4):
+        shutil.rmtree(folder.output, ignore_errors=True)
+        folder.run(jobs)
+        tables.append([(folder.output / f"table.{kind}").read_bytes() for kind in ("csv", "jsonl")])
+    assert tables[0] == tables[1]
+
+
+def test_a_case_that_fails_is_recorded_with_its_reason_and_the_others_go_on(
+    folder: Folder,
+) -> None:
+    folder.write("{vary: {penalty.n: [1, 2, 3, 7, 9, 10]}}")
+    folder.run()
+    found = {row["penalty.n"]: (row["state"], row["reason"]) for row in folder.table()}
+    state, reason = found["1"]
+    assert state == "failed" and "exit code 1" in reason and "log.txt" in reason
+    assert found["2"] == ("failed", "parameters.yaml:3: contact.on: no part is named so")
+    assert found["3"] == ("not converged", "too steep")
+    assert found["7"][0] == "failed" and "no results of these parameters" in found["7"][1]
+    assert found["9"] == ("failed", "was killed by SIGKILL, perhaps for want of memory")
+    assert found["10"] == ("converged", "every criterion held")
+    assert {row["converged"] for row in folder.table()[:5]} == {"false"}
+
+
+def test_a_resume_repeats_what_failed_without_results_and_nothing_else(folder: Folder) -> None:
+    folder.write("{vary: {penalty.n: [3, 9, 10]}}")
+    folder.run()
+    assert folder.started() == ["10", "3", "9"]
+    assert "2 finished before" in folder.run()
+    assert folder.started() == ["9"]
+
+
+def test_a_changed_file_reruns_only_what_changed(folder: Folder) -> None:
+    folder.write("{vary: {penalty.n: [10, 20]}}")
+    folder.run()
+    folder.started()
+    text = f"title: A better name\n# and a remark\n{STUDY}".replace("h: 0.5", "h: 5.0e-1")
+    folder.write("{zip: {penalty.n: [30, 20.0]}}", text)
+    said = folder.run()
+    assert folder.started() == ["30"]
+    assert "1 more in" in said and "earlier form of the file" in said
+    assert [row["penalty.n"] for row in folder.table()] == ["30", "20.0"]
+    assert len(folder.summaries()) == 3
+
+
+def test_cases_that_differ_in_their_title_only_are_solved_once(folder: Folder) -> None:
+    folder.write("{zip: {title: [a, b], penalty.n: [10, 10]}}")
+    folder.run()
+    assert folder.started() == ["10"]
+    assert [row["title"] for row in folder.table()] == ["a", "b"]
+
+
+def test_a_mesh_file_counts_with_its_content(folder: Folder) -> None:
+    body = folder.path / "body.msh"
+    meshes.write(meshes.BUILDERS["block"](h=0.5), body)
+    text = STUDY.replace("{builder: block, h: 0.5}", "{file: body.msh}")
+    folder.write("{vary: {penalty.n: [10]}}", text)
+    folder.run()
+    assert folder.started() == ["10"]
+    moved = body.rename(folder.path / "moved.msh")
+    folder.write("{vary: {penalty.n: [10]}}", text.replace("body.msh", "moved.msh"))
+    folder.run()
+    assert folder.started() == []
+    moved.write_text(f"{moved.read_text()}\n")
+    folder.run()
+    assert folder.started() == ["10"]
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"converged": true}', '{"converged"'])
+def test_a_summary_that_is_no_complete_one_of_the_case_does_not_count(
+    content: str, folder: Folder
+) -> None:
+    folder.write("{vary: {penalty.n: [10]}}")
+    folder.run()
+    (summary,) = folder.summaries()
+    summary.write_text(content)
+    folder.started()
+    folder.run()
+    assert folder.started() == ["10"]
+
+
+def test_results_of_another_version_are_solved_again(folder: Folder) -> None:
+    folder.write("{vary: {penalty.n: [10]}}")
+    folder.run()
+    (summary,) = folder.summaries()
+    summary.write_text(json.dumps(json.loads(summary.read_text()) | {"version": "0.0.1"}))
+    folder.started()
+    assert "1 with results of version 0.0.1 are solved again" in folder.run()
+    assert folder.started() == ["10"]
+
+
+def test_two_studies_in_one_folder_are_refused(
+    folder: Folder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder.write("{vary: {penalty.n: [10]}}")
+    folder.output.mkdir()
+    with locked(folder.output):
+        code = cli.main(["study", str(folder.file), "--output", str(folder.output)])
+    errors = capsys.readouterr().err
+    assert code == 2
+    assert "another study is running in" in errors and f"process {os.getpid()} on" in errors
+    assert folder.started() == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are tied to their parent on Linux")
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_killed_study_takes_its_cases_along_and_the_next_one_goes_on(
+    ranks: int, folder: Folder
+) -> None:
+    if ranks > 1 and shutil.which("mpirun") is None:
+        pytest.skip("mpirun is not installed")
+    folder.write("{vary: {penalty.n: [10, 20, 30]}}")
+    process = folder.start("--jobs", "2", ranks=ranks, FAKE_SECONDS="60")
+    wait_for(lambda: len(folder.running()) == 2 * ranks)
+    running = folder.running()
+    process.kill()
+    process.communicate()
+    wait_for(lambda: not any(alive(pid) for pid in running))
+    assert folder.summaries() == []
+    folder.started()
+    folder.run()
+    assert folder.started() == ["10", "20", "30"]
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupted_study_stops_its_cases_and_says_how_to_go_on(
+    end: signal.Signals, folder: Folder
+) -> None:
+    folder.write("{vary: {penalty.n: [10, 20, 30]}}")
+    process = folder.start("--jobs", "2", FAKE_SECONDS="60")
+    wait_for(lambda: len(folder.running()) == 2)
+    running = folder.running()
+    process.send_signal(end)
+    output, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert not any(alive(pid) for pid in running)
+    assert "0 of 3 cases are finished; the same command does the others" in output
+    assert errors == "interrupted\n"
+    assert {row["state"] for row in folder.table()} == {"not run"}
+
+
+@pytest.mark.parametrize("room", [0, 3, 5])
+def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
+    room: int, folder: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder.write("{vary: {penalty.n: [10, 20]}}")
+    writes = iter(range(room))
+
+    def replace(source: str, target: Path) -> None:
+        if next(writes, None) is None:
+            raise OSError(errno.ENOSPC, "No space left on device", str(target))
+        shutil.move(source, target)
+
+    with monkeypatch.context() as context:
+        context.setattr("contact_locking.studies.files.os.replace", replace)
+        with pytest.raises(ContactLockingError, match=r"No space left.*\n.*make room"):
+            folder.run()
+    assert list(folder.output.rglob(".partial-*")) == []
+    folder.run()
+    assert folder.started() == ["10", "20"]
+    assert {row["state"] for row in folder.table()} == {"converged"}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--output", "/dev/null/out"], "results cannot be written to /dev/null/out"),
+        (["--jobs", "0"], "--jobs: must be an integer from 1"),
+        (["--ranks", "two"], "--ranks: must be an integer from 1"),
+        (["--ranks", "2"], "mpirun, which is not on the PATH"),
+        (["--set", "study=null"], "has no study"),
+        (["--set", "study={vary: {output.directory: [a, b]}}"], "has a folder of its own"),
+        (["--set", "study={vary: {penalty.n: [1, -1]}}"], "in the case penalty.n = -1"),
+        (["--set", "title=&a [*a]"], "anchors"),
+    ],
+)
+def test_bad_input_is_one_message(
+    words: list[str],
+    message: str,
+    folder: Folder,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder.write("{vary: {penalty.n: [10]}}")
+    monkeypatch.setenv("PATH", "/nowhere")
+    output = [] if "--output" in words else ["--output", str(folder.output)]
+    assert cli.main(["study", str(folder.file), *output, *words]) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith("error: ") and message in errors
+    assert not folder.output.exists()
+
+
+@pytest.mark.parametrize("text", ["a: " + "x" * 10_000_000, "a: &a [1]\nb: [*a, *a]\n"])
+def test_a_file_that_is_too_large_or_a_bomb_is_refused(
+    text: str, folder: Folder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder.file.write_text(text)
+    assert cli.main(["study", str(folder.file)]) == 2
+    assert capsys.readouterr().err.startswith("error: ")
+
+
+def test_the_progress_file_tells_where_a_run_is(tmp_path: Path) -> None:
+    path = tmp_path / "progress.json"
+    monitor = ProgressFile(path, Monitor())
+    monitor.message("preparing")
+    assert json.loads(path.read_text()) == {"message": "preparing"}
+    monitor.stage(1, 1, float("inf"), 0.0)
+    monitor.iteration(7, 1e-3)
+    assert json.loads(path.read_text()) == {"n": "inf", "iteration": "7", "residual": "1.0e-03"}
+    missing = ProgressFile(tmp_path / "missing" / "progress.json", Monitor())
+    missing.message("nobody reads this, and the run goes on")
+
+
+def test_a_form_that_a_killed_process_left_unfinished_is_removed(tmp_path: Path) -> None:
+    ready, old, young = (tmp_path / f"libffcx_forms_{name}.c" for name in ("a", "b", "c"))
+    for path in (ready, old, young):
+        path.touch()
+    (tmp_path / f"{ready.name}.cached").touch()
+    lonely = tmp_path / "libffcx_forms_d.c.cached"
+    lonely.touch()
+    os.utime(old, (0, 0))
+    began = time.monotonic()
+    compiled_forms.clear(tmp_path, 0.3)
+    assert 0.2 < time.monotonic() - began < 5
+    assert ready.exists() and not any(path.exists() for path in (old, young, lonely))
+
+
+def solved(folder: Folder, *words: str) -> list[dict[str, str]]:
+    """The table of a study with real cases, without the times."""
+    assert cli.main(["study", str(folder.file), "--output", str(folder.output), *words]) == 0
+    rows = folder.table()
+    for row in rows:
+        del row["wall_seconds"]
+    return rows
+
+
+def test_a_study_that_was_killed_ends_as_one_that_was_not(
+    folder: Folder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder.write("{vary: {penalty.n: [10, 1000, .inf]}}")
+    words = [sys.executable, "-m", "contact_locking", "study", str(folder.file)]
+    process = subprocess.Popen([*words, "--output", str(folder.output)], stdout=subprocess.DEVNULL)
+    wait_for(folder.summaries)
+    process.kill()
+    process.wait()
+    kept = {path: path.stat().st_mtime_ns for path in folder.summaries()}
+    assert cli.main(["check", str(folder.file), "--set", f"output.directory={folder.output}"]) == 0
+    assert f"3, {len(kept)} finished in {folder.output}" in capsys.readouterr().out
+    resumed = solved(folder)
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    shutil.rmtree(folder.output)
+    assert resumed == solved(folder, "--jobs", "2")
+    assert [row["penalty.n"] for row in resumed] == ["10", "1000", "inf"]
+
+
+def test_cases_run_on_several_ranks(folder: Folder) -> None:
+    if shutil.which("mpirun") is None:
+        pytest.skip("mpirun is not installed")
+    folder.write("{vary: {penalty.n: [100]}}")
+    (two,) = solved(folder, "--ranks", "2")
+    shutil.rmtree(folder.output)
+    (one,) = solved(folder)
+    assert (one["ranks"], two["ranks"]) == ("1", "2")
+    assert float(two["compliance"]) == pytest.approx(float(one["compliance"]), rel=1e-8)
+
+
+def test_the_demo_shows_overstrain_and_penetration_fall_like_1_over_n(tmp_path: Path) -> None:
+    values = "study.vary={friction.coefficient: [0.3], penalty.n: [1.0e4, 1.0e6, .inf]}"
+    words = ["--set", "mesh.h=0.1", values, "--output", str(tmp_path), "--jobs", "2"]
+    assert cli.main(["study", str(DEMO), *words]) == 0
+    lines = (tmp_path / "table.jsonl").read_text().splitlines()
+    rows: list[dict[str, Any]] = [json.loads(line) for line in lines]
+    overstrain = [row["strain_norm_max"] - 0.02 for row in rows]
+    penetration = [row["penetration_max"] for row in rows]
+    for excess in (overstrain, penetration):
+        assert excess[0] / excess[1] == pytest.approx(100, rel=0.2)
+        assert abs(excess[2]) < 1e-9
+
+
+def test_a_study_is_not_started_under_mpirun(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder.write("{vary: {penalty.n: [10]}}")
+    monkeypatch.setattr(terminal, "world", object)
+    with pytest.raises(InputError, match="without mpirun: --ranks K"):
+        cli._run_command(["study", str(folder.file)])
