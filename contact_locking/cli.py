@@ -114,7 +114,7 @@ def study(arguments: argparse.Namespace) -> int:
     file = _load(arguments.file, _overrides(arguments))
     from contact_locking import studies
 
-    plan = studies.Plan(arguments.jobs, arguments.ranks)
+    plan = studies.Plan(arguments.jobs, arguments.ranks, arguments.executor)
     with _explained(file):
         done = studies.run(file, plan, terminal.console())
     rows = studies.summary_rows(done, time.perf_counter() - began)
@@ -231,6 +231,7 @@ def _parser() -> _Parser:
     one.add_argument("--output", metavar="DIR", help="folder of the results")
     one.add_argument("--jobs", metavar="J", type=_positive, default=1, help="cases at a time")
     one.add_argument("--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each")
+    one.add_argument("--executor", choices=("local", "slurm"), default="local", help="where")
     add_for_file("check", check, "Say what is wrong or what would run, and solve nothing.")
     one = add_for_file("mesh", mesh, "Write the mesh of a study file as a Gmsh file.")
     one.add_argument("-o", "--output", metavar="FILE.msh", type=Path, required=True)

@@ -3,6 +3,7 @@
 Nothing here imports DOLFINx or MPI: the cases do, in their own processes.
 """
 
-from .runner import Plan, Study, run, summary_rows
+from .executor import Plan
+from .runner import Study, run, summary_rows
 
 __all__ = ["Plan", "Study", "run", "summary_rows"]

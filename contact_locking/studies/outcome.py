@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -64,15 +65,23 @@ def begin(case: Case) -> None:
     case.folder.mkdir(parents=True, exist_ok=True)
     for left in case.folder.glob(".partial-*"):
         shutil.rmtree(left) if left.is_dir() else left.unlink()
-    for name in (FAILURE, PROGRESS):
+    for name in (FAILURE, PROGRESS, LOG):
         (case.folder / name).unlink(missing_ok=True)
     write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))
 
 
-def record_failure(case: Case, reason: str) -> None:
-    """Remember why a case has no results. Raises OSError."""
+def conclude(case: Case, why: Callable[[], str]) -> Outcome:
+    """The outcome of a case that has ended; ``why`` tells why, if it left no results.
+
+    Raises OSError if that cannot be recorded.
+    """
+    found = outcome(case)
+    if found.finished:
+        return found
+    reason = why()
     record = {"version": __version__, "fingerprint": case.name, "reason": reason}
     write_text(case.folder / FAILURE, json.dumps(record, indent=2, ensure_ascii=False) + "\n")
+    return Outcome("failed", reason)
 
 
 def strangers(directory: Path, cases: list[Case]) -> int:

@@ -19,19 +19,21 @@ from contact_locking.study_file import StudyFile
 
 from . import table
 from .cases import Case, cases_of, each_once
+from .command import launcher
+from .executor import Executor, Plan
 from .files import write_text
+from .local import LocalExecutor
 from .lock import locked
 from .outcome import (
     PARAMETERS,
     Outcome,
     State,
-    begin,
+    conclude,
     other_version,
     outcome,
-    record_failure,
     strangers,
 )
-from .process import PROGRAM, CaseProcess, command, environment, launcher, stop
+from .slurm import SlurmExecutor, require_slurm
 from .view import View, duration
 
 if TYPE_CHECKING:
@@ -39,17 +41,7 @@ if TYPE_CHECKING:
 
 INDEX = "index.txt"
 KEY = "output.directory"
-_POLL_SECONDS = 0.1
 _TABLE_SECONDS = 2.0
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How many cases are solved at a time, on how many ranks each, and by which program."""
-
-    jobs: int = 1
-    ranks: int = 1
-    program: Sequence[str] = PROGRAM
 
 
 @dataclass
@@ -94,7 +86,9 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
     Raises InputError for a file without a study, a folder that cannot be written to or in which
     another study runs, and where mpirun is missing; ContactLockingError where the disk is full.
     """
-    prefix = launcher(plan.ranks)
+    launcher(plan.ranks)
+    if plan.executor == "slurm":
+        require_slurm()
     study = Study.of(file)
     directory = study.directory
     with _writing(directory):
@@ -109,7 +103,7 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
                 _announce(study, todo, view)
                 _prepare(study, file)
                 try:
-                    _solve(study, todo, plan, prefix, view)
+                    _solve(study, todo, plan, view)
                 except KeyboardInterrupt:
                     of = f"{study.finished} of {len(study.cases)}"
                     view.line(f"{of} cases are finished; the same command does the others")
@@ -140,56 +134,32 @@ def _prepare(study: Study, file: StudyFile) -> None:
     study.write_table()
 
 
-def _solve(
-    study: Study, todo: Sequence[Case], plan: Plan, prefix: Sequence[str], view: View
-) -> None:
+def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
     """Run the cases, and leave a table of what is finished however this ends."""
-    running: list[CaseProcess] = []
+    executor = _executor(todo, plan, study.directory)
+    written = time.monotonic()
     try:
         with _stoppable():
-            _run_all(study, todo, running, plan, prefix, view)
+            while executor.busy:
+                for ended in executor.poll():
+                    result = conclude(ended.case, ended.why)
+                    study.outcomes[ended.case.name] = result
+                    view.ended(ended.case, result, ended.seconds)
+                if time.monotonic() > written + _TABLE_SECONDS:
+                    study.write_table()
+                    written = time.monotonic()
+                view.show(executor.running)
+                time.sleep(executor.pause)
     finally:
-        stop(running)
+        executor.stop()
         study.look()
         study.write_table()
 
 
-def _run_all(
-    study: Study,
-    todo: Sequence[Case],
-    running: list[CaseProcess],
-    plan: Plan,
-    prefix: Sequence[str],
-    view: View,
-) -> None:
-    variables = environment(plan.jobs, plan.ranks)
-    waiting = list(reversed(todo))
-    written = time.monotonic()
-    while waiting or running:
-        while waiting and len(running) < plan.jobs:
-            case = waiting.pop()
-            begin(case)
-            words = [*prefix, *command(case, plan.program)]
-            running.append(CaseProcess(case, words, variables))
-        for process in [process for process in running if process.ended()]:
-            running.remove(process)
-            result = _result(process)
-            study.outcomes[process.case.name] = result
-            view.ended(process.case, result, process.seconds)
-        if time.monotonic() > written + _TABLE_SECONDS:
-            study.write_table()
-            written = time.monotonic()
-        view.show(running)
-        time.sleep(_POLL_SECONDS)
-
-
-def _result(process: CaseProcess) -> Outcome:
-    found = outcome(process.case)
-    if found.finished:
-        return found
-    reason = process.why()
-    record_failure(process.case, reason)
-    return Outcome("failed", reason)
+def _executor(todo: Sequence[Case], plan: Plan, directory: Path) -> Executor:
+    if plan.executor == "slurm":
+        return SlurmExecutor(todo, plan, directory)
+    return LocalExecutor(todo, plan)
 
 
 @contextlib.contextmanager

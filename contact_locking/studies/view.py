@@ -8,9 +8,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from .cases import Case
+from .executor import Running
 from .files import read_mapping
 from .outcome import PROGRESS, Outcome, State
-from .process import CaseProcess
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -69,12 +69,12 @@ class View:
             _STYLES.get(outcome.state),
         )
 
-    def show(self, running: Sequence[CaseProcess]) -> None:
+    def show(self, running: Sequence[Running]) -> None:
         """Renew what is seen of the running cases."""
         if self._live is not None:
             self._live.update(self._picture(running), refresh=True)
 
-    def _picture(self, running: Sequence[CaseProcess]) -> Table:
+    def _picture(self, running: Sequence[Running]) -> Table:
         from rich.table import Table
         from rich.text import Text
 
@@ -82,14 +82,14 @@ class View:
         counts = [f"{done} of {self._total} done", f"{len(running)} running"]
         counts += [f"{self._states[state]} {state}" for state in _STYLES if self._states[state]]
         if done:
-            work = self._seconds / done * (self._total - done) - sum(p.seconds for p in running)
+            work = self._seconds / done * (self._total - done) - sum(one.seconds for one in running)
             left = max(work, 0.0) / max(len(running), 1)
             counts.append(f"about {duration(left)} left")
         outer = Table.grid()
         outer.add_row(Text(", ".join(counts), style="bold"))
         inner = Table.grid(padding=(0, 2))
-        for process in running:
-            cells = (process.case.label, status(process.case), duration(process.seconds))
+        for one in running:
+            cells = (one.case.label, status(one.case), duration(one.seconds))
             inner.add_row(*(Text(f"  {cell}", no_wrap=True) for cell in cells))
         outer.add_row(inner)
         return outer

@@ -1,0 +1,81 @@
+"""The command that solves a case, and what its end means."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from contact_locking.errors import InputError
+
+from .cases import Case
+from .outcome import PARAMETERS, PROGRESS
+
+#: What solves a case; the words of the command line follow.
+PROGRAM = (sys.executable, "-m", "contact_locking")
+
+_LOG_TAIL = 65_536
+# An error as the command line prints it: its further lines are indented.
+_ERROR = re.compile(r"^error: (.+(?:\n {7}.+)*)", re.MULTILINE)
+
+
+def launcher(ranks: int) -> tuple[str, ...]:
+    """The words before a program that start it on several ranks; none for one.
+
+    Raises InputError if there is no mpirun.
+    """
+    if ranks == 1:
+        return ()
+    mpirun = shutil.which("mpirun")
+    if mpirun is None:
+        raise InputError(
+            f"--ranks {ranks} takes mpirun, which is not on the PATH; "
+            "install MPI, or leave --ranks out"
+        )
+    return (mpirun, "-n", str(ranks))
+
+
+def environment(jobs: int, ranks: int) -> dict[str, str]:
+    """The environment of the cases; what the user has set is left alone."""
+    defaults = {"PYTHONUNBUFFERED": "1"}
+    if jobs * ranks > 1:
+        defaults["OMP_NUM_THREADS"] = "1"
+    if jobs > 1 and ranks > 1:
+        # Each mpirun of Open MPI 4 and 5 would bind its ranks to the same first cores.
+        defaults["OMPI_MCA_hwloc_base_binding_policy"] = "none"
+        defaults["PRTE_MCA_hwloc_default_binding_policy"] = "none"
+    return defaults | os.environ
+
+
+def command(case: Case, program: Sequence[str], ranks: int) -> list[str]:
+    """The command that solves a case in its folder, once `outcome.begin` has prepared it."""
+    progress = str(case.folder / PROGRESS)
+    words = ["run", str(case.folder / PARAMETERS), "--progress", progress]
+    return [*launcher(ranks), *program, *words]
+
+
+def explain(code: int, log: Path) -> str:
+    """The reason for an exit code in words, from what the process has said if it has."""
+    number = -code if code < 0 else code - 128
+    if number in list(signal.Signals):
+        name = signal.Signals(number).name
+        hint = ", perhaps for want of memory" if number == signal.SIGKILL else ""
+        return f"was killed by {name}{hint}"
+    if code and (errors := _ERROR.findall(_tail(log))):
+        return " ".join(errors[-1].split())
+    if code in (0, 3):
+        return "left no results of these parameters; has the mesh file changed meanwhile?"
+    return f"ended with exit code {code}; see {log}"
+
+
+def _tail(log: Path) -> str:
+    try:
+        with log.open("rb") as stream:
+            stream.seek(max(0, log.stat().st_size - _LOG_TAIL))
+            return stream.read().decode("utf-8", errors="replace")
+    except OSError:
+        return ""

@@ -1,0 +1,187 @@
+"""Cases as the tasks of job arrays, on a cluster with Slurm and a file system that it shares.
+
+What a cluster wants to know, such as partition, account and time limit, is told to sbatch by its
+own variables: SBATCH_PARTITION, SBATCH_ACCOUNT, SBATCH_TIMELIMIT.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shlex
+import shutil
+import subprocess
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from contact_locking.errors import ContactLockingError, InputError
+
+from .cases import Case
+from .command import command, environment, explain
+from .executor import Plan
+from .files import write_text
+from .outcome import LOG, begin
+
+SCRIPT, MESSAGES, JOB = "slurm.sh", "slurm.txt", "slurm-job.txt"
+EXIT_CODE = "exit_code.txt"
+
+# Slurm's MaxArraySize is 1001 unless it was changed, and counts from 0.
+_LARGEST_ARRAY = 1000
+# A file system that is shared may show a file later than the queue shows the end of its job.
+_SETTLING_SECONDS = 5.0
+
+
+def require_slurm() -> None:
+    """Raise InputError if jobs cannot be submitted here."""
+    if shutil.which("sbatch") is None:
+        raise InputError(
+            "--executor slurm takes sbatch, which is not on the PATH; "
+            "start the study on a machine that can submit jobs to Slurm"
+        )
+
+
+class SlurmExecutor:
+    """One job array after the other, of 1000 cases at most, with J tasks of each at a time."""
+
+    pause = 1.0
+
+    def __init__(self, cases: Sequence[Case], plan: Plan, directory: Path) -> None:
+        self._plan = plan
+        self._folder = directory / "cases"
+        self._waiting = list(cases)
+        self._array: list[_Task] = []
+        self._submission: subprocess.Popen[bytes] | None = None
+        self._noted = ""
+        # Of a study that was killed; its tasks would solve the same cases.
+        self._cancel()
+
+    @property
+    def busy(self) -> bool:
+        return bool(self._waiting or self._array)
+
+    @property
+    def running(self) -> list[_Task]:
+        return [task for task in self._array if task.has_begun()]
+
+    def poll(self) -> list[_Task]:
+        if not self._array:
+            if self._waiting:
+                self._submit()
+            return []
+        assert self._submission is not None
+        self._note_job()
+        over = self._submission.poll() is not None
+        if over and self._job() is None:
+            raise ContactLockingError(f"sbatch takes no job: {self._messages()}")
+        if over:
+            self._settle()
+        ended = [task for task in self._array if over or task.exit_code() is not None]
+        self._array = [task for task in self._array if task not in ended]
+        return ended
+
+    def stop(self) -> None:
+        self._note_job()
+        self._cancel()
+        if self._submission is not None:
+            self._submission.terminate()
+            self._submission.wait()
+
+    def _submit(self) -> None:
+        cases, self._waiting = self._waiting[:_LARGEST_ARRAY], self._waiting[_LARGEST_ARRAY:]
+        for case in cases:
+            begin(case)
+            (case.folder / EXIT_CODE).unlink(missing_ok=True)
+        self._array = [_Task(case) for case in cases]
+        script = self._folder / SCRIPT
+        write_text(script, self._script(cases))
+        with (self._folder / MESSAGES).open("wb") as messages:
+            self._submission = subprocess.Popen(
+                ["sbatch", "--wait", "--parsable", str(script)],
+                stdin=subprocess.DEVNULL,
+                stdout=messages,
+                stderr=subprocess.STDOUT,
+                env=environment(self._plan.jobs, self._plan.ranks),
+                process_group=0,
+            )
+
+    def _script(self, cases: Sequence[Case]) -> str:
+        tasks = []
+        for number, case in enumerate(cases):
+            words = shlex.join(command(case, self._plan.program, self._plan.ranks))
+            folder = shlex.quote(str(case.folder))
+            tasks.append(f"{number}) folder={folder}; set -- {words} ;;")
+        return "\n".join(
+            [
+                "#!/bin/sh",
+                "#SBATCH --job-name=contact-locking --output=/dev/null",
+                f"#SBATCH --ntasks={self._plan.ranks}",
+                f"#SBATCH --array=0-{len(cases) - 1}%{self._plan.jobs}",
+                "case $SLURM_ARRAY_TASK_ID in",
+                *tasks,
+                "esac",
+                f'"$@" >"$folder/{LOG}" 2>&1',
+                f'echo $? >"$folder/{EXIT_CODE}"',
+                "",
+            ]
+        )
+
+    def _job(self) -> str | None:
+        """The number of the job, once sbatch has said it."""
+        number = self._messages().partition(";")[0].strip()
+        return number if number.isdecimal() else None
+
+    def _note_job(self) -> None:
+        """Keep the number, by which the next study can cancel the job if this one is killed."""
+        number = self._job() if self._submission is not None else None
+        if number is not None and number != self._noted:
+            write_text(self._folder / JOB, number)
+            self._noted = number
+
+    def _cancel(self) -> None:
+        job = self._folder / JOB
+        with contextlib.suppress(OSError):
+            subprocess.run(["scancel", job.read_text()], capture_output=True, check=False)
+            job.unlink()
+
+    def _messages(self) -> str:
+        try:
+            return (self._folder / MESSAGES).read_text(errors="replace").strip()
+        except OSError:
+            return ""
+
+    def _settle(self) -> None:
+        deadline = time.monotonic() + _SETTLING_SECONDS
+        while time.monotonic() < deadline:
+            if all(task.exit_code() is not None for task in self._array):
+                return
+            time.sleep(0.1)
+
+
+class _Task:
+    """A case of the array."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        self._began: float | None = None
+
+    def has_begun(self) -> bool:
+        log = self.case.folder / LOG
+        if self._began is None and log.exists():
+            self._began = time.monotonic()
+        return self._began is not None
+
+    @property
+    def seconds(self) -> float:
+        return 0.0 if self._began is None else time.monotonic() - self._began
+
+    def exit_code(self) -> int | None:
+        try:
+            return int((self.case.folder / EXIT_CODE).read_text())
+        except (OSError, ValueError):
+            return None
+
+    def why(self) -> str:
+        code = self.exit_code()
+        if code is None:
+            return "its job ended early, perhaps at its limit of time or memory; see Slurm's sacct"
+        return explain(code, self.case.folder / LOG)
