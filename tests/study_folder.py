@@ -47,7 +47,7 @@ class Folder:
     def load(self) -> study_file.StudyFile:
         return study_file.load(self.file, [f"output.directory={self.output}"])
 
-    def run(self, jobs: int = 1, executor: Literal["local", "slurm"] = "local") -> str:
+    def run(self, jobs: int = 4, executor: Literal["local", "slurm"] = "local") -> str:
         """Run the study with the fake program, and return what is said."""
         stream = io.StringIO()
         plan = studies.Plan(jobs, executor=executor, program=FAKE)

@@ -18,7 +18,6 @@ from study_folder import STUDY, Folder, alive, wait_for
 
 from contact_locking import cli, compiled_forms, meshes, study_file, terminal
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.progress import Monitor, ProgressFile
 from contact_locking.studies.lock import locked
 
 pytestmark = pytest.mark.serial
@@ -33,7 +32,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Folder:
 
 def test_every_case_is_run_once_and_the_table_begins_with_what_varies(folder: Folder) -> None:
     folder.write("{vary: {penalty.n: [10, .inf]}, zip: {friction.coefficient: [0, 0.5]}}")
-    said = folder.run()
+    said = folder.run(jobs=1)
     assert "4 cases in" in said and "[4/4] friction.coefficient = 0.5, penalty.n = .inf" in said
     assert folder.started() == ["10", "10", "inf", "inf"]
     rows = folder.table()
@@ -222,8 +221,8 @@ def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
     with monkeypatch.context() as context:
         context.setattr("contact_locking.studies.files.os.replace", replace)
         with pytest.raises(ContactLockingError, match=r"No space left.*\n.*make room"):
-            folder.run()
-    assert list(folder.output.rglob(".partial-*")) == []
+            folder.run(jobs=1)
+    assert list(folder.output.rglob(".writing-*")) == []
     folder.run()
     assert folder.started() == ["10", "20"]
     assert {row["state"] for row in folder.table()} == {"converged"}
@@ -265,18 +264,6 @@ def test_a_file_that_is_too_large_or_a_bomb_is_refused(
     folder.file.write_text(text)
     assert cli.main(["study", str(folder.file)]) == 2
     assert capsys.readouterr().err.startswith("error: ")
-
-
-def test_the_progress_file_tells_where_a_run_is(tmp_path: Path) -> None:
-    path = tmp_path / "progress.json"
-    monitor = ProgressFile(path, Monitor())
-    monitor.message("preparing")
-    assert json.loads(path.read_text()) == {"message": "preparing"}
-    monitor.stage(1, 1, float("inf"), 0.0)
-    monitor.iteration(7, 1e-3)
-    assert json.loads(path.read_text()) == {"n": "inf", "iteration": "7", "residual": "1.0e-03"}
-    missing = ProgressFile(tmp_path / "missing" / "progress.json", Monitor())
-    missing.message("nobody reads this, and the run goes on")
 
 
 def test_a_form_that_a_killed_process_left_unfinished_is_removed(tmp_path: Path) -> None:

@@ -8,10 +8,12 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+_PREFIX = ".writing-"
+
 
 def write_text(path: Path, text: str) -> None:
     """Replace a file in one step. Raises OSError; then the old one is still there."""
-    handle, name = tempfile.mkstemp(prefix=".partial-", dir=path.parent)
+    handle, name = tempfile.mkstemp(prefix=_PREFIX, dir=path.parent)
     try:
         with open(handle, "w", encoding="utf-8", newline="") as stream:
             stream.write(text)
@@ -21,6 +23,12 @@ def write_text(path: Path, text: str) -> None:
     except BaseException:
         os.unlink(name)
         raise
+
+
+def remove_partial(folder: Path) -> None:
+    """Remove what `write_text` left behind when it was killed. Raises OSError."""
+    for path in folder.glob(f"{_PREFIX}*"):
+        path.unlink()
 
 
 def read_mapping(path: Path) -> dict[str, Any] | None:

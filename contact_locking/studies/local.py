@@ -9,6 +9,8 @@ import subprocess
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from contact_locking.errors import ContactLockingError
+
 from .cases import Case
 from .command import command, environment, explain
 from .executor import Plan
@@ -59,16 +61,20 @@ class CaseProcess:
         # A process that is killed cannot end its ranks, so mpirun has to be asked.
         end = signal.SIGTERM if launched else signal.SIGKILL
         with (case.folder / LOG).open("wb") as log:
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env=environment,
-                # Out of reach of the terminal's Ctrl-C, which this process passes on in its way.
-                process_group=0,
-                preexec_fn=_tie(end),
-            )
+            try:
+                self._process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env=environment,
+                    # Out of reach of the terminal's Ctrl-C, which is passed on in another way.
+                    process_group=0,
+                    preexec_fn=_tie(end),
+                )
+            except OSError as error:
+                message = f"a case cannot be started: {command[0]}: {error.strerror}"
+                raise ContactLockingError(message) from error
 
     @property
     def seconds(self) -> float:

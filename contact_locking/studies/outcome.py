@@ -17,7 +17,7 @@ from typing import Any, Literal
 from contact_locking import __version__, study_file
 
 from .cases import Case
-from .files import read_mapping, write_text
+from .files import read_mapping, remove_partial, write_text
 
 SUMMARY, PARAMETERS, FAILURE = "summary.json", "parameters.yaml", "failure.json"
 PROGRESS, LOG = "progress.json", "log.txt"
@@ -63,8 +63,9 @@ def other_version(case: Case) -> str | None:
 def begin(case: Case) -> None:
     """Make the folder ready for `run`, and forget an earlier attempt. Raises OSError."""
     case.folder.mkdir(parents=True, exist_ok=True)
-    for left in case.folder.glob(".partial-*"):
-        shutil.rmtree(left) if left.is_dir() else left.unlink()
+    remove_partial(case.folder)
+    for folder in case.folder.glob(".partial-*"):  # of a `run` that was killed
+        shutil.rmtree(folder)
     for name in (FAILURE, PROGRESS, LOG):
         (case.folder / name).unlink(missing_ok=True)
     write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))

@@ -21,7 +21,7 @@ from . import table
 from .cases import Case, cases_of, each_once
 from .command import launcher
 from .executor import Executor, Plan
-from .files import write_text
+from .files import remove_partial, write_text
 from .local import LocalExecutor
 from .lock import locked
 from .outcome import (
@@ -126,11 +126,11 @@ def _announce(study: Study, todo: Sequence[Case], view: View) -> None:
 
 def _prepare(study: Study, file: StudyFile) -> None:
     """Write what can be said before the first case has run."""
+    for folder in (study.directory, study.directory / "cases"):
+        remove_partial(folder)
     lines = [f"{case.name}  {case.label}\n" for case in study.cases]
     write_text(study.directory / "cases" / INDEX, "".join(lines))
     write_text(study.directory / PARAMETERS, study_file.dump(file.parameters))
-    for case in study.unfinished:
-        study.outcomes[case.name] = Outcome("not run")
     study.write_table()
 
 

@@ -18,6 +18,9 @@ CSV, JSON_LINES = "table.csv", "table.jsonl"
 
 Row = dict[str, Any]
 
+# The title may have changed since the case was solved; where it varies, it is there.
+_LEFT_OUT = ("title", "fingerprint", "not_finite")
+
 
 def write(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> None:
     """Write both tables: a row per case in the order of the file. Raises OSError."""
@@ -45,16 +48,13 @@ def row(case: Case, outcome: Outcome) -> Row:
     entry: Row = {key: _plain(value) for key, value in case.values.items()}
     entry |= {"case": case.name, "state": outcome.state}
     summary = outcome.summary or {"converged": False, "reason": outcome.reason}
-    named = {key: value for key, value in summary.items() if key not in _IN_OTHER_COLUMNS}
+    named = {key: value for key, value in summary.items() if key not in _LEFT_OUT}
     for key, value in _flat(named, ""):
         entry.setdefault(key, value)
     for key, text in summary.get("not_finite", {}).items():
         if key in entry:
             entry[key] = text
     return entry
-
-
-_IN_OTHER_COLUMNS = ("fingerprint", "not_finite")
 
 
 def _flat(value: Any, key: str) -> list[tuple[str, Any]]:
