@@ -231,7 +231,9 @@ def _parser() -> _Parser:
     one.add_argument("--output", metavar="DIR", help="folder of the results")
     one.add_argument("--jobs", metavar="J", type=_positive, default=1, help="cases at a time")
     one.add_argument("--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each")
-    one.add_argument("--executor", choices=("local", "slurm"), default="local", help="where")
+    one.add_argument(
+        "--executor", choices=("local", "slurm"), default="local", help="where the cases run"
+    )
     add_for_file("check", check, "Say what is wrong or what would run, and solve nothing.")
     one = add_for_file("mesh", mesh, "Write the mesh of a study file as a Gmsh file.")
     one.add_argument("-o", "--output", metavar="FILE.msh", type=Path, required=True)
