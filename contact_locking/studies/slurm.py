@@ -77,6 +77,8 @@ class SlurmExecutor:
             self._settle()
         ended = [task for task in self._array if over or task.exit_code() is not None]
         self._array = [task for task in self._array if task not in ended]
+        if not self._array:
+            self._forget_job()
         return ended
 
     def stop(self) -> None:
@@ -132,16 +134,19 @@ class SlurmExecutor:
 
     def _note_job(self) -> None:
         """Keep the number, by which the next study can cancel the job if this one is killed."""
-        number = self._job() if self._submission is not None else None
+        number = self._job() if self._array else None
         if number is not None and number != self._noted:
             write_text(self._folder / JOB, number)
             self._noted = number
+
+    def _forget_job(self) -> None:
+        (self._folder / JOB).unlink(missing_ok=True)
 
     def _cancel(self) -> None:
         job = self._folder / JOB
         with contextlib.suppress(OSError):
             subprocess.run(["scancel", job.read_text()], capture_output=True, check=False)
-            job.unlink()
+            self._forget_job()
 
     def _messages(self) -> str:
         try:
