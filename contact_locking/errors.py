@@ -41,6 +41,18 @@ class NotConverged(ContactLockingError):
     exit_code = 3
 
 
+class Infeasible(NotConverged):
+    """No displacement within the locking limit and the gap follows the prescribed values.
+
+    ``factor``: the prescribed values times any larger number are as impossible; infinite if scaling
+    them is not the way out.
+    """
+
+    def __init__(self, message: str, factor: float) -> None:
+        super().__init__(message)
+        self.factor = factor
+
+
 def with_key(key: str, work: Callable[[], T]) -> T:
     """Run ``work``; an InputError that comes out of it without a key is given this one."""
     try:

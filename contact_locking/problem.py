@@ -128,6 +128,7 @@ def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solu
             "contraction": report.contraction,
         },
         "duality_gap": report.duality_gap,
+        "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),
         "stages": report.stages,
         "bounds": proved_bounds(
             domain, u, data, problem.material, problem.constraints, problem.free

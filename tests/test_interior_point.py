@@ -205,12 +205,23 @@ def test_displacements_that_the_locking_limit_allows_are_followed(by: float) -> 
     assert solution.summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
 
 
-def test_displacements_that_no_field_within_the_limit_follows_are_infeasible() -> None:
-    # The mean strain along x is 0.0205, and |eps| is no less.
-    solution = problem.solve(_stretched(0.0205, math.inf))
-    assert not solution.converged
-    assert solution.summary["reason"].startswith("infeasible")
-    assert "times its limit near" in solution.summary["reason"]
+@pytest.mark.parametrize("by", [0.0205, 0.2])
+def test_displacements_that_no_field_within_the_limit_follows_are_infeasible(by: float) -> None:
+    # The mean strain along x is by, and |eps| is no less: 0.02/by of it can be followed.
+    summary = problem.solve(_stretched(by, math.inf)).summary
+    assert not summary["converged"]
+    assert summary["reason"].startswith("infeasible")
+    assert "times its limit near" in summary["reason"]
+    low, high = summary["admissible_load_factor"]
+    assert low <= 0.02 / by <= high * (1.0 + 1e-3)
+    assert high <= 1.02 * low
+
+
+def test_foundation_that_no_strain_within_the_limit_makes_room_for_is_infeasible() -> None:
+    # It stands 0.1 inside the body, up to the clamped side: no displacement to scale.
+    summary = problem.solve(block(contact__gap=-0.1, penalty__n=math.inf)).summary
+    assert summary["reason"].startswith("infeasible")
+    assert summary["admissible_load_factor"] is None
 
 
 def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:

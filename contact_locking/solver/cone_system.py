@@ -28,10 +28,11 @@ FloatArray = npt.NDArray[np.float64]
 _ITERATIVE: dict[str, Any] = {
     "ksp_type": "cg",
     "ksp_norm_type": "unpreconditioned",
-    "ksp_rtol": 1e-2,
     "ksp_max_it": 500,
     "pc_type": "python",
 }
+# How much a linear solve reduces its right-hand side at least.
+_LOOSEST = 1e-2
 # No linear residual gets smaller than this.
 _ROUNDING = 1e-12
 # Cells stiffer than the material by this factor go into the filter.
@@ -55,6 +56,7 @@ class ConeSystem:
         self.comm = system.comm
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._free = system.free_dofs()[: self._owned]
+        self.energy = self.force_scale = 0.0
         scalars = fem.functionspace(mesh, ("DG", 0))
         owned_cells = mesh.topology.index_map(self.dim).size_local
         # Degrees of freedom of P0 spaces, in which cells need not be numbered as in the mesh.
@@ -69,16 +71,17 @@ class ConeSystem:
         self._w = fem.Function(self._tensors)
         bound = system.bound
         self.surface = None if bound is None else bound.surface
-        stiffness, slip = None, (None, None, None)
+        contact: fem.Function | None = None
+        slip: tuple[Any, Any, Any] = (None, None, None)
         if self.surface is not None:
             nodal, vectors = self.surface.scalar_space, self.surface.vector_space
-            stiffness = fem.Function(nodal)
+            contact = fem.Function(nodal)
             slip = (fem.Function(nodal), fem.Function(nodal), fem.Function(vectors))
             self._find_nodes()
-        self._contact_stiffness, self._slip_stiffness = stiffness, slip
+        self._contact_stiffness, self._slip_stiffness = contact, slip
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         locking = (self._a, self._b, self._w)
-        self._tangent = fem.form(forms.scaled_tangent(v, du, data, locking, stiffness, slip))
+        self._tangent = fem.form(forms.scaled_tangent(v, du, data, locking, contact, slip))
         self.matrix = petsc.create_matrix(self._tangent)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._near_nullspace = system.near_nullspace()
@@ -171,7 +174,7 @@ class ConeSystem:
         self._right.scale(-1.0)
         if self._multigrid is not None:
             size = self._right.norm() or 1.0
-            rtol = min(_ITERATIVE["ksp_rtol"], max(accuracy * self.force_scale / size, _ROUNDING))
+            rtol = min(_LOOSEST, max(accuracy * self.force_scale / size, _ROUNDING))
             self._ksp.setTolerances(rtol=rtol)
             self._multigrid.start(self._right, self._step)
         self._ksp.solve(self._right, self._step)
@@ -214,6 +217,25 @@ class ConeSystem:
         result = np.zeros(len(self.active))
         result[self.active] = values
         return result
+
+    def power(
+        self,
+        displacement: FloatArray,
+        stress: FloatArray,
+        pressure: FloatArray | None,
+    ) -> float:
+        """``int Z : eps(u) + int p u_nu``; collective."""
+        local = float(self.volumes @ np.sum(stress * self.strains(displacement), axis=0))
+        if pressure is not None:
+            local += float(self.node_weights @ (pressure * self.normal_displacements(displacement)))
+        return float(self.comm.allreduce(local))
+
+    def resistance(self, stress: FloatArray, pressure: FloatArray | None) -> float:
+        """``int M |Z| + int gap p``: the most that :meth:`power` can be where it is admissible."""
+        local = float(self.volumes @ (self.limit * np.linalg.norm(stress, axis=0)))
+        if pressure is not None:
+            local += float(self.node_weights @ (self.node_gap * pressure))
+        return float(self.comm.allreduce(local))
 
     def describe_excess(self, strain: FloatArray) -> str:
         """Where, and by how much, strains (m, k) exceed their limit the most; collective."""

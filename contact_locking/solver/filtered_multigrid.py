@@ -53,7 +53,10 @@ class FilteredMultigrid:
         self._inner: list[Any] = []
 
     def refresh(self, filtered: npt.NDArray[np.int32]) -> None:
-        """Set up for the present values of both matrices; ``filtered`` are owned dofs; collective."""
+        """Set up for the present values of both matrices; collective.
+
+        ``filtered`` are owned degrees of freedom, as local numbers.
+        """
         self._forget()
         self._multigrid.setOperators(self.soft)
         self._multigrid.setUp()

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking.errors import NotConverged
+from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.material import MANDEL_PAIRS
 from contact_locking.progress import Monitor
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
@@ -266,10 +266,25 @@ class InteriorPoint:
             self._first = size, measures.primal
         first_size, first_primal = self._first
         if size > _DIVERGED * first_size and measures.primal > 0.01 * first_primal:
-            raise NotConverged(
+            raise Infeasible(
                 "infeasible: no displacement within the locking limit and the gap follows the "
-                f"prescribed values; {self._cones.describe_excess(self._strain)}"
+                f"prescribed values; {self._cones.describe_excess(self._strain)}",
+                self._factor_excluded(),
             )
+
+    def _factor_excluded(self) -> float:
+        """The factor on the prescribed values u_D that the multipliers prove too large.
+
+        Diverging multipliers balance themselves, next to them loads and elasticity are nothing.  So
+        ``P = int Z : eps(v) + int p v_nu`` is the same for every v that follows u_D, and s P for
+        those that follow s u_D; but it is ``int M |Z| + int p gap`` at most if v is admissible.
+        """
+        cones = self._cones
+        stress = self._locking.stress
+        pressure = None if self._contact is None else self._contact.z
+        power = cones.power(self._system.u.x.array, stress, pressure)
+        resistance = cones.resistance(stress, pressure)
+        return resistance / power if 0.0 < resistance < power else math.inf
 
     def _multiplier_size(self) -> float:
         """The largest locking multiplier or pressure; collective."""

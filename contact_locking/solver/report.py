@@ -34,6 +34,8 @@ class SolverReport:
 
     ``contraction`` is the factor by which the friction fixed point shrank its update, None where
     there was too little to observe; ``suggestion`` names the way out of a failure.
+    ``admissible_factor`` brackets the largest multiple of the prescribed displacements that can be
+    followed, if they cannot be.
     ``multipliers`` are set where they are unknowns of the solver; otherwise the laws give them.
     """
 
@@ -46,5 +48,6 @@ class SolverReport:
     contraction: float | None = None
     friction_change: float | None = None
     duality_gap: float | None = None
+    admissible_factor: tuple[float, float] | None = None
     multipliers: Multipliers | None = None
     stages: list[dict[str, float | int]] = field(default_factory=list)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.errors import InputError, NotConverged
+from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.continuation import PenaltyPath, follow
+from contact_locking.solver.feasibility import admissible_factor
 from contact_locking.solver.friction import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint
 from contact_locking.solver.linear import is_direct
@@ -106,6 +108,8 @@ def interior_point(
     except NotConverged as failure:
         report.multipliers = report.multipliers or solver.multipliers()
         report.reason = str(failure)
+        if isinstance(failure, Infeasible) and math.isfinite(failure.factor):
+            _add_admissible_factor(system, target, settings, report, failure.factor)
     finally:
         solver.destroy()
     report.stages.append({"n": target.n, "epsilon": target.epsilon, "tangents": report.tangents})
@@ -116,6 +120,19 @@ def interior_point(
         return _success(report)
     rescued = _polish(system, target, settings, report, monitor, _RESCUE)
     return _success(report) if rescued else report
+
+
+def _add_admissible_factor(
+    system: PenalisedSystem,
+    target: Target,
+    settings: Settings,
+    report: SolverReport,
+    excluded: float,
+) -> None:
+    low, high = admissible_factor(system, target, settings, report, excluded)
+    report.admissible_factor = low, high
+    share = f"{100.0 * low:.3g} to {100.0 * high:.3g}" if low else f"less than {100.0 * high:.3g}"
+    report.reason += f"; {share} % of the prescribed displacements can be followed"
 
 
 def _polish(
