@@ -42,10 +42,10 @@ class NotConverged(ContactLockingError):
 
 
 class Infeasible(NotConverged):
-    """No displacement within the locking limit and the gap follows the prescribed values.
+    """Multipliers that grow without bound: no admissible displacement has the prescribed values.
 
-    ``factor``: the prescribed values times any larger number are as impossible; infinite if scaling
-    them is not the way out.
+    ``factor``, if they balance without friction: the prescribed values times any larger number are
+    impossible, too; infinite if scaling them is not the way out.
     """
 
     def __init__(self, message: str, factor: float) -> None:

@@ -1,8 +1,13 @@
-"""How much of the prescribed displacements a body can follow, if it cannot follow them all."""
+"""Whether anything can follow the prescribed displacements, and how much of them it can."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
 
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.progress import Monitor
@@ -16,45 +21,77 @@ _PRECISION = 0.01
 _ROUNDS = 8
 
 
-def admissible_factor(
-    system: PenalisedSystem,
-    target: Target,
-    settings: Settings,
-    report: SolverReport,
-    excluded: float,
-) -> tuple[float, float]:
-    """The largest s such that an admissible field follows s u_D, between two numbers.
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """No field in ``K cap K'`` has the prescribed values u_D; ``reason`` tells where it fails.
 
-    ``excluded`` is the factor that the first failure proved too large.  Every try just below it
-    either works or excludes more; friction and elasticity have no say in it.  The first number is 0
-    if nothing that was tried worked.  The displacement and the friction bound of ``system`` are
-    left as they are; collective.
+    ``factor`` brackets the largest s such that s u_D can be followed: the first number works (0 if
+    none was found), the second does not; None where scaling u_D is not the way out.
+    """
+
+    reason: str
+    factor: tuple[float, float] | None
+
+
+def judge(
+    system: PenalisedSystem, target: Target, settings: Settings, report: SolverReport
+) -> Verdict | None:
+    """The verdict on a problem that was not solved, None without a proof; collective.
+
+    Friction and penalties have no say in it, so the problem is solved without them.  Displacement
+    and friction bound of ``system`` are left as they are; what it took is added to ``report``.
     """
     displacement = system.u.x.array.copy()
-    bound = None if system.bound is None else system.bound.values.copy()
-    works = 0.0
+    prescribed = displacement * (1.0 - system.free_dofs())
+    if _rest_is_admissible(system, prescribed):
+        return None
+    bound = system.bound
+    bound_kept = None if bound is None else bound.values
+    target = dataclasses.replace(target, n=math.inf, epsilon=0.0)
     solver = InteriorPoint(system, target, settings, Monitor(), bound_moves=False)
+
+    def fails(factor: float) -> Infeasible | None:
+        system.u.x.array[:] = factor * prescribed
+        try:
+            solver.solve(report)
+        except Infeasible as failure:
+            return failure
+        return None
+
     try:
-        if system.bound is not None:
-            system.bound.values = 0.0 * system.bound.values
-        for _ in range(_ROUNDS):
-            trial = (1.0 - 0.5 * _PRECISION) * excluded
-            system.u.x.array[:] = trial * displacement * (1.0 - system.free_dofs())
-            try:
-                solver.solve(report)
-            except Infeasible as failure:
-                if not math.isfinite(failure.factor):
-                    break
-                excluded = min(trial, trial * failure.factor)
-            else:
-                works = trial
-                break
+        if bound is not None:
+            bound.values = np.zeros_like(bound.values)
+        failure = fails(1.0)
+        if failure is None:
+            return None
+        works = _largest(fails, failure.factor) if math.isfinite(failure.factor) else None
+        return Verdict(str(failure), works)
     except NotConverged:
-        # The bracket so far is what is known.
-        pass
+        return None
     finally:
         solver.destroy()
         system.u.x.array[:] = displacement
-        if system.bound is not None and bound is not None:
-            system.bound.values = bound
-    return works, excluded
+        if bound is not None and bound_kept is not None:
+            bound.values = bound_kept
+
+
+def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tuple[float, float]:
+    """Every try just below what is excluded either works or excludes more."""
+    for _ in range(_ROUNDS):
+        trial = (1.0 - 0.5 * _PRECISION) * excluded
+        try:
+            failure = fails(trial)
+        except NotConverged:
+            break
+        if failure is None:
+            return trial, excluded
+        excluded = trial * min(1.0, failure.factor)
+    return 0.0, excluded
+
+
+def _rest_is_admissible(system: PenalisedSystem, prescribed: npt.NDArray[np.float64]) -> bool:
+    """Whether u = 0 is within the limit and the gap and has the prescribed values; collective."""
+    contact = system.data.contact
+    moves = bool(np.any(prescribed != 0.0))
+    overlaps = contact is not None and bool(np.any(contact.gap.x.array < 0.0))
+    return not system.comm.allreduce(moves or overlaps)

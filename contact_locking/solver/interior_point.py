@@ -50,6 +50,8 @@ _NEARLY_FULL = 0.9
 # it that is aimed at.  Rounding in nearly singular cones leaves about 1e-9.
 _GAP_TOLERANCE = 1e-8
 _GAP_LEFT = 0.5
+# A gap that has become smaller may grow by this factor in a step.
+_GAP_BACK = 10.0
 # The gap may not be a smaller share than this of the other residuals.
 _GAP_AHEAD = 1e-2
 # The share of the duality gap, or of the tolerance, that a linear solve may leave as residual:
@@ -57,6 +59,11 @@ _GAP_AHEAD = 1e-2
 _LINEAR_SHARE = 0.3
 # Multipliers that have grown by this factor while the laws stay violated will not come back.
 _DIVERGED = 1e4
+# Where nothing pulls, any strain is a start; the squares of smaller ones have no digits.
+_NO_STRAIN, _SOME_STRAIN = 1e-60, 1e-3
+# Forces and energies are judged against this share of those at the start if they are smaller:
+# a body at rest has none to compare with.
+_LEAST = 1e-4
 # Starting values: complementarity against stiffness times strain squared, and the least opening
 # against strain times length.  Between 3 and 1000, and 0.1 and 1, the iterations change by a tenth.
 _START_LEVEL = 30.0
@@ -94,6 +101,11 @@ class InteriorPoint:
 
     def solve(self, report: SolverReport) -> Multipliers:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place."""
+        # What is no number is found where steps and residuals are judged.
+        with np.errstate(all="ignore"):
+            return self._iterate_to_the_end(report)
+
+    def _iterate_to_the_end(self, report: SolverReport) -> Multipliers:
         monitor, settings = self._monitor, self._settings
         self._friction, self._friction_change, self._first = None, 0.0, None
         try:
@@ -128,20 +140,26 @@ class InteriorPoint:
         """An elastic solve, softened by springs, gives the place; the cones start around it."""
         cones, system, target = self._cones, self._system, self._target
         zeros = self._unstrained
-        springs = None
+        springs = push = None
         if cones.surface is not None:
             springs = np.full(len(cones.node_gap), target.stiffness / target.length)
+            # They rest where the foundation is if it is inside the body.
+            push = springs * np.maximum(-cones.node_gap, 0.0)
         soft = np.full(len(cones.limit), 10.0 * target.stiffness)
         cones.set_scaling((soft, 0.0 * soft, zeros), springs, None)
         report.tangents += 1
         cones.visit()
-        cones.move(1.0, cones.solve_step(zeros, None, None, math.inf))
+        cones.move(1.0, cones.solve_step(zeros, push, None, math.inf))
         strain = cones.strains(system.u.x.array)
         size = mean(cones.comm, cones.volumes, norm(strain))
-        size = size or self._rms_displacement() / target.length or 1e-3
+        size = size or self._largest_displacement() / target.length
+        if size < _NO_STRAIN:
+            size = _SOME_STRAIN
         self._locking = self._locking_block(strain)
         level = _START_LEVEL * target.stiffness * size**2
         self._locking.start(level)
+        self._least_energy = _LEAST * target.stiffness * size**2 * target.length**cones.dim
+        self._least_force = self._least_energy / (size * target.length)
         if cones.surface is not None:
             least = _START_OPENING * size * target.length
             opening = self._opening()
@@ -297,12 +315,13 @@ class InteriorPoint:
         """Keep the complementarity from running ahead of equilibrium, and from vanishing.
 
         Products that are much smaller than the residuals block every step, and products below the
-        tolerance only lose digits.
+        tolerance only lose digits.  Below it they are led back to one place, so that the pressure
+        stands still while the friction bound settles.
         """
         now = self._measured
         if now.gap < _GAP_AHEAD * max(now.equilibrium, now.friction):
             return 1.0
-        return max(centring, min(1.0, _GAP_LEFT * _GAP_TOLERANCE / now.gap))
+        return max(centring, min(_GAP_BACK, _GAP_LEFT * _GAP_TOLERANCE / now.gap))
 
     def _direction(self, target: float, corrections: list[Any] | None) -> Direction:
         """The displacement step and each block's steps towards products of ``target``."""
@@ -343,13 +362,11 @@ class InteriorPoint:
         if self._friction is not None:
             self._slip = cones.slips(displacement)
             friction = self._friction.traction
-        scale = cones.force_scale
         residual = cones.residual_norm(self._locking.stress, pressure, friction)
-        energy = abs(cones.energy) or 1.0
         return Measures(
-            residual / scale if scale > 0.0 else residual,
+            residual / max(cones.force_scale, self._least_force),
             primal,
-            self._total() / energy,
+            self._total() / max(cones.energy, self._least_energy),
             self._friction_change,
         )
 
@@ -412,6 +429,6 @@ class InteriorPoint:
             local += self._target.length * float(block.weights.sum())
         return float(self._cones.comm.allreduce(local)) or 1.0
 
-    def _rms_displacement(self) -> float:
+    def _largest_displacement(self) -> float:
         local = float(np.max(np.abs(self._system.u.x.array), initial=0.0))
         return float(self._cones.comm.allreduce(local, op=MPI.MAX))

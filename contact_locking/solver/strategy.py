@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.errors import Infeasible, InputError, NotConverged
+from contact_locking.errors import InputError, NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.continuation import PenaltyPath, follow
-from contact_locking.solver.feasibility import admissible_factor
+from contact_locking.solver.feasibility import judge
 from contact_locking.solver.friction import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint
 from contact_locking.solver.linear import is_direct
@@ -37,11 +36,13 @@ _NEWTON_WAY_OUT = (
     "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon; if the friction "
     "bound does not settle, lower friction.coefficient or enlarge friction.smoothing.radius."
 )
+_INFEASIBLE_WAY_OUT = (
+    "Lower the prescribed displacements, raise material.locking_limit or move the foundation away; "
+    "a soft penalty.n has a solution that exceeds the limit."
+)
 _INTERIOR_WAY_OUT = (
-    "Raise solver.max_iterations if it was low.  If displacements are prescribed, no field with "
-    "|eps| <= M may be able to follow them: lower them or raise "
-    "material.locking_limit.  If the friction bound does not settle, lower friction.coefficient "
-    "or enlarge friction.smoothing.radius."
+    "Raise solver.max_iterations if it was low.  If the friction bound does not settle, lower "
+    "friction.coefficient or enlarge friction.smoothing.radius."
 )
 
 
@@ -108,8 +109,6 @@ def interior_point(
     except NotConverged as failure:
         report.multipliers = report.multipliers or solver.multipliers()
         report.reason = str(failure)
-        if isinstance(failure, Infeasible) and math.isfinite(failure.factor):
-            _add_admissible_factor(system, target, settings, report, failure.factor)
     finally:
         solver.destroy()
     report.stages.append({"n": target.n, "epsilon": target.epsilon, "tangents": report.tangents})
@@ -118,21 +117,25 @@ def interior_point(
         if is_direct(settings.linear, system.dim, system.size):
             _polish(system, target, settings, report, monitor, _POLISH)
         return _success(report)
-    rescued = _polish(system, target, settings, report, monitor, _RESCUE)
-    return _success(report) if rescued else report
+    if _polish(system, target, settings, report, monitor, _RESCUE):
+        return _success(report)
+    _explain(system, target, settings, report)
+    return report
 
 
-def _add_admissible_factor(
-    system: PenalisedSystem,
-    target: Target,
-    settings: Settings,
-    report: SolverReport,
-    excluded: float,
+def _explain(
+    system: PenalisedSystem, target: Target, settings: Settings, report: SolverReport
 ) -> None:
-    low, high = admissible_factor(system, target, settings, report, excluded)
-    report.admissible_factor = low, high
-    share = f"{100.0 * low:.3g} to {100.0 * high:.3g}" if low else f"less than {100.0 * high:.3g}"
-    report.reason += f"; {share} % of the prescribed displacements can be followed"
+    """Say so if the problem was not solved because nothing is admissible."""
+    verdict = judge(system, target, settings, report)
+    if verdict is None:
+        return
+    report.reason, report.admissible_factor = verdict.reason, verdict.factor
+    report.suggestion = _INFEASIBLE_WAY_OUT
+    if verdict.factor is not None:
+        low, high = (f"{100.0 * share:.3g}" for share in verdict.factor)
+        share = f"{low} to {high}" if verdict.factor[0] else f"less than {high}"
+        report.reason += f"; {share} % of the prescribed displacements can be followed"
 
 
 def _polish(
