@@ -79,13 +79,14 @@ def penalty(parameters: Parameters) -> tuple[float, float]:
     return n, 1.0 / n if epsilon is None else epsilon
 
 
-def assemble(parameters: Parameters, comm: MPI.Intracomm) -> Problem:
+def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None = None) -> Problem:
     """Mesh, material, loads, conditions, contact and friction; collective.
 
+    ``domain`` is used where it is given, in place of a new mesh.
     Raises InputError for everything about the data that only the mesh can tell.
     """
     warnings: list[str] = []
-    domain = _domain(parameters, comm)
+    domain = domain or _domain(parameters, comm)
     parameters.check_dimension(domain.dim)
     material = build_material(domain, parameters.material)
     space = fem.functionspace(domain.mesh, ("P", 1, (domain.dim,)))

@@ -37,6 +37,7 @@ FIELD_NAMES = (
     "locked",
     "elastic_stress",
     "locking_stress",
+    "error_indicator",
     "contact_pressure",
     "tangential_traction",
     "smoothed_stress",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +14,9 @@ from mpi4py import MPI
 
 from contact_locking import __version__, _compat, study_file
 from contact_locking.assembly import Problem, assemble, penalty
-from contact_locking.certificate import proved_bounds
+from contact_locking.certificate import Certificate, certify
+from contact_locking.certificate.penalty_error import distance
+from contact_locking.certificate.state import SolvedState
 from contact_locking.domain import Domain, on_root
 from contact_locking.parameters import Parameters
 from contact_locking.progress import Monitor
@@ -21,7 +24,6 @@ from contact_locking.results import (
     BodyFields,
     ContactFields,
     body_summary,
-    equilibrium_residual,
     no_contact_summary,
 )
 from contact_locking.solution import Solution
@@ -34,6 +36,9 @@ FloatArray = npt.NDArray[np.float64]
 
 # A penalised strain this share above its limit deserves a word.
 _NOTABLE_OVERSTRAIN = 0.1
+_WAY_OUT_OF_COMPLAINTS = (
+    "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
+)
 
 
 def solve(
@@ -56,7 +61,28 @@ def solve(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
-    given = parameters.solver
+    solution = solve_assembled(problem, monitor, petsc_options)
+    for warning in solution.summary["warnings"][len(problem.warnings) :]:
+        monitor.message(f"warning: {warning}")
+    if parameters.certificate.limit:
+        _measure_against_limit(solution, monitor, petsc_options)
+    solution.summary["version"] = __version__
+    solution.summary["fingerprint"] = fingerprint
+    solution.summary["wall_seconds"] = time.perf_counter() - start
+    return solution
+
+
+def solve_assembled(
+    problem: Problem,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+) -> Solution:
+    """Solve what :func:`assemble` has made, once; collective.
+
+    Between the two, data that no study file can say may be put into ``problem.data``.
+    """
+    monitor = monitor or Monitor()
+    given = problem.parameters.solver
     options = {**given.petsc, **(petsc_options or {})}
     settings = Settings(
         tolerance=given.tolerance,
@@ -70,18 +96,13 @@ def solve(
     system = PenalisedSystem(
         problem.data, problem.u, problem.constraints, problem.bound, problem.free > 0
     )
-    n, epsilon = penalty(parameters)
+    n, epsilon = penalty(problem.parameters)
     length = float(np.ptp(_bounding_box(problem.domain), axis=0).max())
     target = Target(n, epsilon, problem.material.stiffness, length)
     report = solve_system(given.method, system, target, settings, monitor)
     system.set_penalty(n, epsilon)
-    monitor.message("computing fields and bounds")
-    solution = _collect(problem, report, settings)
-    for warning in solution.summary["warnings"][len(problem.warnings) :]:
-        monitor.message(f"warning: {warning}")
-    solution.summary["version"] = __version__
-    solution.summary["fingerprint"] = fingerprint
-    solution.summary["wall_seconds"] = time.perf_counter() - start
+    monitor.message("computing fields and the certificate")
+    solution = _collect(problem, system, target, report, settings)
     if problem.bound is not None:
         problem.bound.smoothing.destroy()
     return solution
@@ -95,13 +116,20 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
     return {**problem.facts(), "warnings": problem.warnings}
 
 
-def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solution:
+def _collect(
+    problem: Problem,
+    system: PenalisedSystem,
+    target: Target,
+    report: SolverReport,
+    settings: Settings,
+) -> Solution:
     domain, data, u = problem.domain, problem.data, problem.u
     body = BodyFields(domain, u, data, problem.material, report.multipliers)
     contact = None
     if problem.bound is not None:
         contact = ContactFields(problem.bound, u, data, report.multipliers)
-    residual = equilibrium_residual(u, data, problem.constraints, body, contact)
+    state = SolvedState(problem, system, target, settings, report, body, contact)
+    certificate = certify(state)
     warnings = [*problem.warnings]
     overstrain = body.largest_overstrain(domain)
     if report.converged and overstrain > _NOTABLE_OVERSTRAIN:
@@ -122,7 +150,7 @@ def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solu
             "linear": report.linear,
             "friction": report.friction,
         },
-        "residual": residual,
+        "residual": certificate.residual,
         "friction_fixed_point": {
             "change": report.friction_change,
             "contraction": report.contraction,
@@ -130,23 +158,47 @@ def _collect(problem: Problem, report: SolverReport, settings: Settings) -> Solu
         "duality_gap": report.duality_gap,
         "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),
         "stages": report.stages,
-        "bounds": proved_bounds(
-            domain, u, data, problem.material, problem.constraints, problem.free
-        ),
+        "bounds": certificate.bounds,
+        "certificate": certificate.summary(),
         "warnings": warnings,
     }
-    if report.converged and not residual <= settings.tolerance:
+    if report.converged and certificate.complaint:
         summary |= {
             "converged": False,
-            "reason": f"the equilibrium residual is {residual:.1e}, above {settings.tolerance:g}",
-            "suggestion": "Raise solver.tolerance, or lower penalty.n: rounding in the strain is "
-            "multiplied by 2 n.",
+            "reason": certificate.complaint,
+            "suggestion": _WAY_OUT_OF_COMPLAINTS,
         }
-    return _solution(problem, body, contact, summary)
+    return _solution(problem, body, contact, certificate, summary)
+
+
+def _measure_against_limit(
+    solution: Solution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
+) -> None:
+    """Solve the inequality itself on the same mesh and add the distance to the certificate."""
+    given = solution.parameters
+    limit = given.model_copy(
+        update={
+            "penalty": given.penalty.model_copy(update={"n": math.inf, "epsilon": None}),
+            "solver": given.solver.model_copy(update={"method": "auto"}),
+        }
+    )
+    monitor.message("solving for n = .inf, to measure the distance")
+    problem = assemble(limit, solution.domain.comm, solution.domain)
+    exact = solve_assembled(problem, monitor, petsc_options)
+    measured: dict[str, Any]
+    if exact.converged:
+        measured = distance(solution.displacement, exact.displacement, problem.data)
+    else:
+        measured = {"reason": f"not solved for n = .inf: {exact.summary['reason']}"}
+    solution.summary["certificate"]["errors"]["penalty_measured"] = measured
 
 
 def _solution(
-    problem: Problem, body: BodyFields, contact: ContactFields | None, summary: dict[str, Any]
+    problem: Problem,
+    body: BodyFields,
+    contact: ContactFields | None,
+    certificate: Certificate,
+    summary: dict[str, Any],
 ) -> Solution:
     if contact is not None:
         surface = contact.surface
@@ -170,6 +222,7 @@ def _solution(
         locked=body.locked,
         elastic_stress=body.elastic_stress,
         locking_stress=body.locking_stress,
+        error_indicator=certificate.error_indicator,
         contact_pressure=pressure,
         smoothed_stress=smoothed,
         tangential_traction=traction,

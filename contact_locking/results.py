@@ -8,13 +8,12 @@ import dolfinx
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking import _compat, forms
 from contact_locking.coefficients import Material
-from contact_locking.conditions import Constraints
 from contact_locking.convex import tangential_part
 from contact_locking.domain import Domain
 from contact_locking.locking import locking_stress
@@ -163,42 +162,9 @@ def body_summary(
     }
 
 
-def equilibrium_residual(
-    u: fem.Function,
-    data: forms.ProblemData,
-    constraints: Constraints,
-    fields: BodyFields,
-    contact: ContactFields | None,
-) -> float:
-    """Equilibrium with the stored Z, p and t, relative to the forces; collective.
-
-    ``|a(u,v) + (Z, eps(v)) + int p v_nu - int sigma_tau . v_tau - (f,v)|`` over the free dofs,
-    divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
-    """
-    v = ufl.TestFunction(u.function_space)
-    pressure = traction = None
-    if contact is not None:
-        pressure = contact.surface.scalar_function(contact.pressure)
-        traction = contact.surface.vector_function(-contact.traction)
-    internal = forms.internal_forces(u, v, data, fields.locking_stress, pressure, traction)
-    load = _vector(forms.external_work(v, data))
-    free = _vector(internal)
-    free.array[:] -= load.array
-    free.array[constraints.dofs] = 0.0
-    scale = max(la.norm(load), la.norm(_vector(forms.elastic_form(u, v, data))))
-    return float(la.norm(free) / scale) if scale > 0.0 else float(la.norm(free))
-
-
 def integral(domain: Domain, form: Expr) -> float:
     """The value of a functional; collective."""
     return float(domain.comm.allreduce(fem.assemble_scalar(fem.form(form))))
-
-
-def _vector(form: Expr) -> la.Vector:
-    vector = fem.assemble_vector(fem.form(form))
-    vector.scatter_reverse(la.InsertMode.add)
-    vector.scatter_forward()
-    return vector
 
 
 def _p0(domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()) -> fem.Function:

@@ -24,6 +24,9 @@ class Smoothing(Protocol):
     def apply(self, values: FloatArray) -> FloatArray:
         """``R w`` at the owned nodes from ``w`` at the owned nodes; collective."""
 
+    def norm(self) -> float:
+        """An upper bound of ``|R w|/|w|`` in L2(Gamma_C)."""
+
     def destroy(self) -> None:
         """Free what PETSc holds; collective."""
 
@@ -33,6 +36,9 @@ class Identity:
 
     def apply(self, values: FloatArray) -> FloatArray:
         return values.copy()
+
+    def norm(self) -> float:
+        return 1.0
 
     def destroy(self) -> None:
         pass
@@ -56,6 +62,7 @@ class Convolution:
         shape = (len(points), len(everywhere))
         if 0 in shape:
             self._matrix = csr_matrix(shape)
+            self._norm = self._bound(weights, all_weights)
             return
         pairs = cKDTree(points).sparse_distance_matrix(
             cKDTree(everywhere), radius, output_type="ndarray"
@@ -65,9 +72,18 @@ class Convolution:
         kernel = np.exp(-1.0 / (1.0 - (distance / radius) ** 2)) * all_weights[column]
         total = np.bincount(row, kernel, minlength=len(points))
         self._matrix = csr_matrix((kernel / total[row], (row, column)), shape=shape)
+        self._norm = self._bound(weights, all_weights)
 
     def apply(self, values: FloatArray) -> FloatArray:
         return self._matrix @ np.concatenate(self._comm.allgather(values))
+
+    def norm(self) -> float:
+        return self._norm
+
+    def _bound(self, weights: FloatArray, all_weights: FloatArray) -> float:
+        """``sqrt(|R|_1 |R|_inf)`` with ``|R|_inf = 1``; collective."""
+        columns = self._comm.allreduce(self._matrix.T @ weights)
+        return float(np.sqrt(np.max(columns / all_weights, initial=1.0)))
 
     def destroy(self) -> None:
         pass
@@ -101,6 +117,10 @@ class HelmholtzFilter:
         self._rhs.array_w[:] = self._mass * values
         self._solver.solve(self._rhs, self._solution)
         return self._solution.array_r.copy()
+
+    def norm(self) -> float:
+        # Symmetric in the lumped product, with eigenvalues 1/(1 + r^2 k) and k >= 0.
+        return 1.0
 
     def destroy(self) -> None:
         for item in (self._solver, self._operator, self._rhs, self._solution):

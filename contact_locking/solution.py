@@ -52,6 +52,7 @@ class Solution:
     locked: fem.Function  # P0, 1 where |eps| >= M (1 - 1e-6), else 0
     elastic_stress: fem.Function  # P0, (d, d): A eps(u)
     locking_stress: fem.Function  # P0, (d, d): Z
+    error_indicator: fem.Function  # P0, eta_K, the error in h by stress recovery
     contact_pressure: fem.Function  # P1, -sigma_nu >= 0
     smoothed_stress: fem.Function  # P1, R sigma_nu
     tangential_traction: fem.Function  # P1, vector, sigma_tau

@@ -62,6 +62,10 @@ class FrictionBound:
         along = np.einsum("ki,ki->k", values, nu)[:, None]
         return np.linalg.norm(values - along * nu, axis=1)
 
+    def coefficient(self, slip: float) -> FloatArray:
+        """``mu(x, s)`` (k,) at the nodes for one slip s everywhere; collective."""
+        return self._coefficient(self.surface.points, np.full(len(self.surface.nodes), slip))
+
     @property
     def values(self) -> FloatArray:
         """The bound (k,) that the forms use now."""

@@ -111,7 +111,10 @@ def summary_rows(
             "contact, slip area",
             f"{summary['contact_area']:.4g}, {summary['slip_area']:.4g}",
         ),
+        ("criteria", _criteria(summary["certificate"]["criteria"])),
         ("proved bounds", _bounds(summary["bounds"])),
+        ("error estimates", _errors(summary["certificate"]["errors"])),
+        ("uniqueness", summary["certificate"]["constants"]["uniqueness"]["verdict"]),
         ("time", f"{summary['wall_seconds']:.1f} s"),
         ("results in", str(directory)),
     ]
@@ -127,3 +130,33 @@ def _bounds(bounds: Mapping[str, Mapping[str, Any]]) -> str:
         return f"violated: {', '.join(broken)}"
     held = sum(entry["holds"] is True for entry in bounds.values())
     return f"{held} hold" if held else "none applies"
+
+
+def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
+    """All hold, and which is nearest to its limit; or those that fail."""
+    failed = [
+        f"{name} {entry['value']:.1e} > {entry['limit']:g}"
+        for name, entry in criteria.items()
+        if not entry["holds"]
+    ]
+    if failed:
+        return f"failed: {', '.join(failed)}"
+    name, entry = max(criteria.items(), key=lambda item: item[1]["value"] / item[1]["limit"])
+    share = entry["value"] / entry["limit"]
+    return (
+        f"{len(criteria)} hold; nearest to its limit: {name.replace('_', ' ')} ({share:.0e} of it)"
+    )
+
+
+def _errors(errors: Mapping[str, Mapping[str, Any]]) -> str:
+    """Of the mesh as estimated, of the penalty as bounded and as measured; in the energy norm."""
+    shown = []
+    for key, label in (
+        ("mesh", "mesh about {:.2g} %"),
+        ("penalty", "penalty at most {:.2g} %"),
+        ("penalty_measured", "measured {:.2g} %"),
+    ):
+        relative = errors.get(key, {}).get("relative")
+        if relative is not None:
+            shown.append(label.format(100.0 * relative))
+    return ", ".join(shown) or "none applies"

@@ -59,5 +59,18 @@ def test_a_summary_table_names_a_broken_bound() -> None:
         "wall_seconds": 1.0,
     }
     summary["bounds"] = {"good": {"holds": True}, "bad": {"holds": False}, "other": {"holds": None}}
+    summary["certificate"] = {
+        "criteria": {
+            "equilibrium": {"value": 1e-12, "limit": 1e-8, "holds": True},
+            "friction_sign": {"value": 2e-9, "limit": 1e-6, "holds": True},
+        },
+        "constants": {"uniqueness": {"verdict": "not known"}},
+        "errors": {"mesh": {"relative": 0.12}, "penalty": {"relative": None}},
+    }
     text = two_columns(summary_rows(summary, 1.01, "results"))
     assert "violated: bad" in text and "= 1.01 M" in text and "(0, 0)" in text
+    assert "2 hold; nearest to its limit: friction sign (2e-03 of it)" in text
+    assert "mesh about 12 %" in text and "penalty at most" not in text and "not known" in text
+    summary["certificate"]["criteria"]["friction_sign"] |= {"value": 1e-3, "holds": False}
+    text = two_columns(summary_rows(summary, 1.01, "results"))
+    assert "failed: friction_sign 1.0e-03 > 1e-06" in text

@@ -28,10 +28,11 @@ from .boundary import (
 )
 from .material import Elasticity, MaterialParameters, Region
 from .mesh import MeshParameters
-from .numerics import OutputParameters, PenaltyParameters, SolverParameters
+from .numerics import CertificateParameters, OutputParameters, PenaltyParameters, SolverParameters
 from .study import StudyParameters
 
 __all__ = [
+    "CertificateParameters",
     "ContactParameters",
     "Cylinder",
     "Displacement",
@@ -68,6 +69,9 @@ class Parameters(Section):
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
     study: StudyParameters | None = entry(None, "makes a sweep of it", optional=True)
+    certificate: CertificateParameters = entry(
+        CertificateParameters(), "what the results are judged by"
+    )
     output: OutputParameters = entry(OutputParameters(), "the results")
 
     @model_validator(mode="after")

@@ -63,6 +63,17 @@ class SolverParameters(Section):
         return {key.removeprefix("-"): value for key, value in options.items()}
 
 
+class CertificateParameters(Section):
+    """What the certificate holds beyond what every run gives."""
+
+    constants: Switch = entry(
+        False, "c_0 by an eigenvalue problem, and whether theory excludes a second solution"
+    )
+    limit: Switch = entry(
+        False, "solve for n = .inf on the same mesh too, and measure the distance to its solution"
+    )
+
+
 class OutputParameters(Section):
     """What is left behind."""
 

@@ -1,0 +1,118 @@
+"""Equilibrium: of every free node, and of the body as a whole in forces and moments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, la
+from ufl.core.expr import Expr
+
+from contact_locking import forms
+from contact_locking.certificate.criteria import Criterion
+from contact_locking.certificate.state import SolvedState
+from contact_locking.material import strain
+
+FloatArray = npt.NDArray[np.float64]
+
+# Rounding in sums over all nodes is some 1e-14 of what is summed; the equilibrium of the free
+# nodes leaves more: their residuals, up to the solver's tolerance each, may add up.
+_BALANCE_SHARE = 10.0
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Resultants on the body, (d,) each, and its balances.
+
+    ``residual`` is ``|a(u, v) + (Z, eps(v)) + int p v_nu - int sigma_tau . v_tau - (f, v)|`` over
+    the free dofs, divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
+    ``force`` and ``moment`` are what loads, contact and reactions together leave, relative to the
+    largest of the three sums of nodal force magnitudes, and to that times the body's extent.
+    """
+
+    residual: float
+    force: float
+    moment: float
+    loads: FloatArray
+    contact: FloatArray
+    reactions: FloatArray
+
+    def criteria(self, tolerance: float) -> dict[str, Criterion]:
+        share = _BALANCE_SHARE * tolerance
+        return {
+            "equilibrium": Criterion(self.residual, tolerance, "equilibrium residual"),
+            "force_balance": Criterion(self.force, share, "sum of all forces on the body"),
+            "moment_balance": Criterion(self.moment, share, "sum of all moments on the body"),
+        }
+
+
+def equilibrium(state: SolvedState) -> Equilibrium:
+    """Balance the stored stress, pressure and traction with the loads; collective.
+
+    Contact enters node by node, by the weights of the vertex rule and not through the forms of the
+    solver, so that a sign lost in either shows.
+    """
+    u, data, constraints = state.problem.u, state.problem.data, state.problem.constraints
+    space = u.function_space
+    v = ufl.TestFunction(space)
+    load = _nodal(forms.external_work(v, data))
+    elastic = _nodal(forms.elastic_form(u, v, data))
+    stress = ufl.inner(state.body.locking_stress, strain(v)) * data.dx
+    internal = elastic + _nodal(stress)
+    touching = np.zeros_like(load)
+    if state.contact is not None:
+        contact = state.contact
+        nodal = contact.traction - contact.pressure[:, None] * contact.normal
+        nodal = nodal * contact.surface.weights[:, None]
+        touching = contact.surface.vector_function(nodal).x.array
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    unbalanced = (internal - load - touching)[:owned]
+    fixed = constraints.dofs[constraints.dofs < owned]
+    reaction = np.zeros(owned)
+    reaction[fixed] = unbalanced[fixed]
+    unbalanced[fixed] = 0.0
+
+    def norm(vector: FloatArray) -> float:
+        return float(np.sqrt(state.sum(vector[:owned] ** 2)))
+
+    scale = max(norm(load), norm(elastic)) or 1.0
+    x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
+    total, magnitude, moment = [], 0.0, 0.0
+    centre = _centre(state, x)
+    for vector in (load, touching, reaction):
+        nodal = vector[:owned].reshape(-1, state.dim)
+        total.append(state.problem.domain.comm.allreduce(nodal.sum(axis=0)))
+        magnitude = max(magnitude, state.sum(np.linalg.norm(nodal, axis=1)))
+        turning = _moments(x - centre, nodal).sum(axis=0)
+        moment = moment + state.problem.domain.comm.allreduce(turning)
+    size = magnitude or 1.0
+    return Equilibrium(
+        residual=norm(unbalanced) / scale,
+        force=float(np.linalg.norm(np.sum(total, axis=0))) / size,
+        moment=float(np.linalg.norm(moment)) / (size * state.target.length),
+        loads=total[0],
+        contact=total[1],
+        reactions=total[2],
+    )
+
+
+def _centre(state: SolvedState, x: FloatArray) -> FloatArray:
+    comm = state.problem.domain.comm
+    return np.asarray(comm.allreduce(x.sum(axis=0)) / comm.allreduce(len(x)))
+
+
+def _moments(x: FloatArray, force: FloatArray) -> FloatArray:
+    """``x cross F`` of each node: (k, 1) in 2D, (k, 3) in 3D."""
+    if x.shape[1] == 2:
+        return (x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0])[:, None]
+    return np.asarray(np.cross(x, force), dtype=np.float64)
+
+
+def _nodal(form: Expr) -> FloatArray:
+    """A linear form as local values, ghosts included; collective."""
+    vector = fem.assemble_vector(fem.form(form))
+    vector.scatter_reverse(la.InsertMode.add)
+    vector.scatter_forward()
+    return vector.array

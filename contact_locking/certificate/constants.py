@@ -1,0 +1,169 @@
+"""The constants of the theorems for the given data, and what they say of uniqueness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc
+from mpi4py import MPI
+
+from contact_locking.certificate.elliptic import elliptic_problem, inner_product
+from contact_locking.certificate.state import SolvedState
+
+FloatArray = npt.NDArray[np.float64]
+
+_PREFIX = "contact_locking_steklov_"
+# The eigenvalue to this relative accuracy; a bound needs no more.
+_RTOL = 1e-6
+# Slips at which mu(x, s) is sampled: 0, and from this share of the body's extent to all of it.
+_LEAST_SLIP = 1e-8
+_SLIPS = 400
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """``mu* = max mu`` and ``L_mu``, the Lipschitz constant of mu in s (12); exact or sampled."""
+
+    largest: float
+    lipschitz: float
+    exact: bool
+
+
+def constants(state: SolvedState) -> dict[str, Any]:
+    """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
+
+    c_0 costs an eigenproblem, some three elastic solves, and is left out unless the study file
+    asks for it.
+    """
+    found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
+    if state.contact is None:
+        found["uniqueness"] = _verdict(True, "nothing is in contact: the problem is convex")
+        return found
+    trace, why = _trace(state)
+    coefficient = coefficient_range(state)
+    assert state.problem.bound is not None
+    found |= {
+        "c_0": trace,
+        **({} if why is None else {"c_0_reason": why}),
+        "friction_coefficient": coefficient.largest,
+        "friction_lipschitz": coefficient.lipschitz,
+        "friction_constants": "exact" if coefficient.exact else "sampled",
+        "smoothing_norm": state.problem.bound.smoothing.norm(),
+    }
+    found["uniqueness"] = _uniqueness(state, trace, why, coefficient)
+    return found
+
+
+def coefficient_range(state: SolvedState) -> Coefficient:
+    """mu* and L_mu over the nodes of Gamma_C and slips up to the body's extent; collective.
+
+    A constant has them exactly.  Of an expression the values and the differences between
+    neighbouring slips are sampled, which is no proof.
+    """
+    given = state.problem.parameters.friction.coefficient
+    if isinstance(given, float | int):
+        return Coefficient(float(given), 0.0, True)
+    bound = state.problem.bound
+    assert bound is not None
+    slips = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)]) * state.target.length
+    values = np.stack([bound.coefficient(slip) for slip in slips])
+    largest = float(values.max(initial=0.0))
+    steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
+    comm = state.problem.domain.comm
+    largest = float(comm.allreduce(largest, op=MPI.MAX))
+    steepest = float(comm.allreduce(float(steps.max(initial=0.0)), op=MPI.MAX))
+    return Coefficient(largest, steepest, False)
+
+
+def trace_constant(state: SolvedState) -> float:
+    """``c_0 = max |v|_{L2(Gamma_C)}/|v|_V`` over the discrete fields (11); collective.
+
+    The largest eigenvalue of ``int v . w = lambda (v, w)_V`` is its square.  Gamma_C is integrated
+    by the vertex rule, as in the discrete problem; by convexity that is never less than exact.
+    """
+    from slepc4py import SLEPc
+
+    space, data = state.problem.u.function_space, state.problem.data
+    assert data.contact is not None
+    conditions = state.problem.constraints.conditions
+    v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+    surface = petsc.assemble_matrix(fem.form(ufl.inner(w, v) * data.contact.ds))
+    surface.assemble()
+    with elliptic_problem(state, inner_product(space, data.dx), conditions) as problem:
+        # Fixed dofs keep a one on the diagonal of the V product and have no trace.
+        mask = surface.createVecLeft()
+        mask.array_w[:] = np.where(problem.fixed[: mask.getLocalSize()], 0.0, 1.0)
+        surface.diagonalScale(mask, mask)
+        solver = SLEPc.EPS().create(state.problem.domain.comm)
+        solver.setOptionsPrefix(_PREFIX)
+        solver.setOperators(surface, problem.matrix)
+        solver.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
+        solver.setTolerances(tol=_RTOL)
+        solver.getST().setKSP(problem.ksp)
+        solver.solve()
+        largest = solver.getEigenvalue(0).real if solver.getConverged() else np.nan
+        for item in (solver, mask, surface):
+            item.destroy()
+    return float(np.sqrt(largest))
+
+
+def _trace(state: SolvedState) -> tuple[float | None, str | None]:
+    if state.problem.free:
+        return None, "contact alone holds a rigid motion, so |.|_V is not a norm"
+    if not state.problem.parameters.certificate.constants:
+        return None, "skipped: certificate.constants is false"
+    value = trace_constant(state)
+    if not np.isfinite(value):
+        return None, "the eigenvalue solver did not converge"
+    return value, None
+
+
+def _uniqueness(
+    state: SolvedState, trace: float | None, why: str | None, coefficient: Coefficient
+) -> dict[str, Any]:
+    """Whether another solution can be excluded.
+
+    Let u_1 be another solution of (25) than this one, u_2.  Subtracted and tested with their
+    difference v, with ``q`` that of the pressures, contact gives at least ``eps |q|^2``, so that
+
+        alpha |v|_V^2 + eps |q|^2 <= (mu* |R| |q| + L_mu |R sigma_nu(u_2)|_inf |v|_C) |v|_C
+
+    with ``|v|_C <= c_0 |v|_V``.  That leaves v = 0 if
+
+        mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)).
+
+    It is the condition of Theorem 4.2 with its constant written out; it fails for eps -> 0, as
+    there the constant of Theorem 4.1 is not explicit.
+    """
+    assert state.contact is not None
+    bound = state.problem.bound
+    assert bound is not None
+    if bound.frictionless:
+        return _verdict(True, "there is no friction: the problem is convex")
+    report = {"contraction": state.report.contraction}
+    if state.target.epsilon == 0.0:
+        return _verdict(False, "the constant L* of Theorem 4.1 is not explicit") | report
+    if trace is None:
+        return _verdict(False, f"c_0 is not known ({why})") | report
+    local = float(np.max(np.abs(state.contact.smoothed_stress), initial=0.0))
+    stress = float(state.problem.domain.comm.allreduce(local, op=MPI.MAX))
+    left = coefficient.largest * bound.smoothing.norm() * trace
+    slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
+    right = 2.0 * float(np.sqrt(state.target.epsilon * max(slack, 0.0)))
+    covered = left < right
+    return report | _verdict(
+        covered,
+        f"mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
+        f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g}"
+        + ("" if coefficient.exact else " (mu* and L_mu are sampled)"),
+    )
+
+
+def _verdict(covered: bool, why: str) -> dict[str, Any]:
+    return {"verdict": "covered by theory" if covered else "not known", "why": why}

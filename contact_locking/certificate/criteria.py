@@ -1,0 +1,35 @@
+"""What has to hold of a solution, and how far from exact it may be.
+
+Every value is relative: forces to the forces that act, work to the elastic energy, the friction
+bound to itself.  A value that is no number does not hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A measured value that must not exceed its limit; ``meaning`` completes "the ... is"."""
+
+    value: float
+    limit: float
+    meaning: str
+
+    @property
+    def holds(self) -> bool:
+        return bool(self.value <= self.limit)
+
+    def summary(self) -> dict[str, Any]:
+        return {"value": self.value, "limit": self.limit, "holds": self.holds}
+
+    def complaint(self) -> str:
+        return f"the {self.meaning} is {self.value:.1e}, above {self.limit:g}"
+
+
+def complaints(criteria: Mapping[str, Criterion]) -> str:
+    """Which criteria fail, in words; nothing if all hold."""
+    return "; ".join(item.complaint() for item in criteria.values() if not item.holds)

@@ -1,0 +1,114 @@
+"""Linear elliptic problems beside the solve: dual norms and lifts of boundary values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, la
+from dolfinx.fem import petsc
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from contact_locking import forms
+from contact_locking.certificate.state import SolvedState
+from contact_locking.convex import normal_part
+from contact_locking.material import strain
+from contact_locking.solver.linear import create_ksp, default_options
+
+FloatArray = npt.NDArray[np.float64]
+
+# Options for the nonlinear solve do not reach these solves.
+_PREFIX = "contact_locking_certificate_"
+# Enough for a bound that holds with a margin; only where CG solves.
+_RTOL = 1e-8
+
+
+class EllipticProblem:
+    """``b(z, v) = r(v)`` for all v that vanish at the fixed dofs; made by :func:`elliptic_problem`.
+
+    Arrays are local values of the displacement space, ghosts included.
+    """
+
+    def __init__(
+        self, state: SolvedState, bilinear: Expr, conditions: list[fem.DirichletBC]
+    ) -> None:
+        self._space = state.problem.u.function_space
+        self._owned = self._space.dofmap.index_map.size_local * self._space.dofmap.index_map_bs
+        self._bilinear = bilinear
+        ones = fem.Function(self._space)
+        fixed = fem.Function(self._space)
+        ones.x.array[:] = 1.0
+        for condition in conditions:
+            dofs = condition.dof_indices()[0]
+            fixed.x.array[dofs] = ones.x.array[dofs]
+        self.fixed = fixed.x.array > 0.0
+        self.matrix = petsc.assemble_matrix(fem.form(bilinear), bcs=conditions)
+        self.matrix.assemble()
+        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self._nullspace = state.system.near_nullspace()
+        self.matrix.setNearNullSpace(self._nullspace)
+        options = default_options(
+            "auto", state.dim, state.system.size, state.problem.domain.comm
+        ) | {"ksp_rtol": _RTOL}
+        self.ksp = create_ksp(self.matrix, options, prefix=_PREFIX)
+
+    def solve(self, right: Expr | None, values: fem.Function | None = None) -> fem.Function:
+        """The z with ``b(z, v) = r(v)`` that equals ``values`` at the fixed dofs; collective."""
+        solution = fem.Function(self._space)
+        if values is not None:
+            solution.x.array[self.fixed] = values.x.array[self.fixed]
+        form = -ufl.action(self._bilinear, solution)
+        vector = fem.assemble_vector(fem.form(form if right is None else right + form))
+        vector.scatter_reverse(la.InsertMode.add)
+        b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
+        b.array_w[:] = np.where(self.fixed, 0.0, vector.array)[: self._owned]
+        self.ksp.solve(b, x)
+        # CG may move what is fixed.
+        step = np.where(self.fixed[: self._owned], 0.0, x.array_r)
+        solution.x.array[: self._owned] += step
+        solution.x.scatter_forward()
+        for item in (b, x):
+            item.destroy()
+        return solution
+
+    def destroy(self) -> None:
+        for item in (self.ksp, self.matrix, self._nullspace):
+            item.destroy()
+
+
+@contextmanager
+def elliptic_problem(
+    state: SolvedState, bilinear: Expr, conditions: list[fem.DirichletBC]
+) -> Iterator[EllipticProblem]:
+    """An :class:`EllipticProblem` that is destroyed afterwards; collective."""
+    problem = EllipticProblem(state, bilinear, conditions)
+    try:
+        yield problem
+    finally:
+        problem.destroy()
+
+
+def inner_product(space: fem.FunctionSpace, dx: ufl.Measure) -> Expr:
+    """``(w, v)_V = int eps(w) : eps(v)`` (10)."""
+    v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+    return ufl.inner(strain(w), strain(v)) * dx
+
+
+def elasticity(state: SolvedState) -> Expr:
+    """``a(w, v)``."""
+    space = state.problem.u.function_space
+    return forms.elastic_form(ufl.TrialFunction(space), ufl.TestFunction(space), state.problem.data)
+
+
+def springs(state: SolvedState, stiffness: float) -> Expr:
+    """``k int w_nu v_nu`` over Gamma_C."""
+    contact = state.problem.data.contact
+    assert contact is not None
+    space = state.problem.u.function_space
+    v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+    k = fem.Constant(space.mesh, stiffness)
+    return k * normal_part(w, contact.normal) * normal_part(v, contact.normal) * contact.ds

@@ -1,0 +1,97 @@
+"""An a posteriori indicator of the error in h: recovery of the total stress and of the strain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+
+from contact_locking.certificate.state import SolvedState
+from contact_locking.material import MANDEL_PAIRS, mandel_factor
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ErrorIndicator:
+    """``eta_K`` as a P0 function, ``sqrt(sum eta_K^2)``, and the same of the elastic part alone."""
+
+    field: fem.Function
+    total: float
+    elastic: float
+
+
+def error_indicator(state: SolvedState) -> ErrorIndicator:
+    """``eta_K^2 = |int_K (s* - s) : (e* - e)|``, total stress ``s = A eps(u) + Z``, ``e = eps(u)``.
+
+    Stars are continuous and piecewise linear: at each node the mean over the cells around it,
+    weighted by their volumes (Zienkiewicz and Zhu, doi:10.1002/nme.1620240206).  Cells of another
+    named region do not count, as stress and strain may jump there.
+
+    It estimates, and does not bound, ``int (s_exact - s) : (e_exact - e)``, which the monotone
+    locking law makes at least ``a(u_exact - u, u_exact - u)``; that alone is what ``elastic``
+    estimates.  The stress alone, in the norm of A^-1, would not do: P1 elements reach the limit in
+    about every second cell of a locked zone, so Z alternates on any mesh, where strains hardly do.
+    Collective.
+    """
+    cells, m = state.cells, len(MANDEL_PAIRS[state.dim])
+    elastic, strain = _mandel(cells.of(state.body.elastic_stress)), _mandel(cells.strain)
+    total = elastic + _mandel(cells.locking_stress)
+    values = np.column_stack([total, elastic, strain])
+    defect = _recovered(state, values) - values[:, None, :]
+    # The mass matrix of linear functions on a simplex: |K| (1 + delta_ij)/((d + 1)(d + 2)).
+    mass = (1.0 + np.eye(state.dim + 1)) / ((state.dim + 1) * (state.dim + 2))
+
+    def work(stress: FloatArray) -> FloatArray:
+        product = np.einsum("kim,kjm,ij->k", stress, defect[:, :, 2 * m :], mass, optimize=True)
+        return np.asarray(np.abs(product) * cells.volumes)
+
+    square = work(defect[:, :, :m])
+    space = state.problem.material.limit.function_space
+    field = fem.Function(space, name="error_indicator")
+    field.x.array[space.dofmap.list.reshape(-1)[: len(square)]] = np.sqrt(square)
+    field.x.scatter_forward()
+    return ErrorIndicator(
+        field,
+        float(np.sqrt(state.sum(square))),
+        float(np.sqrt(state.sum(work(defect[:, :, m : 2 * m])))),
+    )
+
+
+def _mandel(tensors: FloatArray) -> FloatArray:
+    pairs = MANDEL_PAIRS[tensors.shape[1]]
+    return np.stack([tensors[:, i, j] * mandel_factor(i, j) for i, j in pairs], axis=1)
+
+
+def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
+    """Cell values (k, m) averaged at the corners of each owned cell, (k, d + 1, m); collective."""
+    mesh, cells, size = state.problem.domain.mesh, state.cells, values.shape[1]
+    space = fem.functionspace(mesh, ("P", 1, (size + 1,)))
+    corners = space.dofmap.list[: len(values)]
+    result = np.empty((len(values), state.dim + 1, size))
+    weighted = np.column_stack([values, np.ones(len(values))]) * cells.volumes[:, None]
+    for inside in _regions(state, len(values)):
+        sums = fem.Function(space)
+        nodal = sums.x.array.reshape(-1, size + 1)
+        np.add.at(nodal, corners[inside], weighted[inside][:, None, :])
+        sums.x.scatter_reverse(la.InsertMode.add)
+        sums.x.scatter_forward()
+        around = nodal[corners[inside]]
+        result[inside] = around[:, :, :size] / around[:, :, size:]
+    return result
+
+
+def _regions(state: SolvedState, count: int) -> list[BoolArray]:
+    """Masks (k,) of the owned cells of each region with a material of its own, and of the rest."""
+    rest = np.ones(count, dtype=bool)
+    masks = []
+    for name in sorted(state.problem.parameters.material.regions):
+        mask = np.zeros(count, dtype=bool)
+        found = state.problem.domain.cells(name)
+        mask[found[found < count]] = True
+        masks.append(mask)
+        rest &= ~mask
+    return [*masks, rest]

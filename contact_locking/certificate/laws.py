@@ -1,0 +1,157 @@
+"""Whether the stored stress and tractions obey the laws of locking, contact and friction.
+
+The formulas stand here a second time, in NumPy and from the conjugate functions, on purpose: what
+the solver's laws get wrong is not repeated.  For a frozen friction bound each law is
+``z in d phi(x)``, so Fenchel's ``phi(x) + phi*(z) - z x >= 0`` vanishes exactly where it holds, and
+with equilibrium the sum of the three is the duality gap: it bounds
+``a(u - w, u - w)/2`` for the exact discrete solution ``w``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from contact_locking.certificate.criteria import Criterion
+from contact_locking.certificate.state import SolvedState
+
+FloatArray = npt.NDArray[np.float64]
+
+# Measured over all demos and the problems of the tests, 2D and 3D, n = 1e2 ... 1e8 and inf: work
+# that should vanish is up to 6e-9 of the elastic energy, where the interior point method stops at
+# its duality gap of 1e-8; the friction bound is exact to 1e-9.  A lost factor or sign leaves 1e-5
+# and more up to n = 1e4.  A solver that was told to be coarser is judged accordingly.
+_TOLERANCE = 1e-8
+_MARGIN = 100.0
+# R is applied once, by a product or a direct solve: rounding leaves 1e-14.
+_CONSTANTS = 1e-10
+
+
+def law_criteria(state: SolvedState) -> dict[str, Criterion]:
+    """Complementarity and violation of every law, in units of the elastic energy; collective."""
+    law = _MARGIN * max(state.settings.tolerance, _TOLERANCE)
+    products, violation = locking(state)
+    found = {
+        "locking_complementarity": Criterion(products, law, "complementarity of locking"),
+        "locking_violation": Criterion(violation, law, "violation of the locking law"),
+    }
+    if state.contact is not None:
+        products, violation = contact(state)
+        found["contact_complementarity"] = Criterion(products, law, "complementarity of contact")
+        found["contact_violation"] = Criterion(violation, law, "violation of the contact law")
+        assert state.problem.bound is not None
+        if not state.problem.bound.frictionless:
+            found |= _friction_criteria(state, law)
+    found["duality_gap"] = Criterion(
+        sum(item.value for name, item in found.items() if name.endswith("complementarity")),
+        law,
+        "duality gap",
+    )
+    return found
+
+
+def _friction_criteria(state: SolvedState, law: float) -> dict[str, Criterion]:
+    products, cone, sign = friction(state)
+    settled = _MARGIN * max(state.settings.friction_tolerance, _TOLERANCE)
+    return {
+        "friction_complementarity": Criterion(products, law, "complementarity of friction"),
+        "coulomb_cone": Criterion(cone, law, "friction above its bound"),
+        "friction_sign": Criterion(sign, law, "work that friction adds"),
+        "friction_bound": Criterion(
+            bound_change(state), settled, "distance of the friction bound from mu |R sigma_nu|"
+        ),
+        "smoothing_constants": Criterion(
+            smoothing_constants(state), _CONSTANTS, "change of constants by R"
+        ),
+    }
+
+
+def locking(state: SolvedState) -> tuple[float, float]:
+    """``int |Z| max(M, |eps|) - Z : eps`` and ``|sigma| int |[|eps| - M]^+ - |Z|/(2n)|``.
+
+    Where both vanish ``Z`` is ``R_n(eps)`` (23), for n = inf an element of ``dI_B(eps)`` (1).
+    """
+    cells = state.cells
+    norm = np.linalg.norm(cells.strain, axis=(1, 2))
+    size = np.linalg.norm(cells.locking_stress, axis=(1, 2))
+    work = np.einsum("kij,kij->k", cells.locking_stress, cells.strain)
+    locks = np.isfinite(cells.limit)
+    # What cannot lock has no locking stress to be parallel to.
+    largest = np.maximum(np.where(locks, cells.limit, norm), norm)
+    products = np.abs(size * largest - work)
+    excess = np.maximum(norm - cells.limit, 0.0)
+    violation = np.abs(excess - size / (2.0 * state.target.n))
+    return (
+        state.share_of_energy(state.sum(cells.volumes * products)),
+        state.share_of_energy(state.mean_stress * state.sum(cells.volumes * violation)),
+    )
+
+
+def contact(state: SolvedState) -> tuple[float, float]:
+    """``int |p c|`` and ``|sigma| int [-c]^+ + |eps| L int [-p]^+``, ``c = gap + eps p - u_nu``.
+
+    Where both vanish ``p = [u_nu - gap]^+/eps`` (25), for eps = 0 Signorini's conditions (5).
+    """
+    fields = state.contact
+    assert fields is not None
+    weights = fields.surface.weights * state.free_nodes
+    opening = fields.gap + state.target.epsilon * fields.pressure - fields.u_normal
+    length = state.target.length * state.mean_stress / state.target.stiffness
+    entering = state.sum(weights * np.maximum(-opening, 0.0))
+    pulling = state.sum(weights * np.maximum(-fields.pressure, 0.0))
+    return (
+        state.share_of_energy(state.sum(weights * np.abs(fields.pressure * opening))),
+        state.share_of_energy(state.mean_stress * entering + length * pulling),
+    )
+
+
+def friction(state: SolvedState) -> tuple[float, float, float]:
+    """Complementarity, the cone, and the sign, with ``t = -sigma_tau``, ``s = u_tau``, ``G``.
+
+    ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the elastic energy, zero
+    exactly where (22) holds; ``int [|t| - G]^+`` over ``int G``; ``int [-t . s]^+`` over the
+    energy: friction takes work, it never gives any.
+    """
+    fields, epsilon = state.contact, state.target.epsilon
+    assert fields is not None
+    weights = fields.surface.weights * state.free_nodes
+    size = np.linalg.norm(fields.traction, axis=1)
+    slip = np.sqrt(np.sum(fields.u_tangent**2, axis=1) + epsilon**2)
+    work = -np.sum(fields.traction * fields.u_tangent, axis=1)
+    left = epsilon * np.sqrt(np.maximum(fields.bound**2 - size**2, 0.0))
+    products = np.abs(fields.bound * slip - left - work)
+    total = state.sum(weights * fields.bound)
+    least = _least_bound(state)
+    outside = state.sum(weights * np.maximum(size - fields.bound, 0.0))
+    return (
+        state.share_of_energy(state.sum(weights * products)),
+        outside / max(total, least) if max(total, least) > 0.0 else outside,
+        state.share_of_energy(state.sum(weights * np.maximum(-work, 0.0))),
+    )
+
+
+def bound_change(state: SolvedState) -> float:
+    """``|G - mu(|u_tau|) |R sigma_nu||/|G|`` in L2 with the bound G that friction obeys."""
+    bound, fields = state.problem.bound, state.contact
+    assert bound is not None and fields is not None
+    wanted = bound.evaluate(fields.pressure)
+    size = max(bound.norm(wanted), state.target.least_bound(state.energy, state.dim))
+    change = bound.norm(np.where(state.free_nodes, fields.bound - wanted, 0.0))
+    return change / size if size > 0.0 else change
+
+
+def smoothing_constants(state: SolvedState) -> float:
+    """``max |R 1 - 1|``: a mollifier keeps constants; collective."""
+    bound = state.problem.bound
+    assert bound is not None
+    ones = np.ones(len(bound.surface.nodes))
+    local = float(np.max(np.abs(bound.smoothing.apply(ones) - 1.0), initial=0.0))
+    return float(max(state.problem.domain.comm.allgather(local)))
+
+
+def _least_bound(state: SolvedState) -> float:
+    """The integral of a bound below which its share says nothing."""
+    fields = state.contact
+    assert fields is not None
+    area = state.sum(fields.surface.weights)
+    return state.target.least_bound(state.energy, state.dim) * float(np.sqrt(area))

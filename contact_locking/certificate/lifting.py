@@ -1,0 +1,116 @@
+"""Fields that the constraints admit: what proofs that test with ``v = 0`` need when 0 is not one.
+
+A field is admissible if it has the prescribed values on Gamma_D, ``w_nu <= gap`` on Gamma_C and
+``|eps(w)| <= M``.  For proofs with friction it must not slip either: ``w_tau = 0``.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+
+from contact_locking.certificate.elliptic import EllipticProblem, elasticity
+from contact_locking.certificate.state import SolvedState
+from contact_locking.material import strain
+
+FloatArray = npt.NDArray[np.float64]
+
+# Rounding in strains and displacements, relative to the limit and to the body.
+_ROUNDING = 1e-12
+
+
+class NotAdmissible(Exception):
+    """No admissible field was found; the message says why."""
+
+
+class Lifting:
+    """Elastic fields with given values on Gamma_C and Gamma_D; one factorisation for all of them.
+
+    Close it collectively.
+    """
+
+    def __init__(self, state: SolvedState) -> None:
+        self._state = state
+        self._problem: EllipticProblem | None = None
+
+    @cached_property
+    def admissible(self) -> fem.Function | None:
+        """An admissible field without slip, None if it is 0; collective, one factorisation.
+
+        It takes the prescribed values on Gamma_D and ``w = min(gap, 0) nu`` on Gamma_C, with the
+        least elastic energy.  Raises NotAdmissible if that exceeds the locking limit, or if
+        values prescribed at nodes of Gamma_C slip or enter the foundation.
+        """
+        state = self._state
+        prescribed = fem.Function(state.problem.u.function_space)
+        given = [c.g.x.array for c in state.problem.constraints.conditions]
+        gap = np.zeros(0) if state.contact is None else state.contact.gap
+        zero = all(not np.any(values) for values in given) and not np.any(gap < 0.0)
+        if state.problem.domain.comm.allreduce(zero, op=MPI.LAND):
+            return None
+        if state.contact is not None:
+            values = np.minimum(gap, 0.0)[:, None] * state.contact.normal
+            prescribed.x.array[:] = state.contact.surface.vector_function(values).x.array
+        state.problem.constraints.apply(prescribed)
+        lifted = self._elastic(prescribed)
+        self._check(lifted)
+        return lifted
+
+    def push_back(self) -> fem.Function:
+        """``c`` with ``c_nu = [u_nu - gap]^+`` and ``c_tau = 0`` on Gamma_C, 0 on Gamma_D."""
+        state = self._state
+        if state.contact is None:
+            return fem.Function(state.problem.u.function_space)
+        fields = state.contact
+        entered = np.maximum(fields.u_normal - fields.gap, 0.0)
+        values = fields.surface.vector_function(entered[:, None] * fields.normal)
+        values.x.array[state.problem.constraints.dofs] = 0.0
+        if self._nowhere(entered):
+            return values
+        return self._elastic(values)
+
+    def close(self) -> None:
+        if self._problem is not None:
+            self._problem.destroy()
+
+    def _elastic(self, values: fem.Function) -> fem.Function:
+        if self._problem is None:
+            state = self._state
+            conditions = list(state.problem.constraints.conditions)
+            if state.contact is not None:
+                surface = state.contact.surface
+                mark = surface.vector_function(np.ones((len(surface.nodes), state.dim)))
+                blocks = np.flatnonzero(mark.x.array.reshape(-1, state.dim)[:, 0] > 0.0)
+                conditions.append(fem.dirichletbc(mark, blocks.astype(np.int32)))
+            self._problem = EllipticProblem(state, elasticity(state), conditions)
+        return self._problem.solve(None, values)
+
+    def _check(self, lifted: fem.Function) -> None:
+        state = self._state
+        size = np.linalg.norm(state.cells.interpolated(strain(lifted)), axis=(1, 2))
+        if not self._nowhere(size - state.cells.limit * (1.0 + _ROUNDING)):
+            raise NotAdmissible(
+                "the elastic displacement that follows the prescribed values exceeds the locking "
+                "limit, and no other admissible one was sought"
+            )
+        if state.contact is None:
+            return
+        fields = state.contact
+        u = lifted.x.array.reshape(-1, state.dim)[fields.surface.blocks]
+        normal = np.einsum("ki,ki->k", u, fields.normal)
+        slip = np.linalg.norm(u - normal[:, None] * fields.normal, axis=1)
+        small = _ROUNDING * state.target.length
+        if not self._nowhere(normal - fields.gap - small):
+            raise NotAdmissible("displacements prescribed on the edge of Gamma_C enter the gap")
+        assert state.problem.bound is not None
+        if not state.problem.bound.frictionless and not self._nowhere(slip - small):
+            raise NotAdmissible("displacements prescribed on the edge of Gamma_C make it slip")
+
+    def _nowhere(self, values: FloatArray) -> bool:
+        """Whether no value on any rank is positive; collective."""
+        local = bool(np.any(values > 0.0))
+        return not self._state.problem.domain.comm.allreduce(local, op=MPI.LOR)

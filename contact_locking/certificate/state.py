@@ -1,0 +1,107 @@
+"""A solved state as the certificate looks at it, with what several of its parts need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from ufl.core.expr import Expr
+
+from contact_locking import _compat, forms
+from contact_locking.assembly import Problem
+from contact_locking.material import strain
+from contact_locking.results import BodyFields, ContactFields, integral
+from contact_locking.solver import Settings, SolverReport
+from contact_locking.solver.target import Target
+from contact_locking.system import PenalisedSystem
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass
+class SolvedState:
+    """The problem, its solution with the stored multipliers, and what the solver says of it."""
+
+    problem: Problem
+    system: PenalisedSystem
+    target: Target
+    settings: Settings
+    report: SolverReport
+    body: BodyFields
+    contact: ContactFields | None
+
+    @property
+    def dim(self) -> int:
+        return self.problem.domain.dim
+
+    @cached_property
+    def cells(self) -> Cells:
+        return Cells(self)
+
+    @cached_property
+    def energy(self) -> float:
+        """``a(u, u)/2``; collective."""
+        u = self.problem.u
+        return integral(self.problem.domain, 0.5 * forms.elastic_form(u, u, self.problem.data))
+
+    def share_of_energy(self, value: float) -> float:
+        """A work relative to the elastic energy; as it is where there is no energy."""
+        return value / self.energy if self.energy > 0.0 else value
+
+    @cached_property
+    def mean_stress(self) -> float:
+        """``sqrt(a(u, u) |A|/|Omega|)``: what a stress, and over |A| a strain, is large against."""
+        return float(np.sqrt(2.0 * self.energy * self.target.stiffness / self.cells.volume))
+
+    @cached_property
+    def free_nodes(self) -> BoolArray:
+        """(k,) the nodes of Gamma_C whose normal displacement is not prescribed.
+
+        At the others the displacement condition decides and contact has no say.
+        """
+        assert self.contact is not None
+        blocks = self.contact.surface.blocks
+        is_free = self.system.free_dofs().reshape(-1, self.dim)[blocks]
+        return np.asarray(np.linalg.norm(self.contact.normal * is_free, axis=1) > 1e-6)
+
+    def sum(self, values: FloatArray) -> float:
+        """The sum over all ranks; collective."""
+        return float(self.problem.domain.comm.allreduce(float(np.sum(values))))
+
+
+class Cells:
+    """P0 values over the owned cells: tensors are (k, d, d), scalars (k,)."""
+
+    def __init__(self, state: SolvedState) -> None:
+        domain = state.problem.domain
+        mesh, dim = domain.mesh, domain.dim
+        self._owned = mesh.topology.index_map(dim).size_local
+        self._dim = dim
+        self._space = fem.functionspace(mesh, ("DG", 0, (dim, dim)))
+        scalar = fem.functionspace(mesh, ("DG", 0))
+        ones = fem.form(ufl.TestFunction(scalar) * state.problem.data.dx)
+        self.volumes = self.scalars(fem.assemble_vector(ones).array, scalar)
+        self.volume = float(domain.comm.allreduce(float(self.volumes.sum())))
+        self.limit = self.scalars(state.problem.material.limit.x.array, scalar)
+        self.locking_stress = self.of(state.body.locking_stress)
+        self.strain = self.interpolated(strain(state.problem.u))
+
+    def scalars(self, array: FloatArray, space: fem.FunctionSpace) -> FloatArray:
+        """The dofs of a scalar P0 function by cells."""
+        return np.asarray(array[space.dofmap.list.reshape(-1)[: self._owned]])
+
+    def of(self, function: fem.Function) -> FloatArray:
+        """The tensors of a P0 tensor function."""
+        dofs = function.function_space.dofmap.list.reshape(-1)[: self._owned]
+        return function.x.array.reshape(-1, self._dim, self._dim)[dofs]
+
+    def interpolated(self, tensor: Expr) -> FloatArray:
+        """The tensors of a UFL expression that is constant in each cell."""
+        function = fem.Function(self._space)
+        function.interpolate(_compat.interpolation_expression(tensor, self._space))
+        return self.of(function)
