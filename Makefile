@@ -10,7 +10,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench format image image-test clean
+.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench verification format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -38,6 +38,10 @@ parallel-all:
 
 bench: ## measure tangents and times (minutes) and write benchmarks/results.md
 	./in-env python3 benchmarks/bench.py
+
+verification: ## solve the problems with known answers and write docs/verification.md
+	./in-env python3 -m pytest -m "" tests/test_verification*.py tests/test_conic_reference.py \
+		tests/test_data.py::test_v14_four_ranks_agree_with_one --table docs/verification.md
 
 format: ## format the code
 	./in-env ruff check --fix

@@ -64,7 +64,7 @@ def solve(
     solution = solve_assembled(problem, monitor, petsc_options)
     for warning in solution.summary["warnings"][len(problem.warnings) :]:
         monitor.message(f"warning: {warning}")
-    if parameters.certificate.limit:
+    if parameters.certificate.limit and solution.converged:
         _measure_against_limit(solution, monitor, petsc_options)
     solution.summary["version"] = __version__
     solution.summary["fingerprint"] = fingerprint

@@ -1,4 +1,4 @@
-"""Shared by all tests: the communicator, and what pytest needs on several ranks."""
+"""Shared by all tests: the communicator, what pytest needs on several ranks, and the table."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import gc
 import io
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import hypothesis
 import pytest
 from mpi4py import MPI
+from verification_table import Row, table_text
 
 RANK, SIZE = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
 
@@ -17,6 +19,28 @@ RANK, SIZE = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
 hypothesis.settings.register_profile("same", derandomize=True, database=None, deadline=None)
 if SIZE > 1 or "CI" in os.environ:
     hypothesis.settings.load_profile("same")
+
+
+ROWS: list[Row] = []
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--table", type=Path, help="write what the verification tests found here")
+
+
+@pytest.fixture
+def found() -> list[Row]:
+    """The table of docs/verification.md; a test adds its rows."""
+    return ROWS
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """Numbers of tests that failed are no documentation."""
+    path = session.config.getoption("--table")
+    if path is not None and RANK == 0 and exitstatus == 0:
+        unfinished = path.with_suffix(".partial")
+        unfinished.write_text(table_text(ROWS), encoding="utf-8")
+        unfinished.replace(path)
 
 
 @pytest.fixture

@@ -198,6 +198,15 @@ def test_any_number_of_ranks_gives_the_same_certificate(dim: int) -> None:
         assert one == pytest.approx(other, rel=1e-5), path
 
 
+def test_a_solve_that_was_stopped_early_keeps_its_own_reason() -> None:
+    parameters = block(solver={"method": "newton", "max_iterations": 1}, certificate__limit=True)
+    summary = problem.solve(parameters).summary
+    assert not summary["converged"] and "too many Newton steps" in summary["reason"]
+    assert summary["bounds"]["displacement_norm"]["bound"] > 0.0
+    assert summary["certificate"]["errors"]["penalty"]["reason"] == "the solve did not converge"
+    assert not summary["certificate"]["criteria"]["equilibrium"]["holds"]
+
+
 # Proved bounds ------------------------------------------------------------------------------------
 
 

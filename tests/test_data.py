@@ -14,6 +14,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from problems import block, column, with_changes
+from verification_table import Row
 
 from contact_locking import problem, study_file
 from contact_locking.material import isotropic_stiffness, lame_from_young
@@ -233,7 +234,7 @@ def test_dual_norm_bound_is_attained_by_a_linear_body_without_contact() -> None:
 
 
 @pytest.mark.serial
-def test_four_ranks_agree_with_one(tmp_path: Path) -> None:
+def test_v14_four_ranks_agree_with_one(tmp_path: Path, found: list[Row]) -> None:
     file = tmp_path / "block.yml"
     file.write_text(study_file.dump(block(h=0.1, penalty__n=math.inf)))
     run = [sys.executable, "-m", "contact_locking", "run", str(file), "--quiet"]
@@ -246,5 +247,7 @@ def test_four_ranks_agree_with_one(tmp_path: Path) -> None:
     one, four = summaries
     assert (one["ranks"], four["ranks"]) == (1, 4)
     for key in ("compliance", "elastic_energy", "strain_norm_max"):
+        where = "block on four ranks beside one"
+        found.append(Row("V14", where, key.replace("_", " "), four[key], one[key], "test_data.py"))
         assert four[key] == pytest.approx(one[key], rel=1e-8)
     assert four["contact_force"] == pytest.approx(one["contact_force"], rel=1e-8, abs=1e-12)

@@ -9,6 +9,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from problems import block, column
+from verification_table import Row
 
 from contact_locking import problem
 from contact_locking.domain import Domain, from_geometry
@@ -21,13 +22,14 @@ from contact_locking.surface import ContactSurface
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)
 K = LAME_LAMBDA + 2.0 * LAME_MU
+TEST = "test_verification.py"
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("pressure", [0.01, 0.05])
 @pytest.mark.parametrize(("n", "epsilon"), [(1e3, 1e-4), (1e6, 1e-2)])
 def test_v1_column_in_uniaxial_strain_is_exact(
-    dim: int, pressure: float, n: float, epsilon: float
+    dim: int, pressure: float, n: float, epsilon: float, found: list[Row]
 ) -> None:
     parameters = column(dim, pressure, penalty__n=n, penalty__epsilon=epsilon)
     solution = problem.solve(parameters)
@@ -39,6 +41,10 @@ def test_v1_column_in_uniaxial_strain_is_exact(
     assert summary["converged"], summary["reason"]
     assert summary["strain_norm_max"] == pytest.approx(exact, rel=1e-8)
     assert np.ptp(solution.strain_norm.x.array) <= 1e-8 * exact
+    where = f"column, {dim}D, p = {pressure:g}, n = {n:g}, eps = {epsilon:g}"
+    found.append(Row("V1", where, "strain", summary["strain_norm_max"], exact, TEST))
+    sunk = pressure * epsilon
+    found.append(Row("V1", where, "penetration", summary["penetration_max"], sunk, TEST))
     assert summary["penetration_max"] == pytest.approx(pressure * epsilon, rel=1e-8)
     assert summary["contact_force"][-1] == pytest.approx(pressure, rel=1e-8)
     assert summary["locked_fraction"] == (1.0 if pressure > K * limit else 0.0)
@@ -49,7 +55,7 @@ def test_v1_column_in_uniaxial_strain_is_exact(
         assert solution.contact_points.pressure == pytest.approx(pressure, rel=1e-7)
 
 
-def test_v6_hertz_line_contact_has_the_half_width_and_peak_of_theory() -> None:
+def test_v6_hertz_line_contact_has_the_half_width_and_peak_of_theory(found: list[Row]) -> None:
     half_width, peak = 0.681, 9.35
     parameters = Parameters.model_validate(
         {
@@ -75,9 +81,13 @@ def test_v6_hertz_line_contact_has_the_half_width_and_peak_of_theory() -> None:
     solution = problem.solve(parameters)
     assert solution.converged, solution.summary["reason"]
     assert solution.summary["contact_force"] == pytest.approx([0.0, 10.0], abs=1e-6)
-    assert solution.summary["contact_area"] / 2 == pytest.approx(half_width, rel=0.05)
+    half = solution.summary["contact_area"] / 2
+    found.append(Row("V6", "cylinder on a plane", "half-width", half, half_width, TEST))
+    assert half == pytest.approx(half_width, rel=0.05)
     if solution.contact_points is not None:
-        assert solution.contact_points.pressure.max() == pytest.approx(peak, rel=0.05)
+        largest = float(solution.contact_points.pressure.max())
+        found.append(Row("V6", "cylinder on a plane", "peak pressure", largest, peak, TEST))
+        assert largest == pytest.approx(peak, rel=0.05)
 
 
 def _fingerprint(solution: Solution) -> npt.NDArray[np.float64]:
@@ -132,11 +142,13 @@ class Foot:
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("kernel", ["convolution", "helmholtz", "none"])
-def test_v15_r_keeps_constants_and_positivity(dim: int, kernel: str) -> None:
+def test_v15_r_keeps_constants_and_positivity(dim: int, kernel: str, found: list[Row]) -> None:
     foot = Foot(dim, 0.1 if dim == 2 else 0.2)
     smoothing = foot.smoothing(kernel, 0.3)
     ones = np.ones(len(foot.surface.nodes))
-    assert foot.maximum(smoothing.apply(3.0 * ones) - 3.0) <= 1e-12
+    change = foot.maximum(smoothing.apply(3.0 * ones) - 3.0)
+    found.append(Row("V15", f"R of 3, {dim}D, {kernel}", "largest change", change, None, TEST))
+    assert change <= 1e-12
     spike = np.where(foot.surface.points[:, 0] > 0.45, 1.0, 0.0)
     smoothed = smoothing.apply(spike)
     # A mollifier stays between the least and the greatest of what it averages, so (R w, 1) is
@@ -152,7 +164,9 @@ def test_v15_r_keeps_constants_and_positivity(dim: int, kernel: str) -> None:
 
 
 @pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
-def test_v15_r_tends_to_the_identity_with_the_square_of_its_radius(kernel: str) -> None:
+def test_v15_r_tends_to_the_identity_with_the_square_of_its_radius(
+    kernel: str, found: list[Row]
+) -> None:
     foot = Foot(2, 1.0 / 256)
     # Even about both ends, so that the normalisation there does not lower the order.
     wave = np.cos(2.0 * np.pi * foot.surface.points[:, 0])
@@ -164,6 +178,7 @@ def test_v15_r_tends_to_the_identity_with_the_square_of_its_radius(kernel: str) 
         errors.append(np.sqrt(foot.surface.integral(difference**2)))
         smoothing.destroy()
     rate = np.polyfit(np.log(radii), np.log(errors), 1)[0]
+    found.append(Row("V15", f"R - I, {kernel}", "rate in its radius", float(rate), 2.0, TEST))
     assert rate == pytest.approx(2.0, abs=0.2)
 
 

@@ -11,12 +11,13 @@ from dolfinx import fem
 
 from contact_locking import forms
 from contact_locking.certificate.elliptic import (
+    NotApplicable,
     elasticity,
     elliptic_problem,
     inner_product,
     springs,
 )
-from contact_locking.certificate.lifting import Lifting, NotAdmissible
+from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.state import SolvedState
 from contact_locking.convex import normal_part, positive_part, squared_norm, unit_ball_excess
 from contact_locking.material import strain
@@ -53,7 +54,7 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
     try:
         w = lifting.admissible
         proved = _pressed_bounds(state, w) if state.problem.free else _held_bounds(state, w)
-    except NotAdmissible as failure:
+    except NotApplicable as failure:
         reason = str(failure)
         return {
             name: {"value": value, "bound": None, "holds": None, "reason": reason}
@@ -126,7 +127,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
         z = problem.solve(_load(state, w))
     pressure = stiffness * surface.average(normal_part(z, contact.normal))()
     if domain.comm.allreduce(bool(np.any(pressure < 0.0))):
-        raise NotAdmissible(
+        raise NotApplicable(
             "contact alone holds a rigid motion, and the load is not carried by a pressure all "
             "over Gamma_C"
         )

@@ -11,8 +11,13 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc
 from mpi4py import MPI
+from petsc4py import PETSc
 
-from contact_locking.certificate.elliptic import elliptic_problem, inner_product
+from contact_locking.certificate.elliptic import (
+    NotApplicable,
+    elliptic_problem,
+    inner_product,
+)
 from contact_locking.certificate.state import SolvedState
 
 FloatArray = npt.NDArray[np.float64]
@@ -85,6 +90,7 @@ def trace_constant(state: SolvedState) -> float:
 
     The largest eigenvalue of ``int v . w = lambda (v, w)_V`` is its square.  Gamma_C is integrated
     by the vertex rule, as in the discrete problem; by convexity that is never less than exact.
+    Raises NotApplicable where the eigenvalue solver fails.
     """
     from slepc4py import SLEPc
 
@@ -106,8 +112,13 @@ def trace_constant(state: SolvedState) -> float:
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
         solver.setTolerances(tol=_RTOL)
         solver.getST().setKSP(problem.ksp)
-        solver.solve()
-        largest = solver.getEigenvalue(0).real if solver.getConverged() else np.nan
+        try:
+            solver.solve()
+        except PETSc.Error as error:
+            raise NotApplicable("the eigenvalue solver failed") from error
+        if not solver.getConverged():
+            raise NotApplicable("the eigenvalue solver did not converge")
+        largest = solver.getEigenvalue(0).real
         for item in (solver, mask, surface):
             item.destroy()
     return float(np.sqrt(largest))
@@ -118,10 +129,10 @@ def _trace(state: SolvedState) -> tuple[float | None, str | None]:
         return None, "contact alone holds a rigid motion, so |.|_V is not a norm"
     if not state.problem.parameters.certificate.constants:
         return None, "skipped: certificate.constants is false"
-    value = trace_constant(state)
-    if not np.isfinite(value):
-        return None, "the eigenvalue solver did not converge"
-    return value, None
+    try:
+        return trace_constant(state), None
+    except NotApplicable as failure:
+        return None, str(failure)
 
 
 def _uniqueness(

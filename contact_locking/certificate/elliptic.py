@@ -27,6 +27,10 @@ _PREFIX = "contact_locking_certificate_"
 _RTOL = 1e-8
 
 
+class NotApplicable(Exception):
+    """Something of the certificate cannot be had for this problem; the message says why."""
+
+
 class EllipticProblem:
     """``b(z, v) = r(v)`` for all v that vanish at the fixed dofs; made by :func:`elliptic_problem`.
 
@@ -57,7 +61,10 @@ class EllipticProblem:
         self.ksp = create_ksp(self.matrix, options, prefix=_PREFIX)
 
     def solve(self, right: Expr | None, values: fem.Function | None = None) -> fem.Function:
-        """The z with ``b(z, v) = r(v)`` that equals ``values`` at the fixed dofs; collective."""
+        """The z with ``b(z, v) = r(v)`` that equals ``values`` at the fixed dofs; collective.
+
+        Raises NotApplicable where the linear solver fails.
+        """
         solution = fem.Function(self._space)
         if values is not None:
             solution.x.array[self.fixed] = values.x.array[self.fixed]
@@ -66,7 +73,10 @@ class EllipticProblem:
         vector.scatter_reverse(la.InsertMode.add)
         b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
         b.array_w[:] = np.where(self.fixed, 0.0, vector.array)[: self._owned]
-        self.ksp.solve(b, x)
+        try:
+            self.ksp.solve(b, x)
+        except PETSc.Error as error:
+            raise NotApplicable("the linear solve that it takes failed") from error
         # CG may move what is fixed.
         step = np.where(self.fixed[: self._owned], 0.0, x.array_r)
         solution.x.array[: self._owned] += step

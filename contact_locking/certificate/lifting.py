@@ -13,7 +13,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking.certificate.elliptic import EllipticProblem, elasticity
+from contact_locking.certificate.elliptic import EllipticProblem, NotApplicable, elasticity
 from contact_locking.certificate.state import SolvedState
 from contact_locking.material import strain
 
@@ -21,10 +21,6 @@ FloatArray = npt.NDArray[np.float64]
 
 # Rounding in strains and displacements, relative to the limit and to the body.
 _ROUNDING = 1e-12
-
-
-class NotAdmissible(Exception):
-    """No admissible field was found; the message says why."""
 
 
 class Lifting:
@@ -42,7 +38,7 @@ class Lifting:
         """An admissible field without slip, None if it is 0; collective, one factorisation.
 
         It takes the prescribed values on Gamma_D and ``w = min(gap, 0) nu`` on Gamma_C, with the
-        least elastic energy.  Raises NotAdmissible if that exceeds the locking limit, or if
+        least elastic energy.  Raises NotApplicable if that exceeds the locking limit, or if
         values prescribed at nodes of Gamma_C slip or enter the foundation.
         """
         state = self._state
@@ -93,7 +89,7 @@ class Lifting:
         state = self._state
         size = np.linalg.norm(state.cells.interpolated(strain(lifted)), axis=(1, 2))
         if not self._nowhere(size - state.cells.limit * (1.0 + _ROUNDING)):
-            raise NotAdmissible(
+            raise NotApplicable(
                 "the elastic displacement that follows the prescribed values exceeds the locking "
                 "limit, and no other admissible one was sought"
             )
@@ -105,10 +101,10 @@ class Lifting:
         slip = np.linalg.norm(u - normal[:, None] * fields.normal, axis=1)
         small = _ROUNDING * state.target.length
         if not self._nowhere(normal - fields.gap - small):
-            raise NotAdmissible("displacements prescribed on the edge of Gamma_C enter the gap")
+            raise NotApplicable("displacements prescribed on the edge of Gamma_C enter the gap")
         assert state.problem.bound is not None
         if not state.problem.bound.frictionless and not self._nowhere(slip - small):
-            raise NotAdmissible("displacements prescribed on the edge of Gamma_C make it slip")
+            raise NotApplicable("displacements prescribed on the edge of Gamma_C make it slip")
 
     def _nowhere(self, values: FloatArray) -> bool:
         """Whether no value on any rank is positive; collective."""

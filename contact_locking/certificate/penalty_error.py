@@ -15,7 +15,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import forms
-from contact_locking.certificate.lifting import Lifting, NotAdmissible
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.state import SolvedState
 from contact_locking.convex import squared_norm
 from contact_locking.forms import ProblemData
@@ -49,8 +50,10 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     if not np.isfinite(target.n) and target.epsilon == 0.0:
         return {"energy_norm": 0.0, "relative": 0.0, "displacement_norm": 0.0}
     try:
+        if not state.report.converged:
+            raise NotApplicable("the solve did not converge")
         w = _admissible_neighbour(state, lifting)
-    except NotAdmissible as failure:
+    except NotApplicable as failure:
         none = dict.fromkeys(("energy_norm", "relative", "displacement_norm"))
         return {**none, "reason": str(failure)}
     square = 2.0 * _gap(state, w)
@@ -125,7 +128,7 @@ def _check_entered(state: SolvedState, w: fem.Function) -> None:
     local = float(np.max(normal - state.contact.gap, initial=0.0))
     largest = state.problem.domain.comm.allreduce(local, op=MPI.MAX)
     if largest > _ROUNDING * state.target.length:
-        raise NotAdmissible("displacements prescribed on the edge of Gamma_C enter the foundation")
+        raise NotApplicable("displacements prescribed on the edge of Gamma_C enter the foundation")
 
 
 def _gap(state: SolvedState, w: fem.Function) -> float:

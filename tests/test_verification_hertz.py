@@ -1,0 +1,111 @@
+"""V4: a parabolic indenter on a block against half-space theory; data of the comet-fenics demo."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from problems import with_changes
+from verification_table import Row
+
+from contact_locking import problem
+
+pytestmark = pytest.mark.serial
+
+RADIUS, DEPTH, YOUNG, POISSON = 0.5, 0.02, 10.0, 0.3
+HALF_WIDTH = math.sqrt(RADIUS * DEPTH)
+FORCE = 4.0 / 3.0 * YOUNG / (1.0 - POISSON**2) * HALF_WIDTH * DEPTH
+PEAK = 1.5 * FORCE / (math.pi * HALF_WIDTH**2)
+TEST = "test_verification_hertz.py"
+
+
+def quarter(path: Path, size: float, h: float, finest: float) -> None:
+    """A quarter of the block, cut at x = 0 and y = 0, fine around the origin."""
+    import gmsh
+
+    gmsh.initialize([], interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        box = gmsh.model.occ.addBox(0, 0, 0, size, size, size)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(3, [box], name="body")
+        for name, axis, place in (
+            ("bottom", 2, 0.0),
+            ("top", 2, size),
+            ("left", 0, 0.0),
+            ("front", 1, 0.0),
+        ):
+            tags = [
+                tag
+                for dim, tag in gmsh.model.getEntities(2)
+                if abs(gmsh.model.occ.getCenterOfMass(dim, tag)[axis] - place) < 1e-9
+            ]
+            gmsh.model.addPhysicalGroup(2, tags, name=name)
+        ball = gmsh.model.mesh.field.add("Ball")
+        sizes = {"Radius": 1.3 * HALF_WIDTH, "Thickness": size, "VIn": finest, "VOut": h}
+        for key, value in sizes.items():
+            gmsh.model.mesh.field.setNumber(ball, key, value)
+        gmsh.model.mesh.field.setAsBackgroundMesh(ball)
+        for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints"):
+            gmsh.option.setNumber(f"Mesh.{option}", 0)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+
+
+def indented(folder: Path, size: float, h: float, finest: float) -> tuple[float, float, float]:
+    """Force, half-width and peak pressure on the whole block."""
+    file = folder / "quarter.msh"
+    quarter(file, size, h, finest)
+    data: dict[str, Any] = {
+        "mesh": {"file": str(file)},
+        "material": {"elasticity": {"young": YOUNG, "poisson": POISSON}},
+        "loads": {
+            "displacements": [
+                {"on": "left", "value": [0, None, None]},
+                {"on": "front", "value": [None, 0, None]},
+                {"on": "top", "value": [0, 0, 0]},
+            ]
+        },
+        "contact": {"on": "bottom", "gap": f"(x*x + y*y)/(2*{RADIUS}) - {DEPTH}"},
+        "penalty": {"n": 1e4, "epsilon": 1e-4},
+    }
+    solution = problem.solve(with_changes(data))
+    assert solution.converged, solution.summary["reason"]
+    assert solution.contact_points is not None
+    area = 4.0 * solution.summary["contact_area"]
+    return (
+        4.0 * solution.summary["contact_force"][2],
+        math.sqrt(area / math.pi),
+        float(solution.contact_points.pressure.max()),
+    )
+
+
+def record(found: list[Row], where: str, values: tuple[float, float, float]) -> None:
+    for name, value, exact in zip(
+        ("force", "half-width", "peak pressure"), values, (FORCE, HALF_WIDTH, PEAK), strict=True
+    ):
+        found.append(Row("V4", where, name, value, exact, TEST))
+
+
+def test_v4_the_unit_block_is_somewhat_stiffer_than_a_half_space(
+    tmp_path: Path, found: list[Row]
+) -> None:
+    values = indented(tmp_path, 1.0, 0.2, 0.016)
+    record(found, "indented unit block", values)
+    force, half_width, peak = values
+    # The block is ten half-widths high on a fixed base.
+    assert FORCE < force < 1.13 * FORCE
+    assert half_width == pytest.approx(HALF_WIDTH, rel=0.06)
+    assert peak == pytest.approx(PEAK, rel=0.08)
+
+
+@pytest.mark.slow
+def test_v4_a_larger_block_is_nearer_to_the_half_space(tmp_path: Path, found: list[Row]) -> None:
+    values = indented(tmp_path, 4.0, 0.5, 0.008)
+    record(found, "indented block of size 4", values)
+    for value, exact in zip(values, (FORCE, HALF_WIDTH, PEAK), strict=True):
+        assert value == pytest.approx(exact, rel=0.05)

@@ -1,0 +1,125 @@
+"""V11: manufactured solutions with locking, contact and friction active, alone and together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+import sympy as sp
+from manufactured import Errors, Manufactured, X, Y, Z, rate, sampled
+from verification_table import Row
+
+from contact_locking.solution import Solution
+
+# A shear, so that the strain is nowhere small, with waves.
+PLANE = (sp.sin(X + 2 * Y + 0.3) / 20 + 0.3 * Y, -sp.cos(2 * X - Y) / 20)
+SPACE = (
+    sp.sin(X + 2 * Z + Y / 2) / 20 + 0.3 * Z,
+    sp.sin(Y - Z) * sp.cos(X) / 20 + 0.1,
+    -sp.cos(2 * X - Z + Y) / 20,
+)
+RADIUS = 0.2
+HELMHOLTZ = {"kernel": "helmholtz", "radius": RADIUS}
+WEAKENING = "0.2 + 0.1/(1 + s)"
+# All of it on several ranks once is enough.
+NAMES = [
+    *(pytest.param(name, marks=pytest.mark.serial) for name in ("locking", "contact", "friction")),
+    "all together",
+]
+
+
+def wave(dim: int) -> tuple[sp.Expr, sp.Expr]:
+    """A positive pressure and R of it: a cosine with the slope 0 at the ends keeps its shape."""
+    cosine = sp.cos(sp.pi * X) * (sp.cos(sp.pi * Y) if dim == 3 else 1)
+    damping = 1 + RADIUS**2 * (dim - 1) * sp.pi**2
+    return 0.3 + damping * cosine / 10, 0.3 + cosine / 10
+
+
+def problem_of(name: str, dim: int = 2) -> Manufactured:
+    u = PLANE if dim == 2 else SPACE
+    pressure, smoothed = wave(dim)
+    match name:
+        case "locking":
+            return Manufactured(u, limit=0.1)
+        case "edge of a locked zone":
+            return Manufactured(u, limit=0.2)
+        case "contact":
+            # It touches where x < 2/3.
+            return Manufactured(u, sp.cos(sp.pi * X) / 10 + 0.05)
+        case "friction":
+            return Manufactured(u, pressure, smoothed, HELMHOLTZ, WEAKENING)
+    return Manufactured(u, pressure, smoothed, HELMHOLTZ, WEAKENING, limit=0.1)
+
+
+def solve_all(given: Manufactured, sizes: Sequence[float]) -> tuple[list[Solution], list[Errors]]:
+    solutions = [given.solved(h) for h in sizes]
+    return solutions, [given.errors(solution) for solution in solutions]
+
+
+def assert_optimal(
+    name: str, dim: int, sizes: Sequence[float], errors: Sequence[Errors], found: list[Row]
+) -> None:
+    in_v, in_l2 = rate(sizes, [e.v for e in errors]), rate(sizes, [e.l2 for e in errors])
+    where = f"manufactured, {dim}D: {name}"
+    test = "test_verification_manufactured.py"
+    found.append(Row("V11", where, "rate in V", in_v, 1.0, test))
+    found.append(Row("V11", where, "rate in L2", in_l2, 2.0, test))
+    assert in_v == pytest.approx(1.0, abs=0.05)
+    assert in_l2 == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_v11_rates_are_optimal_with_each_law_and_with_all(name: str, found: list[Row]) -> None:
+    sizes = [1 / 4, 1 / 8, 1 / 16, 1 / 32]
+    given = problem_of(name)
+    solutions, errors = solve_all(given, sizes)
+    summary = solutions[-1].summary
+    # Nothing is asserted of a law that is asleep.
+    assert summary["locked_fraction"] == (1.0 if given.limit < 1.0 else 0.0)
+    assert (summary["contact_area"] > 0.5) == (given.pressure is not None)
+    if name == "contact":
+        assert summary["contact_area"] == pytest.approx(2 / 3, abs=0.04)
+    assert (abs(summary["friction_force"][0]) > 0.01) == (given.friction != 0.0)
+    assert_optimal(name, 2, sizes, errors, found)
+
+
+@pytest.mark.serial
+def test_v11_an_edge_of_the_locked_zone_costs_no_rate_in_v(found: list[Row]) -> None:
+    sizes = [1 / 4, 1 / 8, 1 / 16, 1 / 32]
+    name = "edge of a locked zone"
+    given = problem_of(name)
+    solutions, errors = solve_all(given, sizes)
+    norm = sampled(given.strain_norm, 2)
+    assert norm.min() < given.limit < norm.max()
+    assert 0.1 < solutions[-1].summary["locked_fraction"] < 0.9
+    in_v, in_l2 = rate(sizes, [e.v for e in errors]), rate(sizes, [e.l2 for e in errors])
+    test = "test_verification_manufactured.py"
+    found.append(Row("V11", f"manufactured, 2D: {name}", "rate in V", in_v, 1.0, test))
+    assert in_v == pytest.approx(1.0, abs=0.05)
+    # The sources jump at the edge, in cells that the quadrature does not resolve.
+    assert in_l2 > 1.5
+
+
+@pytest.mark.serial
+def test_v11_the_error_indicator_is_exact_in_the_limit(found: list[Row]) -> None:
+    for name in ("friction", "edge of a locked zone", "all together"):
+        given = problem_of(name)
+        for h, tolerance in ((1 / 8, 0.05), (1 / 32, 0.015)):
+            solution = given.solved(h)
+            errors, estimate = given.errors(solution), solution.summary["certificate"]["errors"]
+            energy = estimate["mesh"]["energy_norm"] / errors.energy
+            locking = estimate["mesh"]["with_locking"] / errors.with_locking
+            assert energy == pytest.approx(1.0, abs=tolerance)
+            assert locking == pytest.approx(1.0, abs=tolerance)
+        where = f"manufactured, 2D: {name}, h = 1/32"
+        test = "test_verification_manufactured.py"
+        found.append(Row("V11", where, "estimated over true energy error", energy, 1.0, test))
+        found.append(Row("V11", where, "the same with locking", locking, 1.0, test))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_v11_rates_are_optimal_in_space(name: str, found: list[Row]) -> None:
+    sizes = [1 / 4, 1 / 6, 1 / 9, 1 / 13]
+    _, errors = solve_all(problem_of(name, 3), sizes)
+    assert_optimal(name, 3, sizes, errors, found)
