@@ -42,7 +42,7 @@ class Coefficient:
 def constants(state: SolvedState) -> dict[str, Any]:
     """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
 
-    c_0 costs an eigenproblem, some three elastic solves, and is left out unless the study file
+    c_0 costs an eigenproblem, one to two elastic solves, and is left out unless the study file
     asks for it.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}

@@ -1,0 +1,21 @@
+"""Solves whose certificate several tests look at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+
+from contact_locking import problem
+from contact_locking.parameters import Parameters
+from contact_locking.solution import Solution
+
+
+def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Solution:
+    solution = problem.solve(parameters, comm)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+def certificate(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
+    return dict(solved(parameters, comm).summary["certificate"])

@@ -1,0 +1,199 @@
+"""The certificate's proved bounds, constants and error estimates, against what is known."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from certified import certificate, solved
+from problems import block, column, with_changes
+
+from contact_locking.certificate import elliptic, indicator
+from contact_locking.parameters import Parameters
+from contact_locking.solver.linear import ITERATIVE
+
+# Proved bounds ------------------------------------------------------------------------------------
+
+
+def test_a_column_held_by_contact_alone_has_bounds_that_are_nearly_attained() -> None:
+    parameters = column(pressure=0.01, penalty={"n": 1e3, "epsilon": 1e-2})
+    bounds = solved(parameters).summary["bounds"]
+    displacement = bounds["displacement_norm"]
+    # The springs carry the same uniform stress, so only the gap and the penetration are lost.
+    assert displacement["holds"] and bounds["contact_penalty"]["holds"]
+    at_once = column(pressure=0.01, contact__gap=0.0, penalty={"n": 1e3, "epsilon": 1e-12})
+    displacement = solved(at_once).summary["bounds"]["displacement_norm"]
+    # a(u, u) = k |eps|^2, and alpha is less than k.
+    stiffest, alpha = 1.3461538461538463, 0.7692307692307692
+    assert displacement["bound"] / displacement["value"] == pytest.approx(
+        math.sqrt(stiffest / alpha), rel=1e-6
+    )
+
+
+def test_a_load_that_lifts_a_part_of_a_loose_body_leaves_the_bounds_open() -> None:
+    tilting = column(
+        loads__tractions=[{"on": "top", "value": [0.0, "-0.02 + 50*(x - 0.5)"]}],
+        contact={"on": "bottom"},
+        material__locking_limit=math.inf,
+    )
+    bound = solved(tilting).summary["bounds"]["displacement_norm"]
+    assert bound["bound"] is None and "not carried by a pressure" in bound["reason"]
+
+
+def moved(down: float, **changes: Any) -> Parameters:
+    """A block between its foundation and a plate that is glued to its top."""
+    plate = {"displacements": [{"on": "top", "value": [0.0, -down]}]}
+    return block(loads=plate, **changes)
+
+
+@pytest.mark.parametrize("n", [1e2, 1e4, math.inf])
+def test_prescribed_displacements_that_an_elastic_field_follows_have_bounds(n: float) -> None:
+    bounds = solved(moved(0.004, penalty__n=n)).summary["bounds"]
+    for entry in bounds.values():
+        assert entry["holds"] is True
+        assert entry["value"] <= entry["bound"]
+    assert bounds["displacement_norm"]["value"] > 0.2 * bounds["displacement_norm"]["bound"]
+
+
+def test_a_negative_gap_is_lifted_over() -> None:
+    bounds = solved(moved(0.0, contact__gap=-0.003)).summary["bounds"]
+    assert all(entry["holds"] is True for entry in bounds.values())
+
+
+def test_prescribed_displacements_beyond_an_elastic_field_leave_the_bounds_open() -> None:
+    for entry in solved(moved(0.019)).summary["bounds"].values():
+        assert entry["bound"] is None and entry["holds"] is None
+        assert "exceeds the locking limit" in entry["reason"]
+
+
+def test_dual_norm_by_cg_with_rigid_motions_is_that_of_the_direct_solver(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def bound() -> float:
+        return float(solved(block(3, 0.25)).summary["bounds"]["displacement_norm"]["bound"])
+
+    direct = bound()
+    monkeypatch.setattr(elliptic, "default_options", lambda *_: dict(ITERATIVE))
+    assert bound() == pytest.approx(direct, rel=1e-7)
+
+
+# Constants ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_trace_constant_of_a_column_under_its_fixed_top_is_the_root_of_its_height(dim: int) -> None:
+    rollers = [{"on": ["left", "right"], "value": [0.0] + [None] * (dim - 1)}]
+    if dim == 3:
+        rollers.append({"on": ["front", "back"], "value": [None, 0.0, None]})
+    top = {"on": "top", "value": [0.0] * (dim - 1) + [-0.01]}
+    found = certificate(
+        column(
+            dim,
+            loads={"displacements": [*rollers, top]},
+            contact__gap=0.0,
+            certificate__constants=True,
+        )
+    )["constants"]
+    # v = (0, 2 - y): |v|^2 on the bottom is 4, |eps(v)|^2 is 2.
+    assert found["c_0"] == pytest.approx(math.sqrt(2.0), rel=1e-6)
+    assert found["alpha"] == pytest.approx(1.0 / 1.3)
+
+
+def test_constants_of_a_slip_dependent_coefficient_are_sampled() -> None:
+    found = certificate(block(friction__coefficient="0.4 - 0.3*(1 - exp(-s/0.005))"))["constants"]
+    assert found["friction_constants"] == "sampled"
+    assert found["friction_coefficient"] == pytest.approx(0.4)
+    assert found["friction_lipschitz"] == pytest.approx(60.0, rel=1e-3)
+    assert found["c_0"] is None and "certificate.constants" in found["c_0_reason"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict", "why"),
+    [
+        ({"friction__coefficient": 0.0}, "covered by theory", "no friction"),
+        ({"friction__coefficient": 0.05, "penalty__epsilon": 0.1}, "covered by theory", "is below"),
+        ({"friction__coefficient": 0.3}, "not known", "is not below"),
+        ({"penalty__n": math.inf}, "not known", "not explicit"),
+    ],
+)
+def test_uniqueness_is_covered_by_theory_or_not_known(
+    changes: dict[str, Any], verdict: str, why: str
+) -> None:
+    found = certificate(block(certificate__constants=True, **changes))["constants"]["uniqueness"]
+    assert found["verdict"] == verdict and why in found["why"]
+
+
+def test_the_observed_contraction_factor_stands_beside_the_verdict() -> None:
+    found = certificate(block(solver={"method": "newton"}))["constants"]["uniqueness"]
+    assert 0.0 < found["contraction"] < 1.0
+
+
+# Error estimates ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("changes", [{"friction__coefficient": 0.0}, {"contact__gap": 0.002}, {}])
+def test_the_bound_on_the_distance_to_the_inequality_holds(changes: dict[str, Any]) -> None:
+    before = math.inf
+    for n in (1e2, 1e4, 1e6):
+        errors = certificate(block(penalty__n=n, certificate__limit=True, **changes))["errors"]
+        bound, measured = errors["penalty"], errors["penalty_measured"]
+        for key in ("energy_norm", "relative", "displacement_norm"):
+            assert 0.0 < measured[key] <= bound[key]
+        # eta^2 is of the order 1/n.
+        assert bound["energy_norm"] < 0.3 * before
+        before = bound["energy_norm"]
+
+
+def test_the_solution_of_the_inequality_is_at_no_distance_from_itself() -> None:
+    errors = certificate(block(penalty__n=math.inf, certificate__limit=True))["errors"]
+    assert errors["penalty"]["energy_norm"] == 0.0
+    assert errors["penalty_measured"]["relative"] <= 1e-7
+
+
+def test_the_distance_of_a_column_is_that_of_its_exact_solutions() -> None:
+    # Without locking both columns have the same strain, and the penalised one has sunk further.
+    found = certificate(column(pressure=0.01, certificate__limit=True))["errors"]
+    assert found["penalty_measured"]["relative"] <= 1e-7
+    locked = certificate(column(pressure=0.05, certificate__limit=True))["errors"]
+    k = 1.3461538461538463
+    excess = (0.05 - k * 0.02) / (k + 2e3)
+    exact = math.sqrt(k * 2.0) * excess
+    assert locked["penalty_measured"]["energy_norm"] == pytest.approx(exact, rel=1e-5)
+    assert locked["penalty"]["energy_norm"] >= exact
+
+
+def test_where_no_admissible_field_is_found_the_bound_is_left_open_with_the_reason() -> None:
+    penalty = certificate(moved(0.019))["errors"]["penalty"]
+    assert penalty["energy_norm"] is None and "locking limit" in penalty["reason"]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_indicator_vanishes_for_a_solution_that_is_exact(dim: int) -> None:
+    solution = solved(column(dim))
+    assert np.abs(solution.error_indicator.x.array).max() <= 1e-7
+    assert solution.summary["certificate"]["errors"]["mesh"]["with_locking"] <= 1e-7
+
+
+def test_the_indicator_does_not_take_a_jump_between_regions_for_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stretched = with_changes(
+        {
+            "mesh": {"builder": "inclusion", "h": 0.05},
+            "material": {"regions": {"inclusion": {"elasticity": {"young": 20.0, "poisson": 0.3}}}},
+            "loads": {
+                "displacements": [
+                    {"on": ["left", "right"], "value": ["0.01*x", None]},
+                    {"on": "bottom", "value": [None, 0.0]},
+                ]
+            },
+            "contact": {"on": []},
+        }
+    )
+    by_region = certificate(stretched)["errors"]["mesh"]["energy_norm"]
+    monkeypatch.setattr(indicator, "_regions", lambda _, count: [np.ones(count, dtype=bool)])
+    across = certificate(stretched)["errors"]["mesh"]["energy_norm"]
+    # The indicator inside each region falls like h, that across like sqrt(h) in the end.
+    assert 0.0 < by_region < 0.85 * across
