@@ -55,8 +55,13 @@ class SolvedState:
 
     @cached_property
     def mean_stress(self) -> float:
-        """``sqrt(a(u, u) |A|/|Omega|)``: what a stress, and over |A| a strain, is large against."""
-        return float(np.sqrt(2.0 * self.energy * self.target.stiffness / self.cells.volume))
+        """``sqrt(a(u, u) alpha/|Omega|)``; over alpha it is a mean strain.
+
+        With alpha, and not with the largest eigenvalue of A, it does not grow for nearly
+        incompressible bodies, whose strains meet no more resistance than others.
+        """
+        alpha = self.problem.material.ellipticity
+        return float(np.sqrt(2.0 * self.energy * alpha / self.cells.volume))
 
     @cached_property
     def free_nodes(self) -> BoolArray:
