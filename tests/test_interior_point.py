@@ -53,7 +53,7 @@ def test_division_undoes_the_jordan_product_and_the_inverse_gives_the_unit(seed:
 def test_the_longest_step_ends_on_the_boundary_of_a_cone(seed: int) -> None:
     random = np.random.default_rng(seed)
     x, step = _inside(random), random.standard_normal((4, 5))
-    t = cones.longest_step(x, step)
+    t = cones.Unit.of(x).longest_step(step)
     if math.isinf(t):
         assert np.all(cones.det(x + 1e6 * step) > 0.0)
         return
@@ -64,7 +64,7 @@ def test_the_longest_step_ends_on_the_boundary_of_a_cone(seed: int) -> None:
 
 def test_a_direction_that_is_no_number_allows_no_step() -> None:
     x = np.array([[1.0], [0.0]])
-    assert cones.longest_step(x, np.full((2, 1), np.nan)) == 0.0
+    assert cones.Unit.of(x).longest_step(np.full((2, 1), np.nan)) == 0.0
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.3])

@@ -62,7 +62,7 @@ class LorentzBlock:
         return change
 
     def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
-        return min(cones.longest_step(self.x, dx), cones.longest_step(self.z, dz))
+        return min(self._scaling.x.longest_step(dx), self._scaling.z.longest_step(dz))
 
     def advance(self, t: float, dx: FloatArray, dz: FloatArray) -> None:
         self.x += t * dx

@@ -63,26 +63,40 @@ def inverse(x: FloatArray) -> FloatArray:
     return reflect(x) / det(x)
 
 
-def longest_step(x: FloatArray, step: FloatArray) -> float:
-    """The largest t with ``x + t step`` in every cone, inf if there is no limit."""
-    if not x.shape[1]:
-        return np.inf
-    size = np.sqrt(det(x))
-    unit = x / size
-    along = unit[0] * step[0] - dot(unit[1:], step[1:])
-    across = step[1:] - ((along + step[0]) / (unit[0] + 1.0)) * unit[1:]
-    speed = np.max((norm(across) - along) / size)
-    # NaN is no direction to go in.
-    return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
+@dataclass(frozen=True)
+class Unit:
+    """Points inside the cone as ``size`` (k,) times ``direction`` (1 + m, k) of determinant one."""
+
+    size: FloatArray
+    direction: FloatArray
+
+    @classmethod
+    def of(cls, x: FloatArray) -> Unit:
+        size = np.sqrt(det(x))
+        return cls(size, x / size)
+
+    def longest_step(self, step: FloatArray) -> float:
+        """The largest t with ``x + t step`` in every cone, inf if there is no limit."""
+        if not step.shape[1]:
+            return np.inf
+        e = self.direction
+        along = e[0] * step[0] - dot(e[1:], step[1:])
+        across = step[1:] - ((along + step[0]) / (e[0] + 1.0)) * e[1:]
+        speed = np.max((norm(across) - along) / self.size)
+        # NaN is no direction to go in.
+        return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
 class Scaling:
     """The Nesterov-Todd scaling of a pair (x, z): ``W z = W^-1 x = lambda``.
 
-    ``W = eta (2 v v^T - J)`` and ``W^2 = eta^2 (2 w w^T - J)`` with ``w^T J w = 1``.
+    ``W = eta (2 v v^T - J)`` and ``W^2 = eta^2 (2 w w^T - J)`` with ``w^T J w = 1``; ``point`` is
+    lambda.
     """
 
+    x: Unit
+    z: Unit
     eta: FloatArray
     w: FloatArray
     v: FloatArray
@@ -90,8 +104,8 @@ class Scaling:
 
     @classmethod
     def of(cls, x: FloatArray, z: FloatArray) -> Scaling:
-        det_x, det_z = np.sqrt(det(x)), np.sqrt(det(z))
-        x_unit, z_unit = x / det_x, z / det_z
+        unit_x, unit_z = Unit.of(x), Unit.of(z)
+        x_unit, z_unit = unit_x.direction, unit_z.direction
         gamma = np.sqrt(0.5 * (1.0 + dot(x_unit, z_unit)))
         w = (x_unit + reflect(z_unit)) / (2.0 * gamma)
         v = w.copy()
@@ -102,8 +116,8 @@ class Scaling:
         point[0] = gamma
         point[1:] = ((gamma + z_unit[0]) / total) * x_unit[1:]
         point[1:] += ((gamma + x_unit[0]) / total) * z_unit[1:]
-        point *= np.sqrt(det_x * det_z)
-        return cls(np.sqrt(det_x / det_z), w, v, point)
+        point *= np.sqrt(unit_x.size * unit_z.size)
+        return cls(unit_x, unit_z, np.sqrt(unit_x.size / unit_z.size), w, v, point)
 
     def apply(self, y: FloatArray) -> FloatArray:
         """``W y``."""
