@@ -1,7 +1,8 @@
 """How many tangents, and how long beside one linear elastic solve and beside Clarabel: results.md.
 
-    make bench                              about five minutes
-    ./in-env python3 benchmarks/bench.py --finest 256 --large
+    make bench                                                           some minutes
+    ./in-env python3 benchmarks/bench.py --finest 256 --large --ranks    half an hour
+    ./in-env python3 benchmarks/bench.py --huge                          hours, 16 GB
 
 The case is the unit block of the tests on a regular grid, mu = 0.3, R a convolution over r = 0.1.
 Everything that is compared is measured in one run, and nothing is timed before its forms are
@@ -42,6 +43,7 @@ from contact_locking.system import PenalisedSystem
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
 from conic import block_problem
 from problems import block
+from ranked import on_ranks
 
 PENALTIES = (1e2, 1e4, 1e6, 1e8, math.inf)
 RESULTS = Path(__file__).resolve().parent / "results.md"
@@ -191,6 +193,37 @@ def against_clarabel(mine: Run) -> list[str]:
     ]
 
 
+def speed_up(dim: int, divisions: int, n: float, linear: str) -> list[str]:
+    """A row: one case on one rank and on two, by the clock."""
+    one, two = (on_ranks(ranks, dim, divisions, n, linear) for ranks in (1, 2))
+    differ = abs(two["compliance"] / one["compliance"] - 1.0)
+    say(f"{dim}D, 1/{divisions}, {linear}: {one['seconds']:.1f} s and {two['seconds']:.1f} s")
+    return [
+        f"{dim}D, 1/{divisions}, {linear}",
+        str(one["dofs"]),
+        f"{n:g}",
+        *(f"{r['seconds']:.1f} ({r['iterations']['tangents']})" for r in (one, two)),
+        f"{one['seconds'] / two['seconds']:.2f}",
+        f"{differ:.0e}",
+    ]
+
+
+def huge() -> list[str]:
+    """A row: 3D with 800 k dofs on two ranks."""
+    case = on_ranks(2, 3, 64, 1e4, "iterative")
+    iterations = case["iterations"]
+    return [
+        "3D, 1/64, iterative",
+        str(case["dofs"]),
+        "10000",
+        f"{iterations['tangents']}",
+        f"{iterations['linear']}",
+        f"{case['seconds']:.0f}",
+        f"{case['gigabytes']:.1f}",
+        case["reason"],
+    ]
+
+
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """In Markdown, the columns lined up."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
@@ -220,7 +253,9 @@ def main() -> None:
     """Measure, write results.md and print it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--finest", type=int, default=128, help="1/h of the finest mesh in 2D")
-    parser.add_argument("--large", action="store_true", help="also 3D with 100 k dofs, CG + GAMG")
+    parser.add_argument("--large", action="store_true", help="also 3D with 100 k dofs")
+    parser.add_argument("--ranks", action="store_true", help="also two ranks against one")
+    parser.add_argument("--huge", action="store_true", help="also 3D with 800 k dofs on two ranks")
     given = parser.parse_args()
     grids = [size for size in (32, 64, 128, 256) if size <= given.finest]
     for dim in (2, 3):
@@ -231,7 +266,12 @@ def main() -> None:
     times = over_elastic(planar) + over_elastic(solid)
     if given.large:
         times += over_elastic([run(3, 32, n) for n in (1e4, math.inf)])
-    conic = [against_clarabel(planar[-1]), against_clarabel(solid[-1])]
+    conic = [against_clarabel(run(2, size, math.inf)) for size in grids if size >= 128]
+    conic.append(against_clarabel(solid[-1]))
+    parallel = []
+    if given.ranks:
+        parallel.append(speed_up(2, 256, math.inf, "direct"))
+        parallel.append(speed_up(3, 32, math.inf, "iterative"))
     columns = ["block", "dofs", "n", "tangents", "elastic s"]
     columns += ["solver s", "/ elastic", "in all s", "/ elastic"]
     against = ["block", "dofs", "Clarabel s (iterations)", "solver s (tangents)", "faster"]
@@ -264,6 +304,13 @@ def main() -> None:
         *table(against, conic),
         "",
     ]
+    if parallel:
+        header = ["block", "dofs", "n", "1 rank s (tangents)", "2 ranks s (tangents)"]
+        header += ["faster", "compliances differ by"]
+        text += ["## Two ranks against one", "", "By the clock.", "", *table(header, parallel), ""]
+    if given.huge:
+        header = ["block", "dofs", "n", "tangents", "CG iterations", "solver s", "GB", "end"]
+        text += ["## The largest case, on two ranks", "", *table(header, [huge()]), ""]
     partial = RESULTS.with_suffix(".partial")
     partial.write_text("\n".join(text))
     os.replace(partial, RESULTS)

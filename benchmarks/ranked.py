@@ -1,0 +1,78 @@
+"""Solve one case of the block on every rank of mpirun, and print what it took as JSON.
+
+./in-env mpirun -n 2 python3 benchmarks/ranked.py 3 32 1e4 iterative
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+
+
+def on_ranks(ranks: int, dim: int, divisions: int, n: float, linear: str) -> dict[str, Any]:
+    """The same as a dictionary, from ``mpirun -n ranks`` in a process of its own."""
+    case = [str(dim), str(divisions), str(n), linear]
+    command = ["mpirun", "-n", str(ranks), sys.executable, str(HERE / "ranked.py"), *case]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return result
+
+
+def main() -> None:
+    """Solve twice in small, for the forms, and once as asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("dim", type=int)
+    parser.add_argument("divisions", type=int)
+    parser.add_argument("n", type=float)
+    parser.add_argument("linear", choices=["direct", "iterative"])
+    given = parser.parse_args()
+
+    sys.path.append(str(HERE.parent / "tests"))
+    from mpi4py import MPI
+    from problems import block
+
+    from contact_locking import problem
+    from contact_locking.progress import Monitor
+
+    class Clock(Monitor):
+        """The nonlinear solve alone, by the clock on the wall."""
+
+        began = ended = math.nan
+
+        def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
+            MPI.COMM_WORLD.Barrier()
+            self.began = time.perf_counter()
+
+        def message(self, text: str) -> None:
+            if math.isnan(self.ended) and not math.isnan(self.began):
+                MPI.COMM_WORLD.Barrier()
+                self.ended = time.perf_counter()
+
+    def solve(divisions: int, monitor: Monitor) -> Any:
+        h = 1.0 / divisions
+        changes = {"penalty__n": given.n, "solver__linear": given.linear}
+        return problem.solve(block(given.dim, h, mesh__structured=True, **changes), monitor=monitor)
+
+    solve(4, Monitor())
+    clock = Clock()
+    summary = solve(given.divisions, clock).summary
+    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    memory = MPI.COMM_WORLD.allreduce(kilobytes)
+    if MPI.COMM_WORLD.rank == 0:
+        kept = ("dofs", "converged", "reason", "iterations", "compliance", "elastic_energy")
+        result = {key: summary[key] for key in kept}
+        result |= {"seconds": clock.ended - clock.began, "gigabytes": memory / 2**20}
+        print(json.dumps(result))
+
+
+if __name__ == "__main__":
+    main()
