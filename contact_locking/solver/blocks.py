@@ -68,12 +68,17 @@ class LorentzBlock:
         self.x += t * dx
         self.z += t * dz
 
-    def _aim(self, target: float, correction: FloatArray | float) -> None:
-        """The b of ``dz = b - W^-2 dx`` that drives the scaled products to ``target e``."""
-        scaling = self._scaling
-        wanted = -cones.product(scaling.point, scaling.point) - correction
-        wanted[0] += target
-        self._b = scaling.apply_inverse(cones.divide(wanted, scaling.point))
+    def _aim(self, target: float, correction: FloatArray | None) -> None:
+        """The b of ``dz = b - W^-2 dx`` that drives the scaled products to ``target e``.
+
+        ``lambda o (W^-1 dx + W dz) = target e - lambda o lambda - correction`` leads to it, where
+        ``W^-1 lambda = z`` and ``W^-1 lambda^-1 = x^-1``.
+        """
+        b = target * cones.inverse(self.x) if target > 0.0 else np.zeros_like(self.z)
+        b -= self.z
+        if correction is not None:
+            b -= self._scaling.apply_inverse(cones.divide(correction, self._scaling.point))
+        self._b = b
 
 
 class LockingBlock(LorentzBlock):
@@ -108,14 +113,16 @@ class LockingBlock(LorentzBlock):
         self._gap = self.primal_residual(strain)
         scaling = self._scaling = Scaling.of(self.x, self.z)
         square, w_0, kappa = scaling.eta**2, scaling.w[0], self.compliance
-        factor = 2.0 * (square - kappa) / (square * (square + kappa * (2.0 * w_0**2 - 1.0)))
-        return np.reciprocal(square), factor, scaling.w[1:]
+        self._stiffness = np.reciprocal(square)
+        self._h_00 = (2.0 * w_0**2 - 1.0) * self._stiffness
+        self._share = np.reciprocal(1.0 + kappa * self._h_00)
+        factor = 2.0 * (square - kappa) * self._stiffness**2 * self._share
+        return self._stiffness, factor, scaling.w[1:]
 
-    def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
+    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         """The locking stress (m, k) that the step leads to if the displacement stands still."""
         self._aim(target, correction)
-        dz = self._multiplier_step(self._gap[1:])
-        return -(self.z + dz)[1:]
+        return -self.z[1:] - self._multiplier_step(self._gap[1:])[1:]
 
     def step(self, d_strain: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Primal and dual step for the strain's step (m, k)."""
@@ -126,16 +133,15 @@ class LockingBlock(LorentzBlock):
 
     def _multiplier_step(self, d_x1: FloatArray) -> FloatArray:
         """``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated."""
-        square, w = self._scaling.eta**2, self._scaling.w
-        w_0, w_1 = w[0], w[1:]
-        h_00 = (2.0 * w_0**2 - 1.0) / square
+        w_0, w_1 = self._scaling.w[0], self._scaling.w[1:]
         w_dx1 = dot(w_1, d_x1)
         dz = np.empty_like(self.z)
-        dz[0] = (self._b[0] - h_00 * self._gap[0] + 2.0 * w_0 * w_dx1 / square) / (
-            1.0 + self.compliance * h_00
-        )
+        dz[0] = self._b[0] - self._h_00 * self._gap[0] + 2.0 * self._stiffness * w_0 * w_dx1
+        dz[0] *= self._share
         d_x0 = self.compliance * dz[0] + self._gap[0]
-        dz[1:] = self._b[1:] - (d_x1 + 2.0 * (w_dx1 - w_0 * d_x0) * w_1) / square
+        along = 2.0 * (w_dx1 - w_0 * d_x0)
+        for i in range(1, len(dz)):
+            dz[i] = self._b[i] - self._stiffness * (d_x1[i - 1] + along * w_1[i - 1])
         return dz
 
 
@@ -167,9 +173,11 @@ class ContactBlock:
         self._gap = self.primal_residual(opening)
         return self.z / (self.x + self.compliance * self.z)
 
-    def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
+    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         """The pressure (k,) that the step leads to if the displacement stands still."""
-        self._wanted = target - self.x * self.z - correction
+        self._wanted = target - self.x * self.z
+        if correction is not None:
+            self._wanted -= correction
         return self.z + self._multiplier_step(self._gap)
 
     def step(self, d_normal: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -234,7 +242,7 @@ class FrictionBlock(LorentzBlock):
         factor = 2.0 * np.reciprocal((2.0 * w_0**2 - 1.0) * square)
         return np.reciprocal(square), factor, scaling.w[1 : 1 + self._dim]
 
-    def aim(self, target: float, correction: FloatArray | float = 0.0) -> FloatArray:
+    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         """``-sigma_tau`` (d, k) that the step leads to if the displacement stands still."""
         self._aim(target, correction)
         dz = self._steps(self._gap)[1]

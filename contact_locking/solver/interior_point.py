@@ -327,7 +327,7 @@ class InteriorPoint:
     def _direction(self, target: float, corrections: list[Any] | None) -> Direction:
         """The displacement step and each block's steps towards products of ``target``."""
         cones, length = self._cones, self._target.length
-        given = corrections or [0.0] * len(self._blocks)
+        given = corrections or [None] * len(self._blocks)
         stress = self._locking.aim(target, given[0])
         pressure = friction = None
         if self._contact is not None:
