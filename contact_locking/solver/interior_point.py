@@ -11,7 +11,7 @@ one with a known bound.
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,14 +22,15 @@ from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.material import MANDEL_PAIRS
 from contact_locking.progress import Monitor
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
+from contact_locking.solver.cone_point import ConePoint, Direction
 from contact_locking.solver.cone_system import ConeSystem
 from contact_locking.solver.cones import norm
 from contact_locking.solver.linear import LINEAR_FAILURE
-from contact_locking.solver.measures import Measures, mean, relative_rms
+from contact_locking.solver.measures import Measures, mean
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.target import Target
-from contact_locking.system import PenalisedSystem
+from contact_locking.system import FrictionBound, PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -70,10 +71,6 @@ _START_LEVEL = 5.0
 _START_OPENING = 0.1
 
 
-# A step of the displacement (local values), and the primal and dual step of each block.
-Direction: TypeAlias = tuple[FloatArray, list[Any]]
-
-
 class InteriorPoint:
     """One solve from a cold start: a previous case, on the boundary of its cones, is no better.
 
@@ -94,9 +91,7 @@ class InteriorPoint:
         self._settings, self._monitor = settings, monitor
         self._cones = cones = ConeSystem(system, settings, target.stiffness)
         self._unstrained = np.zeros((len(MANDEL_PAIRS[cones.dim]), len(cones.limit)))
-        self._locking = self._locking_block(self._unstrained)
-        self._contact: ContactBlock | None = None
-        self._friction: FrictionBlock | None = None
+        self._point = ConePoint(cones, target.length, self._locking_block(self._unstrained))
         self._friction_change = 0.0
         self._first: tuple[float, float] | None = None
 
@@ -108,7 +103,7 @@ class InteriorPoint:
 
     def _iterate_to_the_end(self, report: SolverReport) -> Multipliers:
         monitor, settings = self._monitor, self._settings
-        self._friction, self._friction_change, self._first = None, 0.0, None
+        self._friction_change, self._first = 0.0, None
         try:
             self._start(report)
         except PETSc.Error as error:
@@ -156,83 +151,87 @@ class InteriorPoint:
         size = size or self._largest_displacement() / target.length
         if size < _NO_STRAIN:
             size = _SOME_STRAIN
-        self._locking = self._locking_block(strain)
+        locking = self._locking_block(strain)
         level = _START_LEVEL * target.stiffness * size**2
-        self._locking.start(level)
+        locking.start(level)
         self._least_energy = _LEAST * target.stiffness * size**2 * target.length**cones.dim
         self._least_force = self._least_energy / (size * target.length)
-        if cones.surface is not None:
+        contact = friction = None
+        if system.bound is not None:
             least = _START_OPENING * size * target.length
-            opening = self._opening()
-            self._contact = ContactBlock(opening, cones.node_weights, target.epsilon, least)
-            self._contact.start(level * target.length)
-            bound = system.bound
-            assert bound is not None
-            if self._bound_moves and not bound.frictionless:
-                bound.values = self._new_bound()
-            # A bound that is nothing leaves no friction to account for.
-            if not bound.frictionless and bound.norm(bound.values) > 0.0:
-                self._friction = FrictionBlock(
-                    cones.slips(system.u.x.array),
-                    cones.node_weights,
-                    target.epsilon,
-                    bound.values[cones.active],
-                    least,
-                )
+            opening = cones.node_gap - cones.normal_displacements(system.u.x.array)
+            contact = ContactBlock(opening, cones.node_weights, target.epsilon, least)
+            contact.start(level * target.length)
+            friction = self._start_friction(system.bound, contact.z, least)
+        self._point = ConePoint(cones, target.length, locking, contact, friction)
+
+    def _start_friction(
+        self, bound: FrictionBound, pressure: FloatArray, least: float
+    ) -> FrictionBlock | None:
+        if bound.frictionless:
+            return None
+        cones = self._cones
+        if self._bound_moves:
+            bound.values = self._new_bound(bound, pressure)
+        # A bound that is nothing leaves no friction to account for.
+        if bound.norm(bound.values) == 0.0:
+            return None
+        slips, values = cones.slips(self._system.u.x.array), bound.values[cones.active]
+        return FrictionBlock(slips, cones.node_weights, self._target.epsilon, values, least)
 
     def _locking_block(self, strain: FloatArray) -> LockingBlock:
         cones = self._cones
         return LockingBlock(strain, cones.limit, cones.volumes, 0.5 / self._target.n)
 
     def _iterate(self, report: SolverReport) -> None:
-        cones = self._cones
-        locking = self._locking.linearise(self._strain)
-        contact = friction = None
-        if self._contact is not None:
-            contact = self._contact.linearise(self._opening())
-        if self._friction is not None:
-            friction = self._friction.linearise(self._slip)
-            self._friction.bound_step[:] = 0.0
+        point = self._point
+        if point.friction is not None:
+            point.friction.bound_step[:] = 0.0
         try:
-            cones.set_scaling(locking, contact, friction)
+            point.linearise()
             report.tangents += 1
             affine = self._direction(0.0, None)
-            t = min(1.0, self._longest_step(affine))
-            before = self._complementarity()
-            after = self._complementarity_after(t, affine)
-            centring = min(1.0, max(after / before, 0.0)) ** 3
-            centring = self._limited(centring)
-            combined, t = self._combined(affine, t, centring * before)
+            t = min(1.0, point.longest_step(affine))
+            before = point.mean_product()
+            centring = min(1.0, max(point.mean_product_after(t, affine) / before, 0.0)) ** 3
+            step, t = self._combined(affine, t, self._limited(centring) * before)
         except PETSc.Error as error:
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
             report.linear += self._cones.take_iterations()
         if not t > 1e-8:
             raise NotConverged(f"the interior point step vanished ({self._measured})")
-        cones.move(t, combined[0])
-        for block, step in zip(self._blocks, combined[1], strict=True):
-            block.advance(t, *step)
-        if self._friction is not None and self._bound_moves:
-            bound = self._system.bound
-            assert bound is not None
-            new = self._new_bound()
-            least = self._target.least_bound(cones.energy, cones.dim)
-            size = max(bound.norm(new), least)
-            used = bound.values.copy()
-            used[cones.active] = self._friction.bound
-            self._friction_change = bound.norm(new - used) / size if size > 0.0 else 0.0
-            bound.values = new
-            self._friction.set_bound(new[cones.active])
+        point.advance(t, step)
+        if self._moving is not None:
+            self._follow(*self._moving)
             report.friction += 1
+
+    @property
+    def _moving(self) -> tuple[FrictionBound, ContactBlock, FrictionBlock] | None:
+        """What takes part where the friction bound follows the pressure."""
+        bound, point = self._system.bound, self._point
+        if bound is None or point.contact is None or point.friction is None:
+            return None
+        return (bound, point.contact, point.friction) if self._bound_moves else None
+
+    def _follow(self, bound: FrictionBound, contact: ContactBlock, friction: FrictionBlock) -> None:
+        """Set the bound to what the pressure asks for, and note how far that is; collective."""
+        cones = self._cones
+        new = self._new_bound(bound, contact.z)
+        used = bound.values.copy()
+        used[cones.active] = friction.bound
+        size = max(bound.norm(new), self._target.least_bound(cones.energy, cones.dim))
+        self._friction_change = bound.norm(new - used) / size if size > 0.0 else 0.0
+        bound.values = new
+        friction.set_bound(new[cones.active])
 
     def _combined(self, affine: Direction, t: float, target: float) -> tuple[Direction, float]:
         """The step to take and its length: corrected, recentred, and with the bound moved along.
 
         Everything here uses the factorisation that the predictor ``affine`` of length ``t`` has.
         """
-        corrections = [
-            block.correction(*step) for block, step in zip(self._blocks, affine[1], strict=True)
-        ]
+        point = self._point
+        corrections = point.corrections(affine)
         agreed = self._measured.friction <= _ALMOST_AGREED
         if not agreed:
             self._move_bound(t, affine)
@@ -241,13 +240,7 @@ class InteriorPoint:
         for _ in range(_RECENTRINGS):
             if t >= _LONG_ENOUGH:
                 break
-            reach = min(1.0, t + _REACH)
-            trial = [
-                correction - block.recentring(reach, *step, target * scale)
-                for correction, block, step, scale in zip(
-                    corrections, self._blocks, best[1], self._scales, strict=True
-                )
-            ]
+            trial = point.recentred(corrections, min(1.0, t + _REACH), best, target)
             candidate = self._direction(target, trial)
             longer = self._length(candidate)
             if longer < _GAIN * t:
@@ -260,57 +253,21 @@ class InteriorPoint:
 
     def _move_bound(self, t: float, direction: Direction) -> bool:
         """Let the step take the bound to where a step of length t along ``direction`` wants it."""
-        if self._friction is None or not self._bound_moves:
+        if self._moving is None:
             return False
-        assert self._contact is not None
-        pressure = np.maximum(self._contact.z + t * direction[1][1][1], 0.0)
-        active = self._cones.active
-        self._friction.bound_step = self._new_bound(pressure)[active] - self._friction.bound
+        bound, contact, friction = self._moving
+        pressure = np.maximum(contact.z + t * direction[1][1][1], 0.0)
+        new = self._new_bound(bound, pressure)[self._cones.active]
+        friction.bound_step = new - friction.bound
         return True
 
+    def _direction(self, target: float, corrections: list[Any] | None) -> Direction:
+        """A linear solve may leave a share of what the iteration has not yet achieved."""
+        accuracy = _LINEAR_SHARE * max(self._settings.tolerance, self._measured.gap)
+        return self._point.direction(target, corrections, accuracy)
+
     def _length(self, direction: Direction) -> float:
-        return min(1.0, _TO_BOUNDARY * self._longest_step(direction))
-
-    @property
-    def _scales(self) -> list[float]:
-        """What the target of each block is multiplied by: products on Gamma_C are per area."""
-        return [1.0, self._target.length, self._target.length][: len(self._blocks)]
-
-    def _stop_if_infeasible(self, measures: Measures) -> None:
-        """Multipliers that grow without bound while the laws stay violated: nothing is feasible."""
-        if self._target.epsilon > 0.0 and math.isfinite(self._target.n):
-            return
-        size = self._multiplier_size()
-        if self._first is None:
-            self._first = size, measures.primal
-        first_size, first_primal = self._first
-        if size > _DIVERGED * first_size and measures.primal > 0.01 * first_primal:
-            raise Infeasible(
-                "infeasible: no displacement within the locking limit and the gap follows the "
-                f"prescribed values; {self._cones.describe_excess(self._strain)}",
-                self._factor_excluded(),
-            )
-
-    def _factor_excluded(self) -> float:
-        """The factor on the prescribed values u_D that the multipliers prove too large.
-
-        Diverging multipliers balance themselves, next to them loads and elasticity are nothing.  So
-        ``P = int Z : eps(v) + int p v_nu`` is the same for every v that follows u_D, and s P for
-        those that follow s u_D; but it is ``int M |Z| + int p gap`` at most if v is admissible.
-        """
-        cones = self._cones
-        stress = self._locking.stress
-        pressure = None if self._contact is None else self._contact.z
-        power = cones.power(self._system.u.x.array, stress, pressure)
-        resistance = cones.resistance(stress, pressure)
-        return resistance / power if 0.0 < resistance < power else math.inf
-
-    def _multiplier_size(self) -> float:
-        """The largest locking multiplier or pressure; collective."""
-        local = float(self._locking.z[0].max(initial=0.0))
-        if self._contact is not None:
-            local = max(local, float(self._contact.z.max(initial=0.0)))
-        return float(self._cones.comm.allreduce(local, op=MPI.MAX))
+        return min(1.0, _TO_BOUNDARY * self._point.longest_step(direction))
 
     def _limited(self, centring: float) -> float:
         """Keep the complementarity from running ahead of equilibrium, and from vanishing.
@@ -324,111 +281,41 @@ class InteriorPoint:
             return 1.0
         return max(centring, min(_GAP_BACK, _GAP_LEFT * _GAP_TOLERANCE / now.gap))
 
-    def _direction(self, target: float, corrections: list[Any] | None) -> Direction:
-        """The displacement step and each block's steps towards products of ``target``."""
-        cones, length = self._cones, self._target.length
-        given = corrections or [None] * len(self._blocks)
-        stress = self._locking.aim(target, given[0])
-        pressure = friction = None
-        if self._contact is not None:
-            pressure = self._contact.aim(target * length, given[1])
-        if self._friction is not None:
-            friction = self._friction.aim(target * length, given[2])
-        du = cones.solve_step(stress, pressure, friction, self._linear_accuracy())
-        steps: list[Any] = [self._locking.step(cones.strains(du))]
-        if self._contact is not None:
-            steps.append(self._contact.step(cones.normal_displacements(du)))
-        if self._friction is not None:
-            steps.append(self._friction.step(cones.slips(du)))
-        return du, steps
-
-    def _linear_accuracy(self) -> float:
-        """What a linear solve may leave: a share of what the iteration has not yet achieved."""
-        return _LINEAR_SHARE * max(self._settings.tolerance, self._measured.gap)
+    def _stop_if_infeasible(self, measures: Measures) -> None:
+        """Multipliers that grow without bound while the laws stay violated: nothing is feasible."""
+        if self._target.epsilon > 0.0 and math.isfinite(self._target.n):
+            return
+        point = self._point
+        size = point.largest_multiplier()
+        if self._first is None:
+            self._first = size, measures.primal
+        first_size, first_primal = self._first
+        if size > _DIVERGED * first_size and measures.primal > 0.01 * first_primal:
+            raise Infeasible(
+                "infeasible: no displacement within the locking limit and the gap follows the "
+                f"prescribed values; {self._cones.describe_excess(point.strain)}",
+                point.excluded_factor(),
+            )
 
     def _measure(self) -> Measures:
-        """Evaluate the iterate: remembers strain and slip for the next linearisation."""
-        cones, displacement = self._cones, self._system.u.x.array
-        cones.visit()
-        self._strain = cones.strains(displacement)
-        locking = self._locking.primal_residual(self._strain)
-        primal = relative_rms(cones.comm, cones.volumes, locking, self._locking.x)
-        pressure = friction = None
-        if self._contact is not None:
-            pressure = self._contact.z
-            contact = self._contact.primal_residual(self._opening())
-            # Openings may all be zero; what is small is judged against the body, too.
-            size = np.abs(self._contact.x) + 1e-3 * self._target.length
-            primal = max(primal, relative_rms(cones.comm, self._contact.weights, contact, size))
-        if self._friction is not None:
-            self._slip = cones.slips(displacement)
-            friction = self._friction.traction
-        residual = cones.residual_norm(self._locking.stress, pressure, friction)
+        """Look at the iterate and judge it; collective."""
+        cones, point = self._cones, self._point
+        point.visit()
         return Measures(
-            residual / max(cones.force_scale, self._least_force),
-            primal,
-            self._total() / max(cones.energy, self._least_energy),
+            point.equilibrium_residual() / max(cones.force_scale, self._least_force),
+            point.primal_residual(),
+            point.total_product() / max(cones.energy, self._least_energy),
             self._friction_change,
         )
 
     def multipliers(self) -> Multipliers:
-        """Those of the present iterate."""
-        stress, contact, friction = self._locking.stress, self._contact, self._friction
-        if contact is None:
-            return self._cones.multipliers(stress, None, None, None)
-        pressure = contact.z
-        # On the central path opening times pressure is constant; the larger one, in comparable
-        # units, is the one that does not vanish.
-        touches = pressure > contact.x * self._target.stiffness / self._target.length
-        traction = None if friction is None else friction.traction
-        return self._cones.multipliers(stress, pressure, traction, touches)
+        """Those of the present iterate; collective."""
+        return self._point.multipliers(self._target.stiffness)
 
-    @property
-    def _blocks(self) -> list[Any]:
-        every = (self._locking, self._contact, self._friction)
-        return [block for block in every if block is not None]
-
-    def _opening(self) -> FloatArray:
-        cones = self._cones
-        return cones.node_gap - cones.normal_displacements(self._system.u.x.array)
-
-    def _new_bound(self, pressure: FloatArray | None = None) -> FloatArray:
+    def _new_bound(self, bound: FrictionBound, pressure: FloatArray) -> FloatArray:
         """``mu |R p|``, kept positive so that the friction cones have an inside."""
-        bound = self._system.bound
-        assert self._contact is not None and bound is not None
-        pressure = self._contact.z if pressure is None else pressure
         new = bound.evaluate(self._cones.at_all_nodes(pressure))
         return np.maximum(new, 1e-14 * self._target.stiffness)
-
-    def _longest_step(self, direction: Direction) -> float:
-        local = min(
-            block.longest_step(*step)
-            for block, step in zip(self._blocks, direction[1], strict=True)
-        )
-        return float(self._cones.comm.allreduce(local, op=MPI.MIN))
-
-    def _total(self) -> float:
-        """The duality gap: all complementarity products, integrated; collective."""
-        local = sum(float(block.weights @ block.products()) for block in self._blocks)
-        return float(self._cones.comm.allreduce(local))
-
-    def _complementarity(self) -> float:
-        """The mean product, those of Gamma_C divided by the length; collective."""
-        return self._total() / self._measure_of_cones()
-
-    def _complementarity_after(self, t: float, direction: Direction) -> float:
-        local = 0.0
-        for block, (dx, dz) in zip(self._blocks, direction[1], strict=True):
-            product = (block.x + t * dx) * (block.z + t * dz)
-            products = product if product.ndim == 1 else product.sum(axis=0)
-            local += float(block.weights @ products)
-        return float(self._cones.comm.allreduce(local)) / self._measure_of_cones()
-
-    def _measure_of_cones(self) -> float:
-        local = float(self._locking.weights.sum())
-        for block in self._blocks[1:]:
-            local += self._target.length * float(block.weights.sum())
-        return float(self._cones.comm.allreduce(local)) or 1.0
 
     def _largest_displacement(self) -> float:
         local = float(np.max(np.abs(self._system.u.x.array), initial=0.0))

@@ -1,0 +1,173 @@
+"""The iterate of the interior point method: a displacement, and a point in every cone."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
+from contact_locking.solver.cone_system import ConeSystem
+from contact_locking.solver.measures import relative_rms
+from contact_locking.solver.multipliers import Multipliers
+
+FloatArray = npt.NDArray[np.float64]
+
+# A step of the displacement (owned values), and the primal and dual step of each block.
+Direction: TypeAlias = tuple[FloatArray, list[Any]]
+
+
+class ConePoint:
+    """The blocks of locking, contact and friction over one :class:`ConeSystem`, taken together.
+
+    Products on Gamma_C are per area; means and targets are per volume, so ``length`` goes between.
+    """
+
+    def __init__(
+        self,
+        cones: ConeSystem,
+        length: float,
+        locking: LockingBlock,
+        contact: ContactBlock | None = None,
+        friction: FrictionBlock | None = None,
+    ) -> None:
+        self._cones, self._length = cones, length
+        self.locking, self.contact, self.friction = locking, contact, friction
+        every = (locking, contact, friction)
+        self._blocks: list[Any] = [block for block in every if block is not None]
+        self._scales = [1.0, length, length][: len(self._blocks)]
+        measures = zip(self._scales, self._blocks, strict=True)
+        local = sum(scale * float(block.weights.sum()) for scale, block in measures)
+        self._measure = float(cones.comm.allreduce(local)) or 1.0
+
+    def visit(self) -> None:
+        """Look at the system's displacement: everything below is about it; collective."""
+        cones = self._cones
+        displacement = cones.system.u.x.array
+        cones.visit()
+        self.strain = cones.strains(displacement)
+        if self.contact is not None:
+            self._opening = cones.node_gap - cones.normal_displacements(displacement)
+        if self.friction is not None:
+            self._slip = cones.slips(displacement)
+
+    def linearise(self) -> None:
+        """Assemble the tangent of the point visited last; collective."""
+        locking = self.locking.linearise(self.strain)
+        contact = None if self.contact is None else self.contact.linearise(self._opening)
+        friction = None if self.friction is None else self.friction.linearise(self._slip)
+        self._cones.set_scaling(locking, contact, friction)
+
+    def direction(self, target: float, corrections: list[Any] | None, accuracy: float) -> Direction:
+        """The steps of displacement and blocks towards products of ``target``; collective."""
+        cones = self._cones
+        given = corrections or [None] * len(self._blocks)
+        aims: list[Any] = [None, None, None]
+        for i, (block, scale) in enumerate(zip(self._blocks, self._scales, strict=True)):
+            aims[i] = block.aim(target * scale, given[i])
+        du = cones.solve_step(aims[0], aims[1], aims[2], accuracy)
+        steps: list[Any] = [self.locking.step(cones.strains(du))]
+        if self.contact is not None:
+            steps.append(self.contact.step(cones.normal_displacements(du)))
+        if self.friction is not None:
+            steps.append(self.friction.step(cones.slips(du)))
+        return du, steps
+
+    def corrections(self, direction: Direction) -> list[Any]:
+        """Mehrotra's second-order terms of a direction."""
+        return [
+            block.correction(*step) for block, step in zip(self._blocks, direction[1], strict=True)
+        ]
+
+    def recentred(
+        self, corrections: list[Any], reach: float, direction: Direction, target: float
+    ) -> list[Any]:
+        """The corrections that lead products after a step of ``reach`` nearer to ``target``."""
+        return [
+            correction - block.recentring(reach, *step, target * scale)
+            for correction, block, step, scale in zip(
+                corrections, self._blocks, direction[1], self._scales, strict=True
+            )
+        ]
+
+    def longest_step(self, direction: Direction) -> float:
+        """How far a direction leads before a cone ends; collective."""
+        pairs = zip(self._blocks, direction[1], strict=True)
+        local = min(block.longest_step(*step) for block, step in pairs)
+        return float(self._cones.comm.allreduce(local, op=MPI.MIN))
+
+    def advance(self, t: float, direction: Direction) -> None:
+        """Take a step of length t; collective."""
+        self._cones.move(t, direction[0])
+        for block, step in zip(self._blocks, direction[1], strict=True):
+            block.advance(t, *step)
+
+    def total_product(self) -> float:
+        """The duality gap: all complementarity products, integrated; collective."""
+        local = sum(float(block.weights @ block.products()) for block in self._blocks)
+        return float(self._cones.comm.allreduce(local))
+
+    def mean_product(self) -> float:
+        """The mean over all cones; collective."""
+        return self.total_product() / self._measure
+
+    def mean_product_after(self, t: float, direction: Direction) -> float:
+        """The mean after a step of length t; collective."""
+        local = 0.0
+        for block, (dx, dz) in zip(self._blocks, direction[1], strict=True):
+            product = (block.x + t * dx) * (block.z + t * dz)
+            products = product if product.ndim == 1 else product.sum(axis=0)
+            local += float(block.weights @ products)
+        return float(self._cones.comm.allreduce(local)) / self._measure
+
+    def primal_residual(self) -> float:
+        """How far strains and openings are from the points of their cones, relative; collective."""
+        cones, locking, contact = self._cones, self.locking, self.contact
+        residual = locking.primal_residual(self.strain)
+        result = relative_rms(cones.comm, cones.volumes, residual, locking.x)
+        if contact is None:
+            return result
+        residual = contact.primal_residual(self._opening)
+        # Openings may all be zero; what is small is judged against the body, too.
+        size = np.abs(contact.x) + 1e-3 * self._length
+        return max(result, relative_rms(cones.comm, contact.weights, residual, size))
+
+    def equilibrium_residual(self) -> float:
+        """The norm of the forces that displacement and multipliers leave unbalanced; collective."""
+        pressure = None if self.contact is None else self.contact.z
+        traction = None if self.friction is None else self.friction.traction
+        return self._cones.residual_norm(self.locking.stress, pressure, traction)
+
+    def largest_multiplier(self) -> float:
+        """The largest locking multiplier or pressure; collective."""
+        local = float(self.locking.z[0].max(initial=0.0))
+        if self.contact is not None:
+            local = max(local, float(self.contact.z.max(initial=0.0)))
+        return float(self._cones.comm.allreduce(local, op=MPI.MAX))
+
+    def excluded_factor(self) -> float:
+        """The factor on the prescribed values u_D that the multipliers prove too large; collective.
+
+        Diverging multipliers balance themselves, next to them loads and elasticity are nothing.  So
+        ``P = int Z : eps(v) + int p v_nu`` is the same for every v that follows u_D, and s P for
+        those that follow s u_D; but it is ``int M |Z| + int p gap`` at most if v is admissible.
+        """
+        cones, stress = self._cones, self.locking.stress
+        pressure = None if self.contact is None else self.contact.z
+        power = cones.power(cones.system.u.x.array, stress, pressure)
+        resistance = cones.resistance(stress, pressure)
+        return resistance / power if 0.0 < resistance < power else math.inf
+
+    def multipliers(self, stiffness: float) -> Multipliers:
+        """As functions and nodal values; ``stiffness`` compares pressures with openings."""
+        stress, contact, friction = self.locking.stress, self.contact, self.friction
+        if contact is None:
+            return self._cones.multipliers(stress, None, None, None)
+        # On the central path opening times pressure is constant; the larger one, in comparable
+        # units, is the one that does not vanish.
+        touches = contact.z > contact.x * stiffness / self._length
+        traction = None if friction is None else friction.traction
+        return self._cones.multipliers(stress, contact.z, traction, touches)
