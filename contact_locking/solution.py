@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 
-from contact_locking.domain import Domain
-from contact_locking.parameters import Parameters
+if TYPE_CHECKING:
+    from dolfinx import fem
+
+    from contact_locking.domain import Domain
+    from contact_locking.parameters import Parameters
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contact_locking.plotting.snapshot import Snapshot, gather
-from contact_locking.solution import Solution
+if TYPE_CHECKING:
+    from contact_locking.plotting.snapshot import Snapshot
+    from contact_locking.solution import Solution
 
 
 def picture(solution: Solution, path: Path) -> str | None:
@@ -15,6 +17,9 @@ def picture(solution: Solution, path: Path) -> str | None:
 
     Returns None, or on all ranks in words why there is no picture: drawing never raises.
     """
+    # The styles in this package are used without DOLFINx too.
+    from contact_locking.plotting.snapshot import gather
+
     snapshot = gather(solution)
     problem = None if snapshot is None else _draw(snapshot, path)
     return solution.domain.comm.bcast(problem, root=0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path
 
-from contact_locking.plotting import style
+from contact_locking.plotting import profile, style
 from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, Snapshot
 
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
 _THICKNESS, _REACH = 0.05, 0.08
 _DASHES = (0, (4, 3))
-_MOST_MARKERS = 60
 
 
 def figure(body: Snapshot) -> Figure:
@@ -149,91 +147,21 @@ def chains(segments: IntArray) -> list[IntArray]:
 def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
     points = contact.points
     lines = chains(contact.facets)
-    position, label = _abscissa(points.x, lines)
+    positions, label = profile.abscissa([points.x[line] for line in lines])
     tangent = np.column_stack([-points.normal[:, 1], points.normal[:, 0]])
     friction = np.sum(points.traction * tangent, axis=1)
-    for number, (s, line) in enumerate(zip(position, lines, strict=True)):
-        name = (lambda text: text) if number == 0 else (lambda text: "_" + text)
-        bound = points.bound[line]
-        axes.fill_between(
-            s,
-            -bound,
-            bound,
-            color=style.ORANGE,
-            alpha=0.22,
-            lw=0.0,
-            label=name(r"friction bound $\pm\mu\,|R\sigma_\nu|$"),
-        )
-        axes.plot(
+    smoothed = np.abs(contact.smoothed)
+    curves = [
+        profile.Curve(
             s,
             points.pressure[line],
-            color=style.BLUE,
-            lw=1.8,
-            label=name(r"contact pressure $-\sigma_\nu$"),
-        )
-        axes.plot(
-            s,
-            np.abs(contact.smoothed[line]),
-            color=style.BLACK,
-            lw=1.2,
-            ls=(0, (5, 2)),
-            label=name(r"smoothed $|R\sigma_\nu|$"),
-        )
-        axes.plot(
-            s,
             friction[line],
-            color=style.VERMILION,
-            lw=1.6,
-            marker="o" if len(line) <= _MOST_MARKERS else "",
-            ms=2.2,
-            label=name(r"friction traction $\sigma_\tau$"),
+            points.bound[line],
+            points.state[line],
+            smoothed[line],
         )
-        _state_strip(strip, s, points.state[line])
-    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
+        for s, line in zip(positions, lines, strict=True)
+    ]
+    profile.draw(axes, strip, curves, label)
     axes.set_title(r"On the contact boundary $\Gamma_C$", loc="left")
-    axes.set_ylabel("traction")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-    axes.tick_params(labelbottom=False)
-    axes.margins(x=0.0)
-    strip.sharex(axes)
-    strip.set_yticks([])
-    strip.set_xlabel(label, loc="left")
-    strip.set_ylabel("state", rotation=0, ha="right", va="center")
-    for side in ("left", "bottom"):
-        strip.spines[side].set_visible(False)
-    strip.legend(
-        handles=style.state_patches(),
-        loc="upper right",
-        bbox_to_anchor=(1.0, 0.0),
-        borderaxespad=2.2,
-        ncols=3,
-    )
-
-
-def _abscissa(x: FloatArray, lines: list[IntArray]) -> tuple[list[FloatArray], str]:
-    """Where to draw the points of each line: at x, else at y, else at their arc length."""
-    for axis, name in enumerate("xy"):
-        along = [x[line, axis] for line in lines]
-        steps = [np.diff(s) for s in along]
-        if all((step > 0).all() or (step < 0).all() for step in steps) and not _overlap(along):
-            return along, f"${name}$"
-    position: list[FloatArray] = []
-    start = 0.0
-    for line in lines:
-        lengths = np.linalg.norm(np.diff(x[line], axis=0), axis=1)
-        position.append(start + np.concatenate([[0.0], np.cumsum(lengths)]))
-        # Lines are drawn a little apart.
-        start = float(position[-1][-1] + 0.1 * lengths.sum())
-    return position, r"arc length along $\Gamma_C$"
-
-
-def _overlap(along: list[FloatArray]) -> bool:
-    intervals = sorted((float(s.min()), float(s.max())) for s in along)
-    return any(b[0] < a[1] for a, b in itertools.pairwise(intervals))
-
-
-def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
-    """The state of each point, as wide as the half of the way to both its neighbours."""
-    middle = 0.5 * (s[1:] + s[:-1])
-    edges = np.concatenate([s[:1], middle, s[-1:]])
-    axes.pcolormesh(edges, [0.0, 1.0], state[None, :], cmap=style.STATES, vmin=-0.5, vmax=2.5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.colors import Colormap, ListedColormap, Normalize
@@ -12,8 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
-from contact_locking.plotting.snapshot import FloatArray, Snapshot
 from contact_locking.solution import STATE_NAMES
+
+if TYPE_CHECKING:
+    from contact_locking.plotting.snapshot import FloatArray, Snapshot
 
 # Okabe and Ito's palette.
 BLUE, SKY, ORANGE, VERMILION, BLACK = "#0072B2", "#56B4E9", "#E69F00", "#D55E00", "#1a1a1a"

@@ -1,0 +1,120 @@
+"""Pressure and friction along Gamma_C in two dimensions, with the state of each point below."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+
+from contact_locking.plotting import style
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_MOST_MARKERS = 60
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A connected part of Gamma_C; ``s`` says where its k points are drawn, all others are (k,).
+
+    ``friction`` is the component of sigma_tau along the curve, ``smoothed`` is |R sigma_nu|.
+    """
+
+    s: FloatArray
+    pressure: FloatArray
+    friction: FloatArray
+    bound: FloatArray
+    state: IntArray
+    smoothed: FloatArray | None = None
+
+
+def draw(axes: Axes, strip: Axes, curves: Sequence[Curve], label: str) -> None:
+    """The tractions into ``axes``, the states into the narrow ``strip`` below it."""
+    for number, curve in enumerate(curves):
+        name = (lambda text: text) if number == 0 else (lambda text: "_" + text)
+        axes.fill_between(
+            curve.s,
+            -curve.bound,
+            curve.bound,
+            color=style.ORANGE,
+            alpha=0.22,
+            lw=0.0,
+            label=name(r"friction bound $\pm\mu\,|R\sigma_\nu|$"),
+        )
+        axes.plot(
+            curve.s,
+            curve.pressure,
+            color=style.BLUE,
+            lw=1.8,
+            label=name(r"contact pressure $-\sigma_\nu$"),
+        )
+        if curve.smoothed is not None:
+            axes.plot(
+                curve.s,
+                curve.smoothed,
+                color=style.BLACK,
+                lw=1.2,
+                ls=(0, (5, 2)),
+                label=name(r"smoothed $|R\sigma_\nu|$"),
+            )
+        axes.plot(
+            curve.s,
+            curve.friction,
+            color=style.VERMILION,
+            lw=1.6,
+            marker="o" if len(curve.s) <= _MOST_MARKERS else "",
+            ms=2.2,
+            label=name(r"friction traction $\sigma_\tau$"),
+        )
+        _state_strip(strip, curve.s, curve.state)
+    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
+    axes.set_ylabel("traction")
+    axes.tick_params(labelbottom=False)
+    axes.margins(x=0.0)
+    strip.sharex(axes)
+    strip.set_yticks([])
+    strip.set_xlabel(label, loc="left")
+    strip.set_ylabel("state", rotation=0, ha="right", va="center")
+    for side in ("left", "bottom"):
+        strip.spines[side].set_visible(False)
+    strip.legend(
+        handles=style.state_patches(),
+        loc="upper right",
+        bbox_to_anchor=(1.0, 0.0),
+        borderaxespad=2.2,
+        ncols=3,
+    )
+
+
+def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
+    """Where to draw the points (k, 2) of each line: at x, else at y, else at their arc length."""
+    for axis, name in enumerate("xy"):
+        along = [line[:, axis] for line in lines]
+        steps = [np.diff(s) for s in along]
+        if all((step > 0).all() or (step < 0).all() for step in steps) and not _overlap(along):
+            return along, f"${name}$"
+    position: list[FloatArray] = []
+    start = 0.0
+    for line in lines:
+        lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        position.append(start + np.concatenate([[0.0], np.cumsum(lengths)]))
+        # Lines are drawn a little apart.
+        start = float(position[-1][-1] + 0.1 * lengths.sum())
+    return position, r"arc length along $\Gamma_C$"
+
+
+def _overlap(along: list[FloatArray]) -> bool:
+    intervals = sorted((float(s.min()), float(s.max())) for s in along)
+    return any(b[0] < a[1] for a, b in itertools.pairwise(intervals))
+
+
+def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
+    """The state of each point, as wide as the half of the way to both its neighbours."""
+    middle = 0.5 * (s[1:] + s[:-1])
+    edges = np.concatenate([s[:1], middle, s[-1:]])
+    axes.pcolormesh(edges, [0.0, 1.0], state[None, :], cmap=style.STATES, vmin=-0.5, vmax=2.5)
