@@ -122,6 +122,18 @@ def study(arguments: argparse.Namespace) -> int:
     return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
 
 
+def report(arguments: argparse.Namespace) -> int:
+    """Write the page and the charts of a finished run or study."""
+    from contact_locking import report as reports
+
+    if terminal.is_root():
+        try:
+            print(f"{reports.write(arguments.directory)}: written")
+        except ImportError as error:
+            raise ContactLockingError(f"a report takes Matplotlib: {error}") from error
+    return 0
+
+
 def check(arguments: argparse.Namespace) -> int:
     """Say what is wrong or what would run, and solve nothing."""
     study = _load(arguments.file, arguments.set)
@@ -234,6 +246,8 @@ def _parser() -> _Parser:
     one.add_argument(
         "--executor", choices=("local", "slurm"), default="local", help="where the cases run"
     )
+    one = add("report", report, "Write an HTML page and charts of a finished run or study.")
+    one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
     add_for_file("check", check, "Say what is wrong or what would run, and solve nothing.")
     one = add_for_file("mesh", mesh, "Write the mesh of a study file as a Gmsh file.")
     one.add_argument("-o", "--output", metavar="FILE.msh", type=Path, required=True)

@@ -1,0 +1,192 @@
+"""How the results of a study depend on a number that varies, and at which rate they settle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import ValidationError
+
+from contact_locking.errors import InputError
+from contact_locking.parameters.study import StudyParameters
+from contact_locking.studies.table import Row
+
+from .folder import number
+from .markup import shown
+from .quantities import QUANTITIES, Quantity
+
+FloatArray = npt.NDArray[np.float64]
+
+# Values that lie this far apart are read on a logarithmic scale.
+_WIDE = 50.0
+_SAME_RATIO = 0.05
+# Differences that are smaller, relative to the largest value, may be of the solver's tolerance.
+_TOLERANCE = 1e-8
+_FEWEST = 3
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A key whose values are numbers; ``others`` vary too and tell the curves over it apart.
+
+    ``ratio`` is that of neighbouring values where it is constant.
+    """
+
+    key: str
+    others: tuple[str, ...]
+    geometric: bool
+    ratio: float | None
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A quantity over an axis: x ascending and finite, ``limit`` is its value at x = inf."""
+
+    label: str
+    x: FloatArray
+    y: FloatArray
+    limit: float | None = None
+
+
+@dataclass(frozen=True)
+class Differences:
+    """Distances y > 0 to a limit, or between neighbours; those below ``floor`` say nothing."""
+
+    label: str
+    x: FloatArray
+    y: FloatArray
+    floor: float
+
+    @property
+    def reliable(self) -> npt.NDArray[np.bool_]:
+        """Which of them are larger than the solver's tolerance can make."""
+        return self.y > self.floor
+
+    def power_law(self) -> tuple[float, float] | None:
+        """Rate and factor of y = factor x^rate; None with fewer than three reliable points."""
+        x, y = self.x[self.reliable], self.y[self.reliable]
+        if len(x) < _FEWEST:
+            return None
+        rate, constant = np.polyfit(np.log(x), np.log(y), 1)
+        return float(rate), float(np.exp(constant))
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A quantity over an axis; ``differences`` are from its limit or between neighbours."""
+
+    quantity: Quantity
+    axis: Axis
+    curves: list[Curve]
+    differences: list[Differences]
+    from_limit: bool
+
+
+def varied(data: Any, name: str) -> StudyParameters:
+    """The study of saved parameters. Raises InputError if there is none."""
+    section = data.get("study") if isinstance(data, dict) else None
+    try:
+        return StudyParameters.model_validate(section)
+    except ValidationError as error:
+        first = error.errors()[0]["msg"]
+        raise InputError(f"{name}: is damaged: study: {first}") from None
+
+
+def axes(study: StudyParameters, rows: Sequence[Row]) -> list[Axis]:
+    """The keys of a study that have at least two different numbers, geometric ones first."""
+    found = []
+    for key in (*study.zip, *study.vary):
+        values = [number(row.get(key)) for row in rows]
+        finite = sorted({value for value in values if value is not None and np.isfinite(value)})
+        if None in values or len(set(values)) < 2 or len(finite) < 2:
+            continue
+        # Lists that are zipped vary as one.
+        together = set(study.zip) if key in study.zip else {key}
+        others = tuple(other for other in (*study.zip, *study.vary) if other not in together)
+        ratio = _ratio(finite)
+        geometric = len(finite) >= _FEWEST and finite[0] > 0.0
+        geometric &= ratio is not None or finite[-1] >= _WIDE * finite[0]
+        found.append(Axis(key, others, geometric, ratio))
+    return sorted(found, key=lambda axis: not axis.geometric)
+
+
+def trends(axis: Axis, rows: Iterable[Row]) -> list[Trend]:
+    """All quantities that change along an axis; only converged cases count."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        if row.get("converged") is True:
+            groups.setdefault(tuple(shown(row.get(key)) for key in axis.others), []).append(row)
+    labels = {
+        group: ", ".join(f"{key} = {value}" for key, value in zip(axis.others, group, strict=True))
+        for group in groups
+    }
+    found = []
+    for quantity in (quantity for quantity in QUANTITIES if quantity.plotted):
+        curves = [
+            curve
+            for group, members in groups.items()
+            if len((curve := _curve(axis.key, quantity, members, labels[group])).x)
+        ]
+        if any(len(np.unique(curve.y)) > 1 for curve in curves):
+            found.append(_trend(quantity, axis, curves))
+    return found
+
+
+def value(quantity: Quantity, row: Row) -> float | None:
+    """A quantity of a row; of a vector, whose components have columns each, its length."""
+    if quantity.key in row:
+        return number(row[quantity.key])
+    parts = [number(row.get(f"{quantity.key}.{index}")) for index in range(3)]
+    present = [part for part in parts if part is not None]
+    return float(np.linalg.norm(present)) if present else None
+
+
+def _curve(key: str, quantity: Quantity, rows: Sequence[Row], label: str) -> Curve:
+    pairs = {}
+    for row in rows:
+        x, y = number(row.get(key)), value(quantity, row)
+        if x is not None and y is not None and np.isfinite(y):
+            pairs[x] = y
+    limit = pairs.get(np.inf)
+    finite = sorted((x, y) for x, y in pairs.items() if np.isfinite(x))
+    array = np.array(finite).reshape(-1, 2)
+    return Curve(label, array[:, 0], array[:, 1], limit)
+
+
+def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
+    from_limit = any(curve.limit is not None for curve in curves)
+    differences: list[Differences] = []
+    if axis.geometric and quantity.settles:
+        if from_limit:
+            differences = [_from_limit(curve) for curve in curves if curve.limit is not None]
+        elif axis.ratio is not None:
+            differences = [_successive(curve) for curve in curves]
+    told = [difference for difference in differences if len(difference.x) > 1]
+    return Trend(quantity, axis, curves, told, from_limit)
+
+
+def _from_limit(curve: Curve) -> Differences:
+    """|q(x) - q(inf)|."""
+    assert curve.limit is not None
+    return _differences(curve, curve.x, np.abs(curve.y - curve.limit))
+
+
+def _successive(curve: Curve) -> Differences:
+    """|q(x) - q(next x)|: in a geometric sequence it falls at the rate of the error itself."""
+    return _differences(curve, curve.x[:-1], np.abs(np.diff(curve.y)))
+
+
+def _differences(curve: Curve, x: FloatArray, y: FloatArray) -> Differences:
+    floor = _TOLERANCE * float(np.abs(curve.y).max(initial=0.0))
+    return Differences(curve.label, x[y > 0.0], y[y > 0.0], floor)
+
+
+def _ratio(values: Sequence[float]) -> float | None:
+    if len(values) < _FEWEST or values[0] <= 0.0:
+        return None
+    ratios = np.array(values[1:]) / np.array(values[:-1])
+    same = np.abs(ratios - ratios.mean()).max() <= _SAME_RATIO * ratios.mean()
+    return float(ratios.mean()) if same else None
