@@ -33,15 +33,16 @@ _RC: dict[str, Any] = {
     "axes.formatter.use_mathtext": True,
 }
 # Colours of the charts that the page has its own for, light and dark.
-_VARIABLES = {
-    style.BLACK: "--ink",
-    style.RC["axes.edgecolor"]: "--axis",
-    style.PALE: "--pale",
-    style.BLUE: "--blue",
-    style.VERMILION: "--vermilion",
+_TEXT_COLOURS = {style.BLACK: "--ink", style.RC["axes.edgecolor"]: "--axis"}
+_COLOURS = {
+    colour.lower(): name
+    for colour, name in {
+        **_TEXT_COLOURS,
+        style.PALE: "--pale",
+        style.BLUE: "--blue",
+        style.VERMILION: "--vermilion",
+    }.items()
 }
-_COLOURS = re.compile("|".join(map(re.escape, _VARIABLES)), re.IGNORECASE)
-_BY_COLOUR = {colour.lower(): name for colour, name in _VARIABLES.items()}
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,10 @@ class Chart:
         opening, _, inside = self.svg[self.svg.index("<svg") :].partition(">")
         box = re.search(r'viewBox="[^"]*"', opening)
         inside = re.sub(r"<metadata>.*?</metadata>", "", inside, count=1, flags=re.DOTALL)
-        inside = _COLOURS.sub(lambda m: f"var({_BY_COLOUR[m[0].lower()]}, {m[0]})", inside)
+        # Pixels keep their colours, and with them the legend of what they mean.
+        names = _TEXT_COLOURS if "<image" in inside else _COLOURS
+        for colour, name in names.items():
+            inside = inside.replace(colour, f"var({name}, {colour})")
         label = element("title", self.description)
         head = (
             f'<svg {box[0] if box else ""} role="img" xmlns:xlink="http://www.w3.org/1999/xlink">'

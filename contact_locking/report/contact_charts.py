@@ -16,8 +16,9 @@ from .folder import ContactTable, FloatArray, IntArray
 
 # A step between neighbours that is so much longer than those around it leads to another curve.
 _JUMP = 4.0
-# From here on dots are drawn as pixels: an SVG of 20 000 circles is slow to show.
-_MOST_CIRCLES = 1500
+# The longer side of a map in pixels; how far a point's colour goes, as a share of the distance to
+# so many neighbours.
+_PIXELS, _REACH, _NEIGHBOURS = 500, 0.75, 3
 
 
 def contact_charts(contact: ContactTable) -> list[Chart]:
@@ -131,32 +132,34 @@ def _map_height(contact: ContactTable) -> float:
     return float(np.clip(0.85 * WIDTH * height / (width or 1.0), 2.0, 6.0)) + 0.9
 
 
-def _map_axes(figure: Figure, contact: ContactTable) -> tuple[Axes, FloatArray, dict[str, Any]]:
-    i, j, downwards = _frame(contact)
-    axes = figure.add_subplot(aspect="equal")
-    axes.set_xlabel(f"${'xyz'[i]}$")
-    axes.set_ylabel(f"${'xyz'[j]}$")
-    axes.yaxis.set_inverted(downwards)
-    flat = contact.x[:, [i, j]]
-    extent = float(np.ptp(flat, axis=0).max()) or 1.0
-    spacing = 0.05 * extent
-    if len(flat) > 1:
-        spacing = float(np.median(cKDTree(flat).query(flat, k=2)[0][:, 1])) or spacing
-    # In points of the drawing: dots that touch their neighbours.
-    diameter = np.clip(0.8 * WIDTH * 72.0 * spacing / extent, 1.5, 24.0)
-    dots = {"s": diameter**2, "linewidths": 0.0, "rasterized": len(flat) > _MOST_CIRCLES}
-    return axes, flat, dots
-
-
 def _map(figure: Figure, contact: ContactTable, values: FloatArray, label: str) -> None:
-    axes, flat, dots = _map_axes(figure, contact)
-    drawn = axes.scatter(flat[:, 0], flat[:, 1], c=values, cmap="cividis", vmin=0.0, **dots)
+    axes = figure.add_subplot(aspect="equal")
+    drawn = _colour_by_nearest(axes, contact, values, cmap="cividis", vmin=0.0)
     figure.colorbar(drawn, ax=axes, orientation="horizontal", label=label, aspect=40, pad=0.02)
 
 
 def _state_map(figure: Figure, contact: ContactTable) -> None:
-    axes, flat, dots = _map_axes(figure, contact)
-    axes.scatter(
-        flat[:, 0], flat[:, 1], c=contact.state, cmap=style.STATES, vmin=-0.5, vmax=2.5, **dots
-    )
+    axes = figure.add_subplot(aspect="equal")
+    _colour_by_nearest(axes, contact, contact.state, cmap=style.STATES, vmin=-0.5, vmax=2.5)
     figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
+
+
+def _colour_by_nearest(
+    axes: Axes, contact: ContactTable, values: FloatArray | IntArray, **colours: Any
+) -> Any:
+    """Give each pixel the value of the nearest point, if that is as near as points are here."""
+    i, j, downwards = _frame(contact)
+    axes.set_xlabel(f"${'xyz'[i]}$")
+    axes.set_ylabel(f"${'xyz'[j]}$")
+    flat = contact.x[:, [i, j]]
+    tree = cKDTree(flat)
+    neighbours = min(_NEIGHBOURS + 1, len(flat))
+    reach = _REACH * tree.query(flat, k=[neighbours])[0][:, 0]
+    low, high = flat.min(axis=0) - reach.max(), flat.max(axis=0) + reach.max()
+    step = float((high - low).max()) / _PIXELS or 1.0
+    grid = [np.arange(a + 0.5 * step, b, step) for a, b in zip(low, high, strict=True)]
+    distance, nearest = tree.query(np.stack(np.meshgrid(*grid), axis=-1))
+    image = np.ma.masked_where(distance > reach[nearest], values[nearest])
+    drawn = axes.imshow(image, extent=(low[0], high[0], low[1], high[1]), origin="lower", **colours)
+    axes.yaxis.set_inverted(downwards)
+    return drawn

@@ -81,11 +81,12 @@ def _on_contact(contact: ContactTable | None, charts: Sequence[Chart]) -> Markup
         return section("Contact", element("p", "The body has no contact boundary.", class_="soft"))
     counts = np.bincount(contact.state, minlength=len(STATE_NAMES))
     listed = ", ".join(f"{n} {name}" for n, name in zip(counts, STATE_NAMES, strict=True) if n)
+    grid = "charts wide" if contact.dim == 2 else "charts"
     below = "; the maps show it from the foundation's side" if contact.dim == 3 else ""
     return section(
         "Along the contact boundary" if contact.dim == 2 else "On the contact boundary",
         element("p", f"{len(contact.x)} points: {listed}{below}.", class_="soft"),
-        element("div", [figure([chart]) for chart in charts], class_="charts wide"),
+        element("div", [figure([chart]) for chart in charts], class_=grid),
     )
 
 

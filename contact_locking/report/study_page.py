@@ -136,7 +136,7 @@ def _gallery(pictures: dict[str, tuple[str, str]]) -> Markup:
     figures = [
         element(
             "figure",
-            element("img", src=image, alt=f"Solution for {text}", loading="lazy"),
+            element("img", src=image, alt=f"Solution for {text}"),
             element("figcaption", text, " ", element("code", f"cases/{name}")),
             id=f"picture-{name}",
         )

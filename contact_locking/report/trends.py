@@ -26,6 +26,8 @@ _SAME_RATIO = 0.05
 # Differences that are smaller, relative to the largest value, may be of the solver's tolerance.
 _TOLERANCE = 1e-8
 _FEWEST = 3
+# Deviation of logarithms from their line up to which there is a rate to speak of: some 35 %.
+_SCATTER = 0.3
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,16 @@ class Differences:
         return self.y > self.floor
 
     def power_law(self) -> tuple[float, float] | None:
-        """Rate and factor of y = factor x^rate; None with fewer than three reliable points."""
+        """Rate and factor of y = factor x^rate.
+
+        None with fewer than three reliable points, and where they are on no line.
+        """
         x, y = self.x[self.reliable], self.y[self.reliable]
         if len(x) < _FEWEST:
             return None
         rate, constant = np.polyfit(np.log(x), np.log(y), 1)
-        return float(rate), float(np.exp(constant))
+        scatter = np.std(np.log(y) - rate * np.log(x) - constant)
+        return (float(rate), float(np.exp(constant))) if scatter < _SCATTER else None
 
 
 @dataclass(frozen=True)
@@ -119,8 +125,9 @@ def trends(axis: Axis, rows: Iterable[Row]) -> list[Trend]:
     for row in rows:
         if row.get("converged") is True:
             groups.setdefault(tuple(shown(row.get(key)) for key in axis.others), []).append(row)
+    names = _short(axis.others)
     labels = {
-        group: ", ".join(f"{key} = {value}" for key, value in zip(axis.others, group, strict=True))
+        group: ", ".join(f"{name} = {value}" for name, value in zip(names, group, strict=True))
         for group in groups
     }
     found = []
@@ -142,6 +149,12 @@ def value(quantity: Quantity, row: Row) -> float | None:
     parts = [number(row.get(f"{quantity.key}.{index}")) for index in range(3)]
     present = [part for part in parts if part is not None]
     return float(np.linalg.norm(present)) if present else None
+
+
+def _short(keys: Sequence[str]) -> list[str]:
+    """The last words of dotted keys where they tell them apart."""
+    last = [key.rpartition(".")[2] for key in keys]
+    return last if len(set(last)) == len(keys) else list(keys)
 
 
 def _curve(key: str, quantity: Quantity, rows: Sequence[Row], label: str) -> Curve:
