@@ -17,7 +17,7 @@ import numpy as np
 from dolfinx import fem, io
 from mpi4py import MPI
 
-from contact_locking import plotting, study_file
+from contact_locking import plotting, report, study_file
 from contact_locking.domain import on_root
 from contact_locking.errors import InputError
 from contact_locking.solution import STATE_NAMES, Solution
@@ -27,8 +27,9 @@ T = TypeVar("T")
 KEY = "output.directory"
 SUMMARY, FIELDS, PICTURE = "summary.json", "fields.bp", "picture.png"
 PARAMETERS, CONTACT = "parameters.yaml", "contact.csv"
-# The summary comes last: where it is, the rest is there too.
-_ORDER = (PARAMETERS, CONTACT, FIELDS, PICTURE, SUMMARY)
+# The summary comes last: where it is, the rest is there too.  A report is never written here: that
+# of an earlier run goes.
+_ORDER = (report.PAGE, report.CHARTS, PARAMETERS, CONTACT, FIELDS, PICTURE, SUMMARY)
 _AXES = "xyz"
 
 FIELD_NAMES = (

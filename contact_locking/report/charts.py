@@ -88,8 +88,13 @@ def chart(name: str, description: str, height: float, draw: Callable[[Figure], N
     with matplotlib.rc_context(_RC | {"svg.hashsalt": name}):
         drawing = Figure(figsize=(WIDTH, height))
         draw(drawing)
-        svg, png = io.StringIO(), io.BytesIO()
-        FigureCanvasSVG(drawing).print_svg(svg, metadata={"Date": None, "Creator": None})
-        FigureCanvasAgg(drawing)
-        drawing.savefig(png, format="png", dpi=style.DPI, facecolor="white")
-    return Chart(name, description, svg.getvalue(), png.getvalue())
+        svg, png = _rendered(drawing)
+    return Chart(name, description, svg, png)
+
+
+def _rendered(drawing: Figure) -> tuple[str, bytes]:
+    svg, png = io.StringIO(), io.BytesIO()
+    FigureCanvasSVG(drawing).print_svg(svg, metadata={"Date": None, "Creator": None})
+    FigureCanvasAgg(drawing)
+    drawing.savefig(png, format="png", dpi=style.DPI, facecolor="white")
+    return svg.getvalue(), png.getvalue()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import math
 import re
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -68,8 +67,7 @@ def section(title: str, *content: Content, **attributes: str) -> Markup:
 
 def key(name: str) -> Markup:
     """A dotted key, which may go on in a new line after a dot or an underscore."""
-    words = re.split(r"(?<=[._])", name)
-    return element("code", [[word, Markup("<wbr>")] for word in words])
+    return element("code", Markup(re.sub(r"(?<=[._])(?=.)", "<wbr>", html.escape(name))))
 
 
 def formula(text: str) -> Markup:
@@ -86,27 +84,35 @@ def shown(value: Any) -> str:
             return "yes" if value else "no"
         case int() if abs(value) < 10**15:
             return f"{value:,}".replace(",", "\N{THIN SPACE}")
+        case int() | float() if abs(value) < 1e308:
+            return _number(float(value))
         case int() | float():
-            return _number(float(value)) if abs(value) < 1e308 else _infinite(value)
+            return _infinite(value)
         case "inf":
             return "\N{INFINITY}"
         case list():
-            return "(" + ", ".join(map(shown, value)) + ")"
+            return "(" + ", ".join(map(shown, _without_rounding(value))) + ")"
         case dict():
             return ", ".join(f"{key}: {shown(item)}" for key, item in value.items())
     return str(value)
 
 
+def _without_rounding(vector: list[Any]) -> list[Any]:
+    """Components of a vector that are zero but for rounding as zero."""
+    if not vector or not all(isinstance(item, float) for item in vector):
+        return vector
+    largest = max(map(abs, vector))
+    return [0.0 if abs(item) < 1e-12 * largest else item for item in vector]
+
+
 def _infinite(value: float) -> str:
-    if math.isnan(value):
+    if value != value:
         return "not a number"
     return "\N{INFINITY}" if value > 0 else "\N{MINUS SIGN}\N{INFINITY}"
 
 
 def _number(value: float) -> str:
     """Four digits, and a power of ten in words of mathematics: 1.2x10^-5 for 1.2e-05."""
-    if math.isnan(value):
-        return _infinite(value)
     mantissa, _, exponent = f"{value + 0.0:.4g}".replace("-", "\N{MINUS SIGN}").partition("e")
     if not exponent:
         return mantissa

@@ -36,8 +36,8 @@ def _tools() -> Markup:
 
 
 def _table(rows: Sequence[Row], keys: Sequence[str], linked: Collection[str]) -> Markup:
-    # Why is beside how; whether it converged is in the state.
-    front = [*keys, "state", "reason"]
+    # The state, which says whether a case converged, is seen on a phone too.
+    front = ["state", *keys, "reason"]
     names = dict.fromkeys(name for row in rows for name in row)
     columns = [*front, *(name for name in names if name not in (*front, *_NOT_BETWEEN)), "case"]
     kinds = {name: _kind(name, front) for name in columns}

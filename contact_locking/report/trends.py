@@ -34,13 +34,13 @@ _SCATTER = 0.3
 class Axis:
     """A key whose values are numbers; ``others`` vary too and tell the curves over it apart.
 
-    ``ratio`` is that of neighbouring values where it is constant.
+    ``one_ratio`` tells that neighbouring values have the same everywhere.
     """
 
     key: str
     others: tuple[str, ...]
     geometric: bool
-    ratio: float | None
+    one_ratio: bool
 
 
 @dataclass(frozen=True)
@@ -112,10 +112,10 @@ def axes(study: StudyParameters, rows: Sequence[Row]) -> list[Axis]:
         # Lists that are zipped vary as one.
         together = set(study.zip) if key in study.zip else {key}
         others = tuple(other for other in (*study.zip, *study.vary) if other not in together)
-        ratio = _ratio(finite)
-        geometric = len(finite) >= _FEWEST and finite[0] > 0.0
-        geometric &= ratio is not None or finite[-1] >= _WIDE * finite[0]
-        found.append(Axis(key, others, geometric, ratio))
+        enough = len(finite) >= _FEWEST and finite[0] > 0.0
+        one_ratio = enough and _has_one_ratio(finite)
+        geometric = enough and (one_ratio or finite[-1] / _WIDE >= finite[0])
+        found.append(Axis(key, others, geometric, one_ratio))
     return sorted(found, key=lambda axis: not axis.geometric)
 
 
@@ -175,7 +175,7 @@ def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
     if axis.geometric and quantity.settles:
         if from_limit:
             differences = [_from_limit(curve) for curve in curves if curve.limit is not None]
-        elif axis.ratio is not None:
+        elif axis.one_ratio:
             differences = [_successive(curve) for curve in curves]
     told = [difference for difference in differences if len(difference.x) > 1]
     return Trend(quantity, axis, curves, told, from_limit)
@@ -197,9 +197,7 @@ def _differences(curve: Curve, x: FloatArray, y: FloatArray) -> Differences:
     return Differences(curve.label, x[y > 0.0], y[y > 0.0], floor)
 
 
-def _ratio(values: Sequence[float]) -> float | None:
-    if len(values) < _FEWEST or values[0] <= 0.0:
-        return None
-    ratios = np.array(values[1:]) / np.array(values[:-1])
-    same = np.abs(ratios - ratios.mean()).max() <= _SAME_RATIO * ratios.mean()
-    return float(ratios.mean()) if same else None
+def _has_one_ratio(values: Sequence[float]) -> bool:
+    """Whether positive ascending numbers grow by one factor."""
+    steps = np.diff(np.log(values))
+    return bool(np.abs(steps - steps.mean()).max() <= _SAME_RATIO * steps.mean())
