@@ -169,10 +169,11 @@ def test_rates_are_those_of_the_numbers(tmp_path: Path) -> None:
     over_n = {f"{name}-over-penalty.n" for name in ("penetration_max", "contact_force")}
     assert over_n | {f"{name}-rate" for name in over_n} <= names
     n = np.array([1e2, 1e3, 1e4, 1e5])
-    exact = Differences("", n, 3.0 / n**1.5, floor=0.0)
+    law: Any = 3.0 / n**1.5
+    exact = Differences("", n, law, floor=0.0)
     assert exact.power_law() == pytest.approx((-1.5, 3.0))
     # Below the tolerance there is no rate to see, and none in what jumps.
-    floored = Differences("", n, 3.0 / n**1.5, floor=1e-4)
+    floored = Differences("", n, law, floor=1e-4)
     assert floored.power_law() is None
     assert Differences("", n, np.array([1.0, 0.1, 1.0, 0.1]), floor=0.0).power_law() is None
 
