@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from .markup import Content, Markup, element, formula, key, section, shown, table
+from .markup import Content, Markup, element, named, section, shown, table
 from .quantities import MEANINGS
 
 #: How a judgement names what its value is compared with.
@@ -18,19 +18,22 @@ def certificate(summary: Mapping[str, Any]) -> Markup:
     if not isinstance(parts, dict):
         parts = {"bounds": summary.get("bounds")}
     told = [_part(str(name), part) for name, part in parts.items() if isinstance(part, dict)]
-    return section("Certificate", told)
+    inside = [part for part in told if part]
+    return section("Certificate", element("div", inside, class_="packed") if inside else None)
 
 
-def _part(name: str, part: Mapping[str, Any]) -> list[Content]:
+def _part(name: str, part: Mapping[str, Any]) -> Markup | None:
     judged = {measure: entry for measure, entry in part.items() if _is_judgement(entry)}
     others = {measure: entry for measure, entry in part.items() if measure not in judged}
     content: list[Content] = []
     if judged:
-        head = ("", "measured", "at most", "", "")
+        head = ("", "measured", "at most", "")
         content.append(table(head, [_judgement(*item) for item in judged.items()]))
     if rows := list(_flat(others)):
-        content.append(table(("", "value"), [[key(name), text] for name, text in rows]))
-    return [element("h3", name.replace("_", " ").capitalize()), *content] if content else []
+        told = [[named(name, MEANINGS.get(name)), text] for name, text in rows]
+        content.append(table(("", "value"), told))
+    title = element("h3", name.replace("_", " ").capitalize())
+    return element("div", title, content) if content else None
 
 
 def _is_judgement(entry: Any) -> bool:
@@ -46,15 +49,9 @@ def _judgement(name: str, entry: Mapping[str, Any]) -> list[Content]:
             mark = element("span", "✗ fails", class_="no")
         case _:
             mark = element("span", "not applicable", class_="soft")
-    about = entry.get("reason") or entry.get("meaning")
-    meaning = shown(about) if about else formula(MEANINGS.get(name, ""))
-    return [
-        key(name),
-        _number(entry["value"]),
-        _number(bound),
-        mark,
-        element("span", meaning, class_="soft"),
-    ]
+    reason = entry.get("reason")
+    about = element("div", shown(reason), class_="soft") if reason else None
+    return [named(name, MEANINGS.get(name)), _number(entry["value"]), _number(bound), [mark, about]]
 
 
 def _number(value: Any) -> Markup:

@@ -75,6 +75,12 @@ def formula(text: str) -> Markup:
     return Markup(re.sub(r"_(\w)", r"<sub>\1</sub>", html.escape(text)))
 
 
+def named(name: str, meaning: str | None) -> Markup:
+    """A key above what it means."""
+    about = element("div", formula(meaning), class_="soft") if meaning else None
+    return markup((key(name), about))
+
+
 def shown(value: Any) -> str:
     """A value of a summary or a table as one reads it."""
     match value:

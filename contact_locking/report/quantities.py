@@ -15,8 +15,9 @@ LOAD_UNIT_NOTE = (
 class Quantity:
     """A number or vector of summary.json by its dotted key.
 
-    A study plots it over what varies if it is ``plotted``; its differences have a rate if it
-    ``settles``, which counts of cells, points and iterations do in jumps.
+    A study plots it over what varies if it is ``plotted``.  Its differences have a rate if it
+    ``settles``, which counts of cells, points and iterations do in jumps; what ``vanishes`` has one
+    itself.
     """
 
     key: str
@@ -24,6 +25,7 @@ class Quantity:
     unit: str
     plotted: bool = True
     settles: bool = True
+    vanishes: bool = False
 
 
 QUANTITIES = (
@@ -35,9 +37,27 @@ QUANTITIES = (
     Quantity("friction_force", "resultant of the friction on the body", "force"),
     Quantity("contact_area", "part of Γ_C under pressure", "area", settles=False),
     Quantity("slip_area", "part of Γ_C that slips", "area", settles=False),
-    Quantity("penetration_max", "largest penetration [u_ν − g]⁺", "length"),
+    Quantity("penetration_max", "largest penetration [u_ν − g]⁺", "length", vanishes=True),
     Quantity("iterations.tangents", "tangents factorised or preconditioned", "1", settles=False),
     Quantity("wall_seconds", "time of the whole solve", "s", settles=False),
+    Quantity(
+        "certificate.errors.mesh.relative",
+        "estimated error of the mesh, relative in the energy norm",
+        "1",
+        vanishes=True,
+    ),
+    Quantity(
+        "certificate.errors.penalty.relative",
+        "bound of the distance to the solution for n = ∞, relative in the energy norm",
+        "1",
+        vanishes=True,
+    ),
+    Quantity(
+        "admissible_load_factor",
+        "between these shares of the prescribed displacements a solution ends",
+        "1",
+        plotted=False,
+    ),
     Quantity("residual", "equilibrium residual relative to the forces", "1", plotted=False),
     Quantity("duality_gap", "duality gap of the last solve", "energy", plotted=False),
     Quantity(
@@ -50,9 +70,35 @@ QUANTITIES = (
     Quantity("cells", "cells of the mesh", "1", plotted=False),
 )
 
-#: What the proved bounds and the criteria of the certificate measure, where the name is too short.
+#: What the values of the certificate measure, by their names in it.
 MEANINGS = {
-    "displacement_norm": "‖u‖_V ≤ ‖f‖_V / α",
-    "locking_penalty": "2n ∫ ([|ε| − M]⁺)² ≤ ‖f‖_V² / α",
-    "contact_penalty": "(1/ε) ∫ ([u_ν − g]⁺)² ≤ ‖f‖_V² / α",
+    "displacement_norm": "‖ε(u)‖ over the body",
+    "locking_penalty": "2n ∫ ([|ε| − M]⁺)²",
+    "contact_penalty": "(1/ε) ∫ ([u_ν − g]⁺)²",
+    "equilibrium": "residual forces over the forces that act",
+    "force_balance": "sum of all forces on the body",
+    "moment_balance": "sum of all moments on the body",
+    "locking_complementarity": "locking stress only where |ε| = M",
+    "locking_violation": "strain beyond the locking law",
+    "contact_complementarity": "pressure only where the gap is closed",
+    "contact_violation": "penetration beyond the contact law, and pull",
+    "friction_complementarity": "slip only at the friction bound, against the traction",
+    "coulomb_cone": "friction above its bound",
+    "friction_sign": "work that friction adds",
+    "friction_bound": "change of the friction bound in one more update",
+    "smoothing_constants": "change of constants by R",
+    "duality_gap": "sum of the complementarities over the energy",
+    "alpha": "smallest eigenvalue of the elasticity",
+    "c_0": "trace constant, |v| on Γ_C ≤ c_0 ‖v‖_V",
+    "friction_coefficient": "largest μ",
+    "friction_lipschitz": "Lipschitz constant of μ in the slip",
+    "smoothing_norm": "upper bound of the norm of R",
+    "uniqueness.verdict": "whether theory says that there is no other solution",
+    "uniqueness.contraction": "factor by which the friction fixed point contracts",
+    "mesh.energy_norm": "estimated distance to the solution on finer meshes",
+    "mesh.relative": "the same over the solution",
+    "mesh.with_locking": "the same with the locking stress in it",
+    "penalty.energy_norm": "bound of the distance to the solution for n = ∞ on this mesh",
+    "penalty.relative": "the same over the solution",
+    "penalty.displacement_norm": "the same bound in the norm of the strain",
 }

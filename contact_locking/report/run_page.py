@@ -13,7 +13,7 @@ from .certificate import certificate
 from .charts import Chart, figure
 from .contact_charts import contact_charts
 from .folder import ContactTable, RunResults
-from .markup import Content, Markup, element, formula, key, section, shown, table
+from .markup import Content, Markup, element, named, section, shown, table
 from .page import DESCRIPTION, page
 from .pictures import picture
 from .quantities import LOAD_UNIT_NOTE, QUANTITIES
@@ -29,7 +29,8 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         _warnings(summary.get("warnings")),
         element("div", _picture(run), _numbers(summary), class_="columns"),
         _on_contact(run.contact, charts),
-        element("div", certificate(summary), _iterations(summary), class_="columns"),
+        certificate(summary),
+        _iterations(summary),
         section("Parameters", parameters(run.parameters, opened=True)),
         _footer(summary),
     )
@@ -95,11 +96,11 @@ def _numbers(summary: Mapping[str, Any]) -> Markup:
     for quantity in QUANTITIES:
         if (found := _look_up(summary, quantity.key)) is not None:
             number = element("span", shown(found), class_="number")
-            unit = "" if quantity.unit == "1" else quantity.unit
-            rows.append([key(quantity.key), number, unit, formula(quantity.meaning)])
+            unit = None if quantity.unit == "1" else element("span", quantity.unit, class_="soft")
+            rows.append([named(quantity.key, quantity.meaning), [number, " ", unit]])
     return section(
         "Key numbers",
-        table(("", "value", "unit", "meaning"), rows) if rows else None,
+        table(("", "value"), rows) if rows else None,
         element("p", LOAD_UNIT_NOTE, class_="soft"),
     )
 

@@ -97,9 +97,8 @@ def _trends(drawn: Sequence[tuple[Trend, list[Chart]]]) -> Markup:
     for trend, charts in drawn:
         unit = "" if trend.quantity.unit == "1" else f" [{trend.quantity.unit}]"
         caption: list[Content] = [formula(trend.quantity.meaning), unit]
-        if trend.differences:
-            of = "the value at infinity" if trend.from_limit else "the next value"
-            caption.append(f", and how far it is from {of}")
+        if len(charts) > 1:
+            caption.append(f", and how far it is from {trend.compared}")
         by_axis.setdefault(trend.axis.key, []).append(figure(charts, caption))
     for name, figures in by_axis.items():
         parts.append(element("h3", "Over ", key(name)))

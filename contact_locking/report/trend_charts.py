@@ -28,22 +28,26 @@ def trend_charts(trend: Trend) -> list[Chart]:
     key, name = trend.axis.key, trend.quantity.key
     stem = _file_name(f"{name}-over-{key}")
     rows = _legend_rows([curve.label for curve in trend.curves])
+    if trend.differences and trend.compared == "zero":
+        return [_rate_chart(trend, stem)]
     found = [
         chart(
             stem, f"{name} over {key}", _PLOT + rows * _ROW, lambda figure: _values(figure, trend)
         )
     ]
     if trend.differences:
-        description = f"Differences of {name} over {key}, on logarithmic scales"
-        height = _PLOT + _ROW * min(len(trend.differences), _MOST_NAMED)
-        found.append(
-            chart(f"{stem}-rate", description, height, lambda figure: _rates(figure, trend))
-        )
+        found.append(_rate_chart(trend, stem))
     return found
 
 
+def _rate_chart(trend: Trend, stem: str) -> Chart:
+    description = f"{_name(trend)} over {trend.axis.key}: distance from {trend.compared}"
+    height = _PLOT + _ROW * min(len(trend.differences), _MOST_NAMED)
+    return chart(f"{stem}-rate", description, height, lambda figure: _rates(figure, trend))
+
+
 def _values(figure: Figure, trend: Trend) -> None:
-    axes = _axes(figure, trend, _plain(trend.quantity.key))
+    axes = _axes(figure, trend, _name(trend))
     positive = all((curve.y > 0.0).all() for curve in trend.curves)
     values = np.concatenate([curve.y for curve in trend.curves])
     if positive and values.max() > 30.0 * values.min():
@@ -61,14 +65,13 @@ def _values(figure: Figure, trend: Trend) -> None:
 
 
 def _rates(figure: Figure, trend: Trend) -> None:
-    # Two short words for the left of a narrow chart.
-    of = "difference to ∞" if trend.from_limit else "difference to next"
-    axes = _axes(figure, trend, of)
+    of = f"distance from {trend.compared.removeprefix('the ')}"
+    axes = _axes(figure, trend, _name(trend) if trend.compared == "zero" else of)
     axes.set_yscale("log")
     for number, differences in enumerate(trend.differences):
         drawing = _drawing(number, len(trend.differences))
         law = differences.power_law()
-        label = _plain(differences.label) or _plain(trend.quantity.key)
+        label = _plain(differences.label) or _name(trend)
         if law is None:
             axes.plot(differences.x, differences.y, label=label, **drawing)
             continue
@@ -100,6 +103,10 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
     axes.grid(color=style.PALE, lw=0.6)
     axes.set_axisbelow(True)
     return axes
+
+
+def _name(trend: Trend) -> str:
+    return trend.quantity.key.removeprefix("certificate.")
 
 
 def _drawing(number: int, count: int) -> dict[str, Any]:

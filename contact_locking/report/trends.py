@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from .markup import shown
 from .quantities import QUANTITIES, Quantity
 
 FloatArray = npt.NDArray[np.float64]
+Compared = Literal["zero", "the value at infinity", "the next value"]
 
 # Values that lie this far apart are read on a logarithmic scale.
 _WIDE = 50.0
@@ -26,6 +27,7 @@ _SAME_RATIO = 0.05
 # Differences that are smaller, relative to the largest value, may be of the solver's tolerance.
 _TOLERANCE = 1e-8
 _FEWEST = 3
+_FALLS = 2.0
 # Deviation of logarithms from their line up to which there is a rate to speak of: some 35 %.
 _SCATTER = 0.3
 
@@ -82,13 +84,13 @@ class Differences:
 
 @dataclass(frozen=True)
 class Trend:
-    """A quantity over an axis; ``differences`` are from its limit or between neighbours."""
+    """A quantity over an axis; ``differences`` say how far it is from what ``compared`` names."""
 
     quantity: Quantity
     axis: Axis
     curves: list[Curve]
     differences: list[Differences]
-    from_limit: bool
+    compared: Compared
 
 
 def varied(data: Any, name: str) -> StudyParameters:
@@ -170,15 +172,23 @@ def _curve(key: str, quantity: Quantity, rows: Sequence[Row], label: str) -> Cur
 
 
 def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
-    from_limit = any(curve.limit is not None for curve in curves)
+    limited = [curve for curve in curves if curve.limit is not None]
+    compared: Compared = "the value at infinity" if limited else "the next value"
     differences: list[Differences] = []
-    if axis.geometric and quantity.settles:
-        if from_limit:
-            differences = [_from_limit(curve) for curve in curves if curve.limit is not None]
-        elif axis.one_ratio:
-            differences = [_successive(curve) for curve in curves]
+    if axis.geometric and quantity.vanishes and any(map(_falls, curves)):
+        compared = "zero"
+        differences = [_differences(curve, curve.x, np.abs(curve.y)) for curve in curves]
+    elif axis.geometric and quantity.settles and limited:
+        differences = [_from_limit(curve) for curve in limited]
+    elif axis.one_ratio and quantity.settles:
+        differences = [_successive(curve) for curve in curves]
     told = [difference for difference in differences if len(difference.x) > 1]
-    return Trend(quantity, axis, curves, told, from_limit)
+    return Trend(quantity, axis, curves, told, compared)
+
+
+def _falls(curve: Curve) -> bool:
+    """Whether an error changes by so much along a curve that it has a rate to speak of."""
+    return bool(np.abs(curve.y).max() >= _FALLS * np.abs(curve.y).min())
 
 
 def _from_limit(curve: Curve) -> Differences:
