@@ -27,9 +27,8 @@ T = TypeVar("T")
 KEY = "output.directory"
 SUMMARY, FIELDS, PICTURE = "summary.json", "fields.bp", "picture.png"
 PARAMETERS, CONTACT = "parameters.yaml", "contact.csv"
-# The summary comes last: where it is, the rest is there too.  A report is never written here: that
-# of an earlier run goes.
-_ORDER = (report.PAGE, report.CHARTS, PARAMETERS, CONTACT, FIELDS, PICTURE, SUMMARY)
+# The summary comes last: where it is, the rest is there too.
+_ORDER = (PARAMETERS, CONTACT, FIELDS, PICTURE, SUMMARY)
 _AXES = "xyz"
 
 FIELD_NAMES = (
@@ -88,6 +87,7 @@ def write(solution: Solution, directory: str | Path) -> list[str]:
 
         def finish() -> None:
             _write_texts(solution, staging)
+            report.discard(target)
             for name in _ORDER:
                 _put_in_place(staging, target, name)
 

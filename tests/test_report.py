@@ -143,6 +143,18 @@ def test_the_report_of_an_earlier_run_goes_with_its_results(tmp_path: Path) -> N
     }
 
 
+def test_a_folder_of_the_same_name_that_is_no_report_is_left_alone(tmp_path: Path) -> None:
+    run_folder(tmp_path)
+    own = tmp_path / "report" / "thesis.tex"
+    own.parent.mkdir()
+    own.touch()
+    with pytest.raises(InputError, match="more than charts"):
+        report.write(tmp_path)
+    (tmp_path / "report.html").write_text("<title>mine</title>")
+    run_folder(tmp_path)
+    assert own.exists() and (tmp_path / "report.html").exists()
+
+
 def test_a_report_replaces_the_one_before_and_leaves_nothing_else(own_run: Path) -> None:
     before = set(os.listdir(own_run))
     report.write(own_run)

@@ -16,13 +16,19 @@ if TYPE_CHECKING:
 
 PAGE, CHARTS = "report.html", "report"
 
+#: What the page says of itself.
+GENERATOR = "contact_locking"
+
+_CHART_ENDINGS = (".svg", ".png")
+_HEAD_CHARACTERS = 1000
+
 
 def write(directory: str | Path) -> Path:
     """Write ``report.html``, which needs no other file, and the charts in ``report/``.
 
     Returns the path of the page.  An earlier report is replaced when the new one is complete.
     Raises InputError for a folder without results, with damaged ones, or those of another
-    version, and if it cannot be written to.
+    version, with a folder of that name which holds anything else, and if it cannot be written to.
     """
     from contact_locking.studies.files import write_text
 
@@ -33,17 +39,38 @@ def write(directory: str | Path) -> Path:
     folder = Path(directory)
     with _explained(folder):
         results = read(folder)
-        make_page = run_page(results) if isinstance(results, RunResults) else study_page(results)
-        html, charts = make_page
+        html, charts = run_page(results) if isinstance(results, RunResults) else study_page(results)
         _write_charts(folder, charts)
         write_text(folder / PAGE, html)
     return folder / PAGE
 
 
+def discard(directory: str | Path) -> None:
+    """Remove a report that has become out of date. Raises OSError.
+
+    What is not of this program, though it has the same name, stays.
+    """
+    folder = Path(directory)
+    if not (folder / PAGE).is_file():
+        return
+    with (folder / PAGE).open(encoding="utf-8", errors="replace") as stream:
+        if GENERATOR not in stream.read(_HEAD_CHARACTERS):
+            return
+    (folder / PAGE).unlink()
+    if _holds_charts_only(folder / CHARTS):
+        shutil.rmtree(folder / CHARTS)
+
+
 def _write_charts(folder: Path, charts: Sequence[Chart]) -> None:
+    place = folder / CHARTS
+    if place.exists() and not _holds_charts_only(place):
+        raise InputError(
+            f"{place}: is not of a report, as there is more than charts; "
+            "move it away, or report another folder"
+        )
     staging = Path(tempfile.mkdtemp(prefix=".partial-report-", dir=folder))
     try:
-        made, place = staging / "new", folder / CHARTS
+        made = staging / "new"
         made.mkdir()
         for chart in charts:
             chart.write(made)
@@ -52,6 +79,12 @@ def _write_charts(folder: Path, charts: Sequence[Chart]) -> None:
         made.rename(place)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
+
+
+def _holds_charts_only(folder: Path) -> bool:
+    if not folder.is_dir():
+        return False
+    return all(path.suffix in _CHART_ENDINGS and path.is_file() for path in folder.iterdir())
 
 
 @contextlib.contextmanager

@@ -8,6 +8,7 @@ from importlib import resources
 
 from contact_locking import __version__
 
+from . import GENERATOR
 from .markup import Content, Markup, element
 
 DESCRIPTION = "Frictional contact of elastic-locking bodies"
@@ -29,7 +30,7 @@ def page(title: str, *content: Content) -> str:
         element("meta", charset="utf-8"),
         element("meta", http_equiv="Content-Security-Policy", content=policy),
         element("meta", name_="viewport", content="width=device-width, initial-scale=1"),
-        element("meta", name_="generator", content=f"contact_locking {__version__}"),
+        element("meta", name_="generator", content=f"{GENERATOR} {__version__}"),
         element("title", title),
         element("style", Markup(style)),
         # An icon of its own keeps a browser from asking for one.
