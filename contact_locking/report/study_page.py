@@ -47,7 +47,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     return html, [chart for _, charts in drawn for chart in charts]
 
 
-def label(row: Row, keys: Sequence[str]) -> str:
+def _label(row: Row, keys: Sequence[str]) -> str:
     """What varies, in one line."""
     return ", ".join(f"{name} = {shown(row.get(name))}" for name in keys)
 
@@ -77,13 +77,8 @@ def _varied(study: StudyParameters, rows: Sequence[Row]) -> Markup:
         values = list(dict.fromkeys(shown(row.get(name)) for row in rows))
         listed = ", ".join(values if len(values) <= 12 else [*values[:6], "…", *values[-2:]])
         told.append(element("li", key(name), f": {listed}"))
-    together = " Those in zip go side by side." if len(study.zip) > 1 else ""
-    return markup_list("What varies", told, together)
-
-
-def markup_list(title: str, items: Sequence[Markup], note: str) -> Markup:
-    """A short list under its title."""
-    return element("div", element("p", f"{title}:{note}"), element("ul", items))
+    together = " (those in zip side by side)" if len(study.zip) > 1 else ""
+    return element("div", element("p", f"What varies{together}:"), element("ul", told))
 
 
 def _trends(drawn: Sequence[tuple[Trend, list[Chart]]]) -> Markup:
@@ -127,7 +122,7 @@ def _pictures(study: StudyResults, keys: Sequence[str]) -> dict[str, tuple[str, 
             continue
         if (image := thumbnail(folder / PICTURE)) is not None:
             state = "" if row["state"] == "converged" else f" ({row['state']})"
-            found[row["case"]] = (image, f"{label(row, keys)}{state}")
+            found[row["case"]] = (image, f"{_label(row, keys)}{state}")
     return found
 
 

@@ -42,7 +42,7 @@ def trend_charts(trend: Trend) -> list[Chart]:
 
 def _rate_chart(trend: Trend, stem: str) -> Chart:
     description = f"{_name(trend)} over {trend.axis.key}: distance from {trend.compared}"
-    height = _PLOT + _ROW * min(len(trend.differences), _MOST_NAMED)
+    height = _PLOT + _ROW * _legend_rows([each.label for each in trend.differences])
     return chart(f"{stem}-rate", description, height, lambda figure: _rates(figure, trend))
 
 
@@ -68,6 +68,7 @@ def _rates(figure: Figure, trend: Trend) -> None:
     of = f"distance from {trend.compared.removeprefix('the ')}"
     axes = _axes(figure, trend, _name(trend) if trend.compared == "zero" else of)
     axes.set_yscale("log")
+    rates = []
     for number, differences in enumerate(trend.differences):
         drawing = _drawing(number, len(trend.differences))
         law = differences.power_law()
@@ -76,6 +77,7 @@ def _rates(figure: Figure, trend: Trend) -> None:
             axes.plot(differences.x, differences.y, label=label, **drawing)
             continue
         rate, factor = law
+        rates.append(rate)
         label = f"{label}: rate {_signed(rate)}"
         reliable = differences.reliable
         axes.plot(
@@ -88,7 +90,8 @@ def _rates(figure: Figure, trend: Trend) -> None:
         )
         ends = differences.x[reliable][[0, -1]]
         axes.plot(ends, factor * ends**rate, color=drawing["color"], lw=1.2)
-    _legend(figure, trend.differences)
+    spread = f", rates {_signed(min(rates))} to {_signed(max(rates))}" if rates else ""
+    _legend(figure, trend.differences, spread)
 
 
 def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
@@ -120,13 +123,14 @@ def _drawing(number: int, count: int) -> dict[str, Any]:
     return {"color": colour, "lw": 1.4, "marker": mark, "ms": 4.0}
 
 
-def _legend(figure: Figure, curves: Sequence[Curve | Differences]) -> None:
+def _legend(figure: Figure, curves: Sequence[Curve | Differences], of_many: str = "") -> None:
+    """Every curve by name, or of many the first and the last and what is said of all."""
     handles, labels = figure.axes[0].get_legend_handles_labels()
     if len(curves) > _MOST_NAMED:
         first, last = _plain(curves[0].label), _plain(curves[-1].label)
         figure.legend(
             [handles[0], handles[len(curves) - 1]],
-            [first, f"{last} ({len(curves)} curves)"],
+            [first, f"{last} ({len(curves)} curves{of_many})"],
             loc="outside upper left",
         )
     elif any(labels):
