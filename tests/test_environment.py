@@ -29,12 +29,15 @@ pytestmark = [
     ),
 ]
 
-# The last argument but a mirror is the folder to fill.
+# The last argument but a mirror is the folder to fill.  A shell waits for its sleep to end before it
+# heeds SIGINT, unless it is told otherwise and the sleep is in the background.
 MMDEBSTRAP = """
+trap 'trap - INT; kill -INT $$' INT
 for folder; do :; done
 mkdir -p "$folder/usr/bin" "$folder/etc"
 echo "mmdebstrap fills $folder" >>"$LOG"
-sleep "${FAKE_SECONDS:-0}"
+sleep "${FAKE_SECONDS:-0}" </dev/null >/dev/null 2>&1 &
+wait $!
 exit "${FAKE_EXIT:-0}"
 """
 # The real one ends its options where the command begins: here at the first of these.
