@@ -24,11 +24,10 @@ def write_table(directory: Path, rows: Iterable[Row]) -> None:
 def read_table(directory: Path) -> list[Row]:
     """The rows of a study's ``table.jsonl``.
 
-    Raises InputError if there is none, or if a case of it did not converge.
+    Raises InputError if there is none that can be read.
     """
     path = directory / JSON_LINES
     try:
-        rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {error}; run its study first") from error
-    return rows

@@ -65,15 +65,15 @@ def main() -> None:
     size = norms(reference.displacement, reference.domain, reference.parameters.contact.on)
     rows: list[dict[str, Any]] = []
     for coupling, penalties in couplings().items():
-        mine = []
+        in_v = []
         for divisions, (n, epsilon) in zip(DIVISIONS, penalties, strict=True):
             error = distance(solved(divisions, n, epsilon), reference)
             row = {"coupling": coupling, "h": 1.0 / divisions, "n": n if n < math.inf else "inf"}
             row |= {"error": dataclasses.asdict(error)}
             row |= {"relative": dataclasses.asdict(error.over(size))}
-            mine.append(row)
-        rows += mine
-        rate = fitted_rate(*zip(*[(r["h"], r["error"]["v"]) for r in mine[-FITTED:]], strict=True))
+            rows.append(row)
+            in_v.append(error.v)
+        rate = fitted_rate([1.0 / d for d in DIVISIONS[-FITTED:]], in_v[-FITTED:])
         if MPI.COMM_WORLD.rank == 0:
             print(f"{coupling:20}  rate in h {rate:.2f}", flush=True)
     if MPI.COMM_WORLD.rank == 0:
