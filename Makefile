@@ -10,7 +10,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench verification format image image-test clean
+.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench verification studies format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -42,6 +42,15 @@ bench: ## measure tangents and times (minutes) and write benchmarks/results.md
 verification: ## solve the problems with known answers and write docs/verification.md
 	./in-env python3 -m pytest -m "" tests/test_verification*.py tests/test_conic_reference.py \
 		tests/test_data.py::test_v14_four_ranks_agree_with_one --table docs/verification.md
+
+# Of contraction.yml the cases without a fixed point do not converge, as they should (exit code 3).
+studies: ## measure the convergence that the theory promises (ten minutes): docs/studies.md
+	for name in theorem_4_9 theorem_4_9_3d theorem_4_9_slip separate_penalties contraction; do \
+		./in-env contact-locking study demos/studies/$$name.yml || [ $$? -eq 3 ] || exit 1; \
+	done
+	./in-env python3 demos/studies/theorem_4_10.py
+	./in-env python3 demos/studies/local_friction.py
+	./in-env python3 demos/studies/figures.py docs/figures
 
 format: ## format the code
 	./in-env ruff check --fix
