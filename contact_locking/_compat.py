@@ -39,3 +39,9 @@ def collapse(component: Any) -> tuple[fem.FunctionSpace, npt.NDArray[np.int32]]:
     """The space of a component and its dofs in the whole; DOLFINx 0.11 nests the latter."""
     space, dofs = component.collapse()
     return space, np.asarray(dofs, dtype=np.int32).reshape(-1)
+
+
+def point_owners(data: Any) -> npt.NDArray[np.int32]:
+    """The ranks that own the points of interpolation data, -1 where none does."""
+    owners = data.src_owner
+    return np.asarray(owners() if callable(owners) else owners)

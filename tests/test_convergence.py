@@ -125,6 +125,21 @@ def test_theorem_4_9_the_contact_penalty_alone_has_rate_one() -> None:
     assert rate == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.serial
+def test_theorem_4_9_the_regularisation_of_friction_is_slower_than_the_contact_penalty() -> None:
+    values = [1e-4, 1e-5, 1e-6]
+    changes = ["mesh.h=0.0625", "penalty.n=.inf"]
+    runs = [
+        problem.solve(
+            load(STUDIES / "theorem_4_9.yml", [*changes, f"penalty.epsilon={e}"]).parameters
+        )
+        for e in values
+    ]
+    errors = [run.summary["certificate"]["errors"][MEASURED] for run in runs]
+    rate = fitted_rate(values, [error["displacement_norm"] for error in errors])
+    assert rate == pytest.approx(0.7, abs=0.15)
+
+
 def test_theorem_4_9_the_bounds_hold_and_the_penalties_fall_with_rate_one() -> None:
     sizes = [1e3, 1e4, 1e5]
     bounds = [solved(8, penalty__n=n).summary["bounds"] for n in sizes]

@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking import _compat
 from contact_locking.convex import squared_norm
 from contact_locking.domain import Domain
 from contact_locking.material import strain
@@ -73,7 +74,7 @@ def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:
     local = float(np.abs(x).max(initial=0.0))
     padding = _PADDING * source.mesh.comm.allreduce(local, op=MPI.MAX)
     owners = fem.create_interpolation_data(space, source, everywhere, padding=padding)
-    missing = bool(np.any(np.asarray(owners.src_owner()) < 0))
+    missing = bool(np.any(_compat.point_owners(owners) < 0))
     if mesh.comm.allreduce(missing, op=MPI.LOR):
         raise ValueError("the mesh of the reference reaches beyond that of the solution")
     found.interpolate_nonmatching(u, everywhere, owners)
