@@ -53,6 +53,12 @@ QUANTITIES = (
         vanishes=True,
     ),
     Quantity(
+        "certificate.errors.penalty_measured.displacement_norm",
+        "measured distance to the solution for n = ∞, ‖ε(u − u_∞)‖",
+        "1",
+        vanishes=True,
+    ),
+    Quantity(
         "admissible_load_factor",
         "between these shares of the prescribed displacements a solution ends",
         "1",
@@ -101,4 +107,7 @@ MEANINGS = {
     "penalty.energy_norm": "bound of the distance to the solution for n = ∞ on this mesh",
     "penalty.relative": "the same over the solution",
     "penalty.displacement_norm": "the same bound in the norm of the strain",
+    "penalty_measured.energy_norm": "measured distance to the solution for n = ∞ on this mesh",
+    "penalty_measured.relative": "the same over the solution",
+    "penalty_measured.displacement_norm": "the same distance in the norm of the strain",
 }
