@@ -29,8 +29,8 @@ pytestmark = [
     ),
 ]
 
-# The last argument but a mirror is the folder to fill.  A shell waits for its sleep to end before it
-# heeds SIGINT, unless it is told otherwise and the sleep is in the background.
+# The last argument but a mirror is the folder to fill.  A shell waits for its sleep to end before
+# it heeds SIGINT, unless it is told otherwise and the sleep is in the background.
 MMDEBSTRAP = """
 trap 'trap - INT; kill -INT $$' INT
 for folder; do :; done

@@ -224,6 +224,14 @@ def test_foundation_that_no_strain_within_the_limit_makes_room_for_is_infeasible
     assert summary["admissible_load_factor"] is None
 
 
+def test_a_solve_that_stops_early_says_how_far_the_friction_bound_was() -> None:
+    # The foundation overlaps the body, so that feasibility is tried, too.
+    given = {"max_iterations": 6}
+    summary = problem.solve(block(contact__gap=-5e-4, penalty__n=math.inf, solver=given)).summary
+    assert not summary["converged"]
+    assert 1e-8 < summary["friction_fixed_point"]["change"] < 1.0
+
+
 def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
     solution = problem.solve(_stretched(0.0205, 1e3))
     assert solution.converged

@@ -49,11 +49,12 @@ def judge(
     bound_kept = None if bound is None else bound.values
     target = dataclasses.replace(target, n=math.inf, epsilon=0.0)
     solver = InteriorPoint(system, target, settings, Monitor(), bound_moves=False)
+    tries = SolverReport()
 
     def fails(factor: float) -> Infeasible | None:
         system.u.x.array[:] = factor * prescribed
         try:
-            solver.solve(report)
+            solver.solve(tries)
         except Infeasible as failure:
             return failure
         return None
@@ -70,6 +71,8 @@ def judge(
         return None
     finally:
         solver.destroy()
+        report.tangents += tries.tangents
+        report.linear += tries.linear
         system.u.x.array[:] = displacement
         if bound is not None and bound_kept is not None:
             bound.values = bound_kept

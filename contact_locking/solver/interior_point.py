@@ -99,7 +99,10 @@ class InteriorPoint:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place."""
         # What is no number is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
-            return self._iterate_to_the_end(report)
+            try:
+                return self._iterate_to_the_end(report)
+            finally:
+                report.friction_change = self._friction_change
 
     def _iterate_to_the_end(self, report: SolverReport) -> Multipliers:
         monitor, settings = self._monitor, self._settings
@@ -124,7 +127,6 @@ class InteriorPoint:
                     f"{limit} interior point iterations did not suffice ({measures})"
                 )
             self._iterate(report)
-        report.friction_change = measures.friction
         report.duality_gap = measures.gap
         return self.multipliers()
 
