@@ -10,7 +10,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench verification studies format image image-test clean
+.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench verification studies docs format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -52,6 +52,9 @@ studies: ## measure the convergence that the theory promises (ten minutes): docs
 	./in-env python3 demos/studies/local_friction.py
 	./in-env python3 demos/studies/figures.py docs/figures
 
+docs: ## build the documentation in docs/_build/html (two minutes: it runs the demos)
+	./in-env sphinx-build -W --keep-going -q -b html docs docs/_build/html
+
 format: ## format the code
 	./in-env ruff check --fix
 	./in-env ruff format
@@ -63,5 +66,5 @@ image-test: ## build the Docker image (with buildah if there is no Docker or Pod
 	environment/image-test
 
 clean: ## remove results and caches in this folder
-	rm -rf results build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf results build dist docs/_build docs/demos/*.ipynb *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,106 @@
+"""Parts of the reference that are made from the code when the site is built.
+
+A page says where: ``<!-- study file keys -->`` and ``<!-- command line -->`` are replaced.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from itertools import groupby
+from typing import Any
+
+from contact_locking import cli
+from contact_locking.expressions import CONSTANTS, FUNCTIONS
+from contact_locking.study_file.schema import Row, rows
+
+
+def study_file_keys() -> str:
+    """A table of keys for each section, below a heading."""
+    parts = []
+    for section, keys in groupby(rows(), key=lambda row: row.key.partition(".")[0]):
+        first, *others = keys
+        lines = [f"## {section}", "", f"{_sentence(first.description)}", ""]
+        if others:
+            lines += ["| key | default | unit | meaning |", "| --- | --- | --- | --- |"]
+            lines += map(_line, others)
+        else:
+            lines += [f"Default: {_code(first.default)}"]
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n"
+
+
+def expression_words() -> str:
+    """What expressions are made of."""
+    functions = ", ".join(f"`{name}`" for name in FUNCTIONS)
+    constants = " and ".join(f"`{name}`" for name in CONSTANTS)
+    return f"Functions: {functions}. Constants: {constants}.\n"
+
+
+def command_line() -> str:
+    """The help of every command."""
+    parser = cli._parser()
+    pages = [("contact-locking", parser), *commands(parser).items()]
+    parts = []
+    for name, command in pages:
+        command.formatter_class = lambda prog: argparse.HelpFormatter(prog, width=88)
+        title = name if command is parser else f"contact-locking {name}"
+        parts.append(f"## {title}\n\n```text\n{command.format_help().rstrip()}\n```\n")
+    return "\n".join(parts)
+
+
+def commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The parsers of the commands by name."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+    return {}
+
+
+MARKS: dict[str, Callable[[], str]] = {
+    "<!-- study file keys -->": study_file_keys,
+    "<!-- expression words -->": expression_words,
+    "<!-- command line -->": command_line,
+}
+
+
+def fill(text: str) -> str:
+    """A page with its marks replaced."""
+    for mark, make in MARKS.items():
+        if mark in text:
+            text = text.replace(mark, make())
+    return text
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Fill every page when Sphinx reads it."""
+
+    def read(_app: Any, _page: str, source: list[str]) -> None:
+        source[0] = fill(source[0])
+
+    def outdated(_app: Any, env: Any, *_changes: Any) -> Iterator[str]:
+        """The code may have changed, the page has not."""
+        return (page for page in env.found_docs if page.startswith("reference/"))
+
+    app.connect("source-read", read)
+    app.connect("env-get-outdated", lambda *arguments: list(outdated(*arguments)))
+    return {"parallel_read_safe": True}
+
+
+def _line(row: Row) -> str:
+    # The section stands in the heading; a long key may break after a point.
+    unit = "" if row.unit == "1" else row.unit
+    return f"| {_code(row.key)} | {_code(row.default)} | {unit} | {_plain(row.description)} |"
+
+
+def _code(text: str) -> str:
+    return f"`{_plain(text)}`" if text else ""
+
+
+def _plain(text: str) -> str:
+    """Without what Markdown takes for the end of a cell."""
+    return text.replace("|", "\\|")
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
