@@ -15,7 +15,6 @@ import contact_locking  # noqa: E402
 
 project = "contact_locking"
 author = "the authors of contact_locking"
-copyright = "LGPL-3.0-or-later"
 version = release = contact_locking.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
@@ -30,9 +29,12 @@ html_math_renderer = "mathml"
 nb_execution_mode = "force"
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
+nb_merge_streams = True
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
+autodoc_preserve_defaults = True
+autodoc_type_aliases = {"FloatArray": "FloatArray"}
 python_use_unqualified_type_names = True
 
 html_theme = "furo"
@@ -40,3 +42,4 @@ html_title = f"contact_locking {version}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+html_show_copyright = False

@@ -68,6 +68,8 @@ def test_commands_have_options_that_exist(page: str) -> None:
     for words in commands(page):
         ours = words[: words.index("--")] if "--" in words else words
         cli._parser().parse_args(cli._one_setting_each(ours))
+        for word in ours:
+            assert not word.startswith("demos/") or (ROOT / word).exists(), word
 
 
 def test_commands_are_found_in_the_pages() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils.nodes import Element, SkipNode, math, math_block
@@ -22,10 +23,23 @@ def display(writer: Any, node: math_block) -> None:
     raise SkipNode
 
 
+# A browser sets a single letter in Unicode's mathematical italics, which few fonts have in full:
+# instead it is an ordinary letter, which site.css slants; Greek capitals stay upright, as in TeX.
+_LETTER = re.compile(r'<mi( class="capital-greek")?>([^\W\d_])</mi>')
+# It takes a bar for an operator between two terms, with space on both sides.
+_BAR = re.compile(r"<mo([^>]*)>\|</mo>")
+
+
+def _ordinary(found: re.Match[str]) -> str:
+    slanted = "" if found[1] else ' class="letter"'
+    return f'<mi mathvariant="normal"{slanted}>{found[2]}</mi>'
+
+
 def _mathml(node: Element, as_block: bool) -> str:
     text = node.astext()
     try:
-        return str(tex2mathml(text, as_block=as_block))
+        formula = _LETTER.sub(_ordinary, tex2mathml(text, as_block=as_block))
+        return _BAR.sub(r'<mo\1 lspace="0" rspace="0">|</mo>', formula)
     except MathError as error:
         getLogger(__name__).warning("%s in the formula %r", error, text, location=node)
         return ""
