@@ -1,13 +1,15 @@
 """Parts of the reference that are made from the code when the site is built.
 
-A page says where: ``<!-- study file keys -->`` and ``<!-- command line -->`` are replaced.
+A page says where by a comment, such as ``<!-- study file keys -->``.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable, Iterator
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 from contact_locking import cli
@@ -72,11 +74,20 @@ def fill(text: str) -> str:
     return text
 
 
+def without_folders(text: str, page: Path) -> str:
+    """A page with plain text for links to folders, which the repository shows and the site not."""
+
+    def plain(link: re.Match[str]) -> str:
+        return link[1] if (page.parent / link[2]).is_dir() else link[0]
+
+    return re.sub(r"\[([^\]]*)\]\(([^)\s#:]+)\)", plain, text)
+
+
 def setup(app: Any) -> dict[str, bool]:
     """Fill every page when Sphinx reads it."""
 
-    def read(_app: Any, _page: str, source: list[str]) -> None:
-        source[0] = fill(source[0])
+    def read(app: Any, page: str, source: list[str]) -> None:
+        source[0] = fill(without_folders(source[0], Path(app.env.doc2path(page))))
 
     def outdated(_app: Any, env: Any, *_changes: Any) -> Iterator[str]:
         """The code may have changed, the page has not."""
@@ -88,7 +99,7 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 def _line(row: Row) -> str:
-    # The section stands in the heading; a long key may break after a point.
+    # Where a number has no unit the cell stays empty.
     unit = "" if row.unit == "1" else row.unit
     return f"| {_code(row.key)} | {_code(row.default)} | {unit} | {_plain(row.description)} |"
 
