@@ -18,6 +18,8 @@ DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
 # On one rank CHOLMOD factorises in 60 (3D) to 80 % (2D) of MUMPS's time, after a fifth of its
 # analysis.
 _SERIAL_PACKAGE, _PARALLEL_PACKAGE = "cholmod", "mumps"
+# How MUMPS shares its work among ranks depends on their timing: it needs more than it foresees.
+_SPARE_MEMORY = {"mat_mumps_icntl_14": 80}
 ITERATIVE: dict[str, Any] = {
     "ksp_type": "cg",
     "ksp_rtol": 1e-4,
@@ -42,8 +44,9 @@ def is_direct(linear: str, dim: int, size: int) -> bool:
 def direct_options(comm: Any) -> dict[str, Any]:
     """A Cholesky factorisation by the package that suits the communicator (of mpi4py or PETSc)."""
     alone = comm.size == 1 and PETSc.Sys.hasExternalPackage(_SERIAL_PACKAGE)
-    package = _SERIAL_PACKAGE if alone else _PARALLEL_PACKAGE
-    return {**DIRECT, "pc_factor_mat_solver_type": package}
+    if alone:
+        return {**DIRECT, "pc_factor_mat_solver_type": _SERIAL_PACKAGE}
+    return {**DIRECT, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE, **_SPARE_MEMORY}
 
 
 @contextlib.contextmanager
