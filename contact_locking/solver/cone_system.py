@@ -91,8 +91,8 @@ class ConeSystem:
         vectors = [self.matrix.createVecRight() for _ in range(6)]
         self._load, self._stretched, self._unbalanced, self._right, self._step, self._seen = vectors
         self._load.array_w[:] = system.load
-        self.is_direct = is_direct(settings.linear, self.dim, system.size)
-        defaults = direct_options(self.comm) if self.is_direct else _ITERATIVE
+        factorises = is_direct(settings.linear, self.dim, system.size)
+        defaults = direct_options(self.comm) if factorises else _ITERATIVE
         self._ksp = create_ksp(self.matrix, defaults, settings.petsc)
         self._multigrid: FilteredMultigrid | None = None
         if self._ksp.getPC().getType() == PETSc.PC.Type.PYTHON:

@@ -43,8 +43,7 @@ def is_direct(linear: str, dim: int, size: int) -> bool:
 
 def direct_options(comm: Any) -> dict[str, Any]:
     """A Cholesky factorisation by the package that suits the communicator (of mpi4py or PETSc)."""
-    alone = comm.size == 1 and PETSc.Sys.hasExternalPackage(_SERIAL_PACKAGE)
-    if alone:
+    if comm.size == 1 and PETSc.Sys.hasExternalPackage(_SERIAL_PACKAGE):
         return {**DIRECT, "pc_factor_mat_solver_type": _SERIAL_PACKAGE}
     return {**DIRECT, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE, **_SPARE_MEMORY}
 
