@@ -67,7 +67,7 @@ _NO_STRAIN, _SOME_STRAIN = 1e-60, 1e-3
 _LEAST = 1e-4
 # Starting values: complementarity against stiffness times strain squared, and the least opening
 # against strain times length.  Between 3 and 300, and 0.1 and 1, the iterations change by a tenth.
-_START_LEVEL = 5.0
+_START_LEVEL = 30.0
 _START_OPENING = 0.1
 
 
