@@ -224,6 +224,29 @@ def test_foundation_that_no_strain_within_the_limit_makes_room_for_is_infeasible
     assert summary["admissible_load_factor"] is None
 
 
+def test_friction_bound_settles_where_contact_only_grazes() -> None:
+    # The gap all but stays open: pressure and friction bound vanish with the products themselves.
+    moved = [
+        {"on": "left", "value": [0.0, 0.0]},
+        {"on": "right", "value": [-0.024, 0.0096]},
+    ]
+    parameters = block(
+        h=0.2,
+        material__elasticity={"young": 0.1, "poisson": 0.0},
+        material__locking_limit=math.inf,
+        loads__body_force=[-0.0012, -0.0012],
+        loads__tractions=[{"on": "top", "value": [-0.006, -0.00576]}],
+        loads__displacements=moved,
+        contact__gap=0.00856,
+        friction__coefficient="0.6 - 0.3*s/(s + 0.05)",
+        friction__smoothing={"kernel": "helmholtz", "radius": 0.3},
+        penalty__n=math.inf,
+    )
+    solution = problem.solve(parameters)
+    assert solution.summary["converged"], solution.summary["reason"]
+    assert solution.summary["iterations"]["tangents"] < 50
+
+
 def test_a_solve_that_stops_early_says_how_far_the_friction_bound_was() -> None:
     # The foundation overlaps the body, so that feasibility is tried, too.
     given = {"max_iterations": 6}

@@ -55,6 +55,8 @@ _GAP_LEFT = 0.5
 _GAP_BACK = 10.0
 # The gap may not be a smaller share than this of the other residuals.
 _GAP_AHEAD = 1e-2
+# A friction bound that is waited for changes less by this factor in each iteration.
+_SETTLES = 0.5
 # The share of the duality gap, or of the tolerance, that a linear solve may leave as residual:
 # sharper solves save a tangent or two and cost more than these.
 _LINEAR_SHARE = 0.3
@@ -65,9 +67,12 @@ _NO_STRAIN, _SOME_STRAIN = 1e-60, 1e-3
 # Forces and energies are judged against this share of those at the start if they are smaller:
 # a body at rest has none to compare with.
 _LEAST = 1e-4
-# Starting values: complementarity against stiffness times strain squared, and the least opening
-# against strain times length.  Between 3 and 300, and 0.1 and 1, the iterations change by a tenth.
-_START_LEVEL = 30.0
+# The start: the elastic body, stiffer by this factor, so that few of its cells are far beyond their
+# limit; complementarity against stiffness times the square of the strain without that stiffness;
+# and the least opening against strain times length.  On coarse meshes all of this hardly matters;
+# at h = 1/256 a factor of 10 costs four tangents more, and a level three times higher two.
+_START_STIFFNESS = 100.0
+_START_LEVEL = 0.125
 _START_OPENING = 0.1
 
 
@@ -92,7 +97,7 @@ class InteriorPoint:
         self._cones = cones = ConeSystem(system, settings, target.stiffness)
         self._unstrained = np.zeros((len(MANDEL_PAIRS[cones.dim]), len(cones.limit)))
         self._point = ConePoint(cones, target.length, self._locking_block(self._unstrained))
-        self._friction_change = 0.0
+        self._friction_change, self._awaited = 0.0, math.inf
         self._first: tuple[float, float] | None = None
 
     def solve(self, report: SolverReport) -> Multipliers:
@@ -106,7 +111,7 @@ class InteriorPoint:
 
     def _iterate_to_the_end(self, report: SolverReport) -> Multipliers:
         monitor, settings = self._monitor, self._settings
-        self._friction_change, self._first = 0.0, None
+        self._friction_change, self._first, self._awaited = 0.0, None, math.inf
         try:
             self._start(report)
         except PETSc.Error as error:
@@ -135,7 +140,7 @@ class InteriorPoint:
         self._cones.destroy()
 
     def _start(self, report: SolverReport) -> None:
-        """An elastic solve, softened by springs, gives the place; the cones start around it."""
+        """An elastic solve with springs for the foundation gives the place; cones start around it."""
         cones, system, target = self._cones, self._system, self._target
         zeros = self._unstrained
         springs = push = None
@@ -143,8 +148,8 @@ class InteriorPoint:
             springs = np.full(len(cones.node_gap), target.stiffness / target.length)
             # They rest where the foundation is if it is inside the body.
             push = springs * np.maximum(-cones.node_gap, 0.0)
-        soft = np.full(len(cones.limit), 10.0 * target.stiffness)
-        cones.set_scaling((soft, 0.0 * soft, zeros), springs, None)
+        stiff = np.full(len(cones.limit), _START_STIFFNESS * target.stiffness)
+        cones.set_scaling((stiff, 0.0 * stiff, zeros), springs, None)
         report.tangents += 1
         cones.visit()
         cones.move(1.0, cones.solve_step(zeros, push, None, math.inf))
@@ -154,7 +159,7 @@ class InteriorPoint:
         if size < _NO_STRAIN:
             size = _SOME_STRAIN
         locking = self._locking_block(strain)
-        level = _START_LEVEL * target.stiffness * size**2
+        level = _START_LEVEL * target.stiffness * ((1.0 + _START_STIFFNESS) * size) ** 2
         locking.start(level)
         self._least_energy = _LEAST * target.stiffness * size**2 * target.length**cones.dim
         self._least_force = self._least_energy / (size * target.length)
@@ -279,8 +284,13 @@ class InteriorPoint:
         stands still while the friction bound settles.
         """
         now = self._measured
-        if now.gap < _GAP_AHEAD * max(now.equilibrium, now.friction):
+        if now.gap < _GAP_AHEAD * now.equilibrium:
             return 1.0
+        # Where contact only grazes, the pressure falls with the products: waiting does not help.
+        if now.gap < _GAP_AHEAD * now.friction < _GAP_AHEAD * _SETTLES * self._awaited:
+            self._awaited = now.friction
+            return 1.0
+        self._awaited = math.inf
         return max(centring, min(_GAP_BACK, _GAP_LEFT * _GAP_TOLERANCE / now.gap))
 
     def _stop_if_infeasible(self, measures: Measures) -> None:
