@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from contact_locking import forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor
 from contact_locking.solver.filtered_multigrid import FilteredMultigrid
-from contact_locking.solver.linear import create_ksp, direct_options, is_direct
+from contact_locking.solver.linear import DIRECT_LIMIT, create_ksp, direct_options, is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.strain_operator import StrainOperator
@@ -28,7 +28,7 @@ FloatArray = npt.NDArray[np.float64]
 _ITERATIVE: dict[str, Any] = {
     "ksp_type": "cg",
     "ksp_norm_type": "unpreconditioned",
-    "ksp_max_it": 500,
+    "ksp_max_it": 2000,
     "pc_type": "python",
 }
 # How much a linear solve reduces its right-hand side at least.
@@ -98,7 +98,7 @@ class ConeSystem:
         if self._ksp.getPC().getType() == PETSc.PC.Type.PYTHON:
             soft = self.matrix.duplicate()
             soft.setNearNullSpace(self._near_nullspace)
-            self._multigrid = FilteredMultigrid(self.matrix, soft)
+            self._multigrid = FilteredMultigrid(self.matrix, soft, DIRECT_LIMIT[self.dim])
             self._ksp.getPC().setPythonContext(self._multigrid)
             self._ksp.setInitialGuessNonzero(True)
         self._iterations = 0

@@ -10,6 +10,10 @@ cycle for the matrix without their stiffness, the preconditioner is
 symmetric and positive definite whatever ``G`` misses.  A residual that vanishes on the filtered
 degrees of freedom keeps doing so, and for it ``B = (I - F A) G``: one exact solve, not two.  So
 solves start from :meth:`FilteredMultigrid.start`.  A variant of doi:10.48550/arXiv.2505.18576.
+
+The memory of an exact solve grows faster than the mesh.  Where there is more to filter than may be
+factorised, ``B`` is a multigrid cycle for ``A`` itself: at n = 1e4 and 100 k unknowns as fast, with
+twenty times the iterations, which grow like the square root of n.
 """
 
 from __future__ import annotations
@@ -27,8 +31,9 @@ MULTIGRID: dict[str, Any] = {
     # The zones move but the mesh does not: only values are made anew.
     "pc_gamg_reuse_interpolation": True,
     "pc_gamg_threshold": 0.01,
-    "mg_levels_ksp_type": "richardson",
-    "mg_levels_ksp_max_it": 1,
+    # On several ranks relaxation is that of blocks, which overshoots: Chebyshev knows by how much.
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_max_it": 2,
     "mg_levels_pc_type": "sor",
     "mg_levels_pc_sor_symmetric": True,
 }
@@ -37,12 +42,12 @@ MULTIGRID: dict[str, Any] = {
 class FilteredMultigrid:
     """The context of a PETSc preconditioner of type python.
 
-    ``soft`` is a matrix like the one to be solved with, without the stiffness of what is filtered;
-    its near-nullspace must be set.
+    ``soft`` is a matrix like the one to be solved with, without the stiffness of what is filtered.
+    The near-nullspace of both must be set.  ``limit`` is the most that may be filtered.
     """
 
-    def __init__(self, matrix: PETSc.Mat, soft: PETSc.Mat) -> None:
-        self._matrix, self.soft = matrix, soft
+    def __init__(self, matrix: PETSc.Mat, soft: PETSc.Mat, limit: int) -> None:
+        self._matrix, self.soft, self._limit = matrix, soft, limit
         self._multigrid = PETSc.PC().create(matrix.getComm())
         self._multigrid.setOptionsPrefix(PREFIX + "multigrid_")
         self._multigrid.setOperators(soft)
@@ -58,12 +63,13 @@ class FilteredMultigrid:
         ``filtered`` are owned degrees of freedom, as local numbers.
         """
         self._forget()
-        self._multigrid.setOperators(self.soft)
-        self._multigrid.setUp()
-        self._filtered = filtered
         comm = self._matrix.getComm()
-        if comm.tompi4py().allreduce(len(filtered)) == 0:
+        count = comm.tompi4py().allreduce(len(filtered))
+        self._multigrid.setOperators(self.soft if count <= self._limit else self._matrix)
+        self._multigrid.setUp()
+        if not 0 < count <= self._limit:
             return
+        self._filtered = filtered
         first = self._matrix.getOwnershipRange()[0]
         rows = PETSc.IS().createGeneral((filtered + first).astype(PETSc.IntType), comm=comm)
         block = self._matrix.createSubMatrix(rows, rows)

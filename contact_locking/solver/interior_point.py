@@ -140,7 +140,7 @@ class InteriorPoint:
         self._cones.destroy()
 
     def _start(self, report: SolverReport) -> None:
-        """An elastic solve with springs for the foundation gives the place; cones start around it."""
+        """An elastic solve, with springs for a foundation, gives the place to start around."""
         cones, system, target = self._cones, self._system, self._target
         zeros = self._unstrained
         springs = push = None

@@ -12,7 +12,7 @@ PREFIX = "contact_locking_"
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
 
 # Above these many unknowns CG takes over; below, the direct solver is as fast and never fails.
-_DIRECT_LIMIT = {2: 1_000_000, 3: 150_000}
+DIRECT_LIMIT = {2: 1_000_000, 3: 150_000}
 
 DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
 # On one rank CHOLMOD factorises in 60 (3D) to 80 % (2D) of MUMPS's time, after a fifth of its
@@ -38,7 +38,7 @@ def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, An
 
 def is_direct(linear: str, dim: int, size: int) -> bool:
     """Whether ``linear`` = direct, iterative, or auto means a factorisation."""
-    return linear == "direct" or (linear == "auto" and size <= _DIRECT_LIMIT[dim])
+    return linear == "direct" or (linear == "auto" and size <= DIRECT_LIMIT[dim])
 
 
 def direct_options(comm: Any) -> dict[str, Any]:
