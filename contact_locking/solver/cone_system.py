@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import forms
@@ -35,7 +36,7 @@ _ITERATIVE: dict[str, Any] = {
 _LOOSEST = 1e-2
 # No linear residual gets smaller than this.
 _ROUNDING = 1e-12
-# Cells stiffer than the material by this factor go into the filter.
+# Cells stiffer than the material, and than the softest, by this factor go into the filter.
 _STIFF = 10.0
 
 
@@ -141,10 +142,14 @@ class ConeSystem:
                 self._set_nodal(function, values)
         self._assemble(self.matrix, *locking[:2])
         if self._multigrid is not None:
-            a, b, w = locking
-            is_stiff = a + np.maximum(b, 0.0) * np.sum(w**2, axis=0) > _STIFF * self._stiffness
-            self._assemble(self._multigrid.soft, *(np.where(is_stiff, 0.0, c) for c in (a, b)))
-            self._multigrid.refresh(self._dofs_of(self._cell_numbers[is_stiff]))
+            is_stiff = self._are_stiff(*locking)
+            filtered = self._dofs_of(self._cell_numbers[is_stiff])
+            if self._multigrid.can_filter(filtered):
+                soft = (np.where(is_stiff, 0.0, values) for values in locking[:2])
+                self._assemble(self._multigrid.soft, *soft)
+                self._multigrid.refresh(filtered)
+            else:
+                self._multigrid.refresh(None)
         self._ksp.setOperators(self.matrix)
         self._step.set(0.0)
 
@@ -280,6 +285,12 @@ class ConeSystem:
         matrix.zeroEntries()
         petsc.assemble_matrix(matrix, self._tangent, bcs=self.system.conditions)
         matrix.assemble()
+
+    def _are_stiff(self, a: FloatArray, b: FloatArray, w: FloatArray) -> npt.NDArray[np.bool_]:
+        """Which cells are much stiffer than the material, and than all others; collective."""
+        stiffness = a + np.maximum(b, 0.0) * np.sum(w**2, axis=0)
+        least = self.comm.allreduce(float(np.min(stiffness, initial=np.inf)), op=MPI.MIN)
+        return np.asarray(stiffness > _STIFF * max(self._stiffness, least))
 
     def _dofs_of(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
         """The owned free degrees of freedom of owned cells, of all ranks; collective."""

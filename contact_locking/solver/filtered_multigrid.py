@@ -57,19 +57,23 @@ class FilteredMultigrid:
         self._direct: PETSc.KSP | None = None
         self._inner: list[Any] = []
 
-    def refresh(self, filtered: npt.NDArray[np.int32]) -> None:
+    def can_filter(self, filtered: npt.NDArray[np.int32]) -> bool:
+        """Whether there is something to filter, and not more than the limit; collective."""
+        return 0 < self._matrix.getComm().tompi4py().allreduce(len(filtered)) <= self._limit
+
+    def refresh(self, filtered: npt.NDArray[np.int32] | None) -> None:
         """Set up for the present values of both matrices; collective.
 
-        ``filtered`` are owned degrees of freedom, as local numbers.
+        ``filtered`` are owned degrees of freedom, as local numbers; without any, only the matrix
+        to be solved with is looked at.
         """
         self._forget()
-        comm = self._matrix.getComm()
-        count = comm.tompi4py().allreduce(len(filtered))
-        self._multigrid.setOperators(self.soft if count <= self._limit else self._matrix)
+        self._multigrid.setOperators(self._matrix if filtered is None else self.soft)
         self._multigrid.setUp()
-        if not 0 < count <= self._limit:
+        if filtered is None:
             return
         self._filtered = filtered
+        comm = self._matrix.getComm()
         first = self._matrix.getOwnershipRange()[0]
         rows = PETSc.IS().createGeneral((filtered + first).astype(PETSc.IntType), comm=comm)
         block = self._matrix.createSubMatrix(rows, rows)
