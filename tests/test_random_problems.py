@@ -47,7 +47,7 @@ def problems(draw: st.DrawFn) -> Parameters:
         displacements.append({"on": draw(st.sampled_from(["right", "top"])), "value": moved})
     slope = draw(st.sampled_from([0.0, 0.3, -0.1]))
     gap = f"{size} * ({draw(_between(-0.1, 1.0))} + {slope}*x)"
-    friction = draw(st.one_of(_between(0.0, 1.0), st.just("0.6 - 0.3*s/(s + 0.05)")))
+    friction = draw(st.one_of(_between(0.0, 1.0), st.just("0.6 - 0.4*s/(s + 0.01)")))
     kernel = draw(st.sampled_from(["convolution", "helmholtz"]))
     n = draw(st.one_of(_decades(0.0, 10.0), st.just(math.inf)))
     data: dict[str, Any] = {
