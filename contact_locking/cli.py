@@ -134,6 +134,18 @@ def report(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def view(arguments: argparse.Namespace) -> int:
+    """Show the result of a run in a window until that is closed."""
+    from contact_locking import viewer
+
+    if terminal.is_root():
+        try:
+            viewer.view(arguments.directory)
+        except ImportError as error:
+            raise ContactLockingError(f"a window takes Matplotlib: {error}") from error
+    return 0
+
+
 def check(arguments: argparse.Namespace) -> int:
     """Say what is wrong or what would run, and solve nothing."""
     study = _load(arguments.file, arguments.set)
@@ -248,6 +260,8 @@ def _parser() -> _Parser:
     )
     one = add("report", report, "Write an HTML page and charts of a finished run or study.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
+    one = add("view", view, "Show the result of a run in a window, where there is a screen.")
+    one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results of a run")
     add_for_file("check", check, "Say what is wrong or what would run, and solve nothing.")
     one = add_for_file("mesh", mesh, "Write the mesh of a study file as a Gmsh file.")
     one.add_argument("-o", "--output", metavar="FILE.msh", type=Path, required=True)

@@ -53,6 +53,10 @@ class Infeasible(NotConverged):
         self.factor = factor
 
 
+class NoRendering(ContactLockingError):
+    """Three dimensions cannot be drawn here; the message says why."""
+
+
 def with_key(key: str, work: Callable[[], T]) -> T:
     """Run ``work``; an InputError that comes out of it without a key is given this one."""
     try:

@@ -20,15 +20,16 @@ from mpi4py import MPI
 from contact_locking import plotting, report, study_file
 from contact_locking.domain import on_root
 from contact_locking.errors import InputError
+from contact_locking.plotting import PICTURE, SNAPSHOT
 from contact_locking.solution import STATE_NAMES, Solution
 
 T = TypeVar("T")
 
 KEY = "output.directory"
-SUMMARY, FIELDS, PICTURE = "summary.json", "fields.bp", "picture.png"
+SUMMARY, FIELDS = "summary.json", "fields.bp"
 PARAMETERS, CONTACT = "parameters.yaml", "contact.csv"
 # The summary comes last: where it is, the rest is there too.
-_ORDER = (PARAMETERS, CONTACT, FIELDS, PICTURE, SUMMARY)
+_ORDER = (PARAMETERS, CONTACT, FIELDS, SNAPSHOT, PICTURE, SUMMARY)
 _AXES = "xyz"
 
 FIELD_NAMES = (
@@ -68,10 +69,10 @@ def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
 def write(solution: Solution, directory: str | Path) -> list[str]:
     """Write all files of a solution and return warnings, the same on all ranks; collective.
 
-    summary.json, parameters.yaml, contact.csv, and as ``output`` asks for them fields.bp and
-    picture.png; of an earlier run in the folder nothing stays.  Each file is made in a folder
-    beside its place and moved there when all are complete.  A picture that cannot be drawn is a
-    warning; a folder that cannot be written to raises InputError.
+    summary.json, parameters.yaml, contact.csv, and as ``output`` asks for them fields.bp, and
+    picture.png with snapshot.npz; of an earlier run in the folder nothing stays.  Each file is made
+    in a folder beside its place and moved there when all are complete.  A picture that cannot be
+    drawn is a warning; a folder that cannot be written to raises InputError.
     """
     comm, target = solution.domain.comm, Path(directory)
     staging = Path(_on_root(comm, target, lambda: _make_staging(target)))
@@ -81,9 +82,9 @@ def write(solution: Solution, directory: str | Path) -> list[str]:
         if wanted.fields:
             _write_fields(solution, staging / FIELDS)
         if wanted.picture:
-            problem = plotting.picture(solution, staging / PICTURE)
+            problem = plotting.picture(solution, staging)
             if problem is not None:
-                warnings.append(f"no picture was drawn: {problem}")
+                warnings.append(problem)
 
         def finish() -> None:
             _write_texts(solution, staging)

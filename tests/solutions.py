@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -81,6 +82,54 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
             "bounds": {"one": {"value": 1.0, "bound": float("inf"), "holds": True}},
         },
     )
+
+
+def of_kind(dim: int, kind: str) -> Solution:
+    """A solution of one of the ``KINDS``; collective."""
+    solution = made_up(dim, contact=kind != "without contact")
+    change = KINDS[kind]
+    if change is not None:
+        change(solution)
+    return solution
+
+
+def _unlocked(solution: Solution) -> None:
+    solution.locking_limit.x.array[:] = np.inf
+    solution.locked.x.array[:] = 0.0
+
+
+def _partly_unlimited(solution: Solution) -> None:
+    solution.locking_limit.x.array[::2] = np.inf
+
+
+def _at_rest(solution: Solution) -> None:
+    _unlocked(solution)
+    for name in ("displacement", "strain_norm", "contact_pressure", "contact_state"):
+        getattr(solution, name).x.array[:] = 0.0
+    points = solution.contact_points
+    if points is not None:
+        for values in (points.u_tangent, points.pressure, points.bound, points.traction):
+            values[:] = 0.0
+        points.state[:] = 0
+
+
+def _not_converged(solution: Solution) -> None:
+    solution.summary["converged"] = False
+
+
+def _with_an_odd_title(solution: Solution) -> None:
+    object.__setattr__(solution.parameters, "title", r"costs $5 \frac{ and 100 %")
+
+
+KINDS: dict[str, Callable[[Solution], None] | None] = {
+    "locked": None,
+    "without contact": None,
+    "unlocked": _unlocked,
+    "partly unlimited": _partly_unlimited,
+    "at rest": _at_rest,
+    "not converged": _not_converged,
+    "with an odd title": _with_an_odd_title,
+}
 
 
 def _points(dim: int) -> ContactPoints:

@@ -7,35 +7,62 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from contact_locking.errors import NoRendering
+
 if TYPE_CHECKING:
+    from contact_locking.plotting.page import Image
     from contact_locking.plotting.snapshot import Snapshot
     from contact_locking.solution import Solution
 
+#: What a picture shows as arrays, beside it.
+SNAPSHOT, PICTURE = "snapshot.npz", "picture.png"
 
-def picture(solution: Solution, path: Path) -> str | None:
-    """Draw ``solution`` into a PNG file; collective, drawn on rank 0.
 
-    Returns None, or on all ranks in words why there is no picture: drawing never raises.
+def picture(solution: Solution, folder: Path) -> str | None:
+    """Draw ``solution`` into a PNG file in ``folder``, and save its snapshot; collective.
+
+    Returns None, or on all ranks in words why there is no picture, or not the one there should be:
+    drawing never raises.
     """
     # The styles in this package are used without DOLFINx too.
-    from contact_locking.plotting.snapshot import gather
+    from contact_locking.plotting.gather import gather
 
     snapshot = gather(solution)
-    problem = None if snapshot is None else _draw(snapshot, path)
+    problem = None if snapshot is None else _draw(snapshot, folder)
     return solution.domain.comm.bcast(problem, root=0)
 
 
-def _draw(snapshot: Snapshot, path: Path) -> str | None:
+def _draw(snapshot: Snapshot, folder: Path) -> str | None:
     if not np.isfinite(snapshot.displacement).all():
-        return "the displacement is not finite"
+        return "no picture was drawn: the displacement is not finite"
+    target = folder / PICTURE
     try:
+        from contact_locking.plotting.snapshot_file import save
+
+        save(snapshot, folder / SNAPSHOT)
+        images, problem = None, None
+        if snapshot.dim == 3:
+            images, problem = _views(folder / SNAPSHOT)
         from contact_locking.plotting.draw import draw
 
-        draw(snapshot, path)
+        draw(snapshot, target, images)
     except ImportError as error:
-        return f"Matplotlib cannot be imported ({error})"
+        return f"no picture was drawn: Matplotlib cannot be imported ({error})"
     except Exception as error:
         # A solve of hours must not be lost to its picture, whatever the reason.
-        path.unlink(missing_ok=True)
-        return f"{type(error).__name__}: {error}"
-    return None
+        target.unlink(missing_ok=True)
+        return f"no picture was drawn: {type(error).__name__}: {error}"
+    return problem
+
+
+def _views(snapshot: Path) -> tuple[dict[str, Image] | None, str | None]:
+    """The views of a saved body, or why there are none."""
+    from contact_locking.plotting import offscreen
+
+    try:
+        return offscreen.views(snapshot), None
+    except NoRendering as reason:
+        return None, (
+            f"the picture was drawn by Matplotlib alone: {reason}\n"
+            f"For views by PyVista: {offscreen.INSTALL}"
+        )

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from contact_locking.plotting import plane, space, style
+from contact_locking.plotting import plane, space, space_plain, style
+from contact_locking.plotting.page import Image
 from contact_locking.plotting.snapshot import Snapshot
 
 
-def draw(body: Snapshot, path: Path) -> None:
-    """Draw a body in two or three dimensions."""
+def draw(body: Snapshot, path: Path, images: Mapping[str, Image] | None = None) -> None:
+    """Draw a body; in three dimensions with the ``images`` of its views, if there are any."""
     with matplotlib.rc_context(style.RC):
-        figure = plane.figure(body) if body.dim == 2 else space.figure(body)
+        if body.dim == 2:
+            figure = plane.figure(body)
+        elif images is not None:
+            figure = space.figure(body, images)
+        else:
+            figure = space_plain.figure(body)
         FigureCanvasAgg(figure)
         figure.savefig(
             path,

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path
 
 from contact_locking.plotting import profile, style
+from contact_locking.plotting.foundation import touched
 from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, Snapshot
 
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
@@ -93,10 +94,9 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> Patch:
 
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
     """A hatched layer on the far side of the surface at Gamma_C + gap nu."""
-    points = contact.points
-    surface = points.x + factor * points.gap[:, None] * points.normal
+    surface = touched(contact, factor)
     for chain in chains(contact.facets):
-        line, normal = _extended(surface[chain], points.normal[chain], _REACH * size)
+        line, normal = _extended(surface[chain], contact.points.normal[chain], _REACH * size)
         far = line + _THICKNESS * size * normal
         axes.add_patch(_layer(np.vstack([line, far[::-1]])))
         axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)

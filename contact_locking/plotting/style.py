@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -43,8 +44,12 @@ RC: dict[str, Any] = {
 DPI = 200
 
 LOCKED_LABEL = r"locked zone, $|\varepsilon| \geq M$"
+LOCKED_TITLE = r"Locked zone, $|\varepsilon| \geq M$"
 # The line around the locked zone runs where this share of the cells around a vertex is locked.
 RIM_SHARE = 0.25
+
+# Points; a title of more characters than the second is smaller, one above the third shortened.
+_TITLE_SIZE, _FULL_SIZE_TITLE, _LONGEST_TITLE = 13.0, 56, 120
 
 # Share of the cells whose values the colours cover.
 _QUANTILE = 0.99
@@ -114,9 +119,13 @@ def magnification(body: Snapshot) -> float:
     curved = contact is not None and np.ptp(contact.points.gap) > 1e-9 * body.size
     if curved or not 0.0 < share < _VISIBLE:
         return 1.0
-    factor = _SHOWN / share
-    power = 10.0 ** math.floor(math.log10(factor))
-    return power * max(step for step in (1, 2, 5) if step * power <= factor)
+    return round_below(_SHOWN / share)
+
+
+def round_below(number: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above a positive number."""
+    power = 10.0 ** math.floor(math.log10(number))
+    return power * max(step for step in (1, 2, 5) if step * power <= number)
 
 
 def scale_words(factor: float) -> str:
@@ -126,21 +135,21 @@ def scale_words(factor: float) -> str:
 
 def head(figure: Figure, body: Snapshot) -> None:
     """The study's title and a line of numbers over the whole figure."""
-    summary = body.summary
-    numbers = f"{summary['dofs']:,} dofs".replace(",", "\u2009")
+    numbers = f"{body.dofs:,} dofs".replace(",", "\u2009")
     if body.locked.any():
-        numbers += f"     {100 * summary['locked_fraction']:.0f} % of the body is locked"
-    if not summary["converged"]:
+        numbers += f"     {100 * body.locked_fraction:.0f} % of the body is locked"
+    if not body.converged:
         numbers += "     NOT CONVERGED"
     height = figure.get_figheight()
     engine = figure.get_layout_engine()
     if isinstance(engine, ConstrainedLayoutEngine):
         engine.set(rect=(0.0, 0.0, 1.0, 1.0 - 0.75 / height))
     # A title is the user's text, in which a dollar sign begins no formula.
-    title = body.title or "Locking body in contact"
+    title = textwrap.shorten(body.title or "Locking body in contact", _LONGEST_TITLE)
+    size = _TITLE_SIZE * min(1.0, _FULL_SIZE_TITLE / len(title))
     centred: dict[str, Any] = {"ha": "center", "va": "center", "parse_math": False}
-    figure.text(0.5, 1.0 - 0.27 / height, title, fontsize=13, fontweight="bold", **centred)
-    colour = GREY if summary["converged"] else VERMILION
+    figure.text(0.5, 1.0 - 0.27 / height, title, fontsize=size, fontweight="bold", **centred)
+    colour = GREY if body.converged else VERMILION
     figure.text(0.5, 1.0 - 0.55 / height, numbers, fontsize=9, color=colour, **centred)
 
 

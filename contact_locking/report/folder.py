@@ -206,7 +206,7 @@ def _require_version(record: dict[str, Any], folder: Path) -> None:
     if (version := record.get("version")) != __version__:
         raise InputError(
             f"{folder}: holds results of version {version}, and this is {__version__}; "
-            "report them with that version, or solve again"
+            "use that version for them, or solve again"
         )
 
 

@@ -1,0 +1,36 @@
+"""The rigid foundation as pictures in three dimensions draw it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contact_locking.plotting.snapshot import ContactMap, FloatArray
+
+# Reach of the drawn foundation beyond Gamma_C as a share of the body's size.
+_REACH = 0.12
+# Points are in a plane if they leave it by less than this share of their extent.
+_PLANE = 1e-6
+
+
+def touched(contact: ContactMap, factor: float) -> FloatArray:
+    """The points (k, d) of the foundation below those of Gamma_C, at ``factor`` times the gap."""
+    points = contact.points
+    return points.x + factor * points.gap[:, None] * points.normal
+
+
+def foundation(contact: ContactMap, factor: float, size: float) -> FloatArray:
+    """The surface at Gamma_C + gap nu: its facets, or one rectangle around it if it is plane."""
+    surface = touched(contact, factor)
+    centre = surface.mean(axis=0)
+    _, spread, basis = np.linalg.svd(surface - centre, full_matrices=False)
+    if spread[2] > _PLANE * spread[0]:
+        return surface[contact.facets]
+    # Along the axes of coordinates where the plane allows it.
+    first = np.eye(3)[np.argmin(np.abs(basis[2]))]
+    first = first - (first @ basis[2]) * basis[2]
+    first /= np.linalg.norm(first)
+    frame = np.array([first, np.cross(basis[2], first)])
+    flat = (surface - centre) @ frame.T
+    low, high = flat.min(axis=0) - _REACH * size, flat.max(axis=0) + _REACH * size
+    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    return (centre + corners @ frame)[None]

@@ -1,0 +1,104 @@
+"""Views of a body drawn by PyVista in a process of their own, which may end as it likes.
+
+Without a screen VTK does not raise: it ends its process.  A finished solve has to outlive that.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+import contact_locking
+from contact_locking.errors import NoRendering
+from contact_locking.plotting.page import Image
+
+INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip install pyvista"
+
+_PROGRAM = "contact_locking.plotting.render"
+_SECONDS, _GRACE_SECONDS = 120, 10
+#: A screen that nobody sees, and that stays when a client has gone.
+_ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
+_SHELL = 128
+XVFB = ("xvfb-run", "-a", "-s", "-screen 0 640x480x24 -noreset")
+
+
+def views(snapshot: Path) -> dict[str, Image]:
+    """Pictures (h, w, 3) of all views of a saved snapshot, by name. Raises NoRendering."""
+    if importlib.util.find_spec("pyvista") is None:
+        raise NoRendering("PyVista is not installed")
+    hidden = shutil.which(XVFB[0]) is not None
+    reasons = []
+    # Without the hidden screen on the user's, or on none: VTK from PyPI knows how.
+    for screen in [XVFB, ()] if hidden else [()]:
+        try:
+            with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
+                return _drawn(screen, snapshot, Path(folder))
+        except NoRendering as error:
+            reasons.append(str(error))
+        except (OSError, ValueError, zipfile.BadZipFile) as error:
+            reasons.append(f"{type(error).__name__}: {error}")
+    if sys.platform == "linux" and not hidden and not os.environ.get("DISPLAY"):
+        raise NoRendering("there is no screen, and no xvfb-run, which makes one for VTK")
+    raise NoRendering(reasons[0])
+
+
+def program(module: str) -> tuple[str, ...]:
+    """A command that runs a module of this package, and finds nothing in the current folder."""
+    return (sys.executable, "-P", "-m", module)
+
+
+def environment() -> dict[str, str]:
+    """In which `program` finds this package, however this process has found it."""
+    here = str(Path(contact_locking.__file__).resolve().parent.parent)
+    known = os.environ.get("PYTHONPATH")
+    return os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{known}" if known else here}
+
+
+def explain(code: int, told: str) -> str:
+    """Why a program of ours has ended, from its exit code and what it has said."""
+    lines = _ESCAPES.sub("", told).strip().splitlines()
+    said = f": {lines[-1].strip()}" if lines else ""
+    # A shell between, as xvfb-run is one, adds 128 to the signal.
+    number = -code if code < 0 else code - _SHELL
+    with contextlib.suppress(ValueError):
+        return f"VTK was ended by {signal.Signals(number).name}{said}"
+    return f"VTK ended with exit code {code}{said}"
+
+
+def _drawn(screen: Sequence[str], snapshot: Path, folder: Path) -> dict[str, Image]:
+    """Run the program that draws, on a screen, in a folder to be removed."""
+    target, log = folder / "views.npz", folder / "log"
+    with log.open("wb") as stream:
+        process = subprocess.Popen(
+            [*screen, *program(_PROGRAM), str(snapshot), str(target), str(_SECONDS)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=stream,
+            env=environment() | {"TMPDIR": str(folder)},
+            start_new_session=True,
+        )
+        try:
+            code = process.wait(_SECONDS + _GRACE_SECONDS)
+        except subprocess.TimeoutExpired:
+            raise NoRendering(f"VTK has not finished in {_SECONDS} seconds") from None
+        finally:
+            # All of it, the screen too.
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    if code:
+        raise NoRendering(explain(code, log.read_text(errors="replace")))
+    with np.load(target, allow_pickle=False) as images:
+        return {name: images[name] for name in images.files}

@@ -1,0 +1,287 @@
+"""Pictures in three dimensions: what PyVista draws, and what becomes of it where it cannot."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import numpy.typing as npt
+import pytest
+from mpi4py import MPI
+from solutions import KINDS, made_up, of_kind
+
+from contact_locking import output, plotting
+from contact_locking.errors import InputError, NoRendering
+from contact_locking.plotting import camera, offscreen, snapshot_file, views
+from contact_locking.plotting.gather import gather
+from contact_locking.plotting.snapshot import Snapshot
+
+Image = npt.NDArray[np.uint8]
+
+needs_pyvista = pytest.mark.skipif(
+    importlib.util.find_spec("pyvista") is None or shutil.which("xvfb-run") is None,
+    reason="PyVista or xvfb-run is not installed",
+)
+RENDER_ALL = """
+import sys
+from pathlib import Path
+from contact_locking.plotting import render
+for folder in map(Path, sys.argv[1:]):
+    render.main(folder / "snapshot.npz", folder / "views.npz", 60)
+"""
+
+
+DRAWN = ("locked", "without contact", "partly unlimited", "at rest")
+
+
+def snapshot(dim: int = 3, kind: str = "locked") -> Snapshot:
+    body = gather(of_kind(dim, kind))
+    assert body is not None
+    return body
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Image]]:
+    """The views of every kind of body, from one process."""
+    folders = {kind: tmp_path_factory.mktemp("kind") for kind in DRAWN}
+    for kind, folder in folders.items():
+        snapshot_file.save(snapshot(3, kind), folder / "snapshot.npz")
+    words = [*offscreen.XVFB, sys.executable, "-c", RENDER_ALL, *map(str, folders.values())]
+    subprocess.run(words, env=offscreen.environment(), timeout=120, check=True)
+    found = {}
+    for kind, folder in folders.items():
+        with np.load(folder / "views.npz") as images:
+            found[kind] = dict(images)
+    return found
+
+
+def hue(image: Image, colour: tuple[float, float, float]) -> npt.NDArray[np.bool_]:
+    """Where a picture has a colour, in any light and behind glass."""
+    parts = image.astype(float) / (image.astype(float).sum(axis=-1, keepdims=True) + 1e-9)
+    return np.linalg.norm(parts - np.array(colour) / sum(colour), axis=-1) < 0.1
+
+
+VERMILION = (0xD5, 0x5E, 0x00)
+
+
+@pytest.mark.serial
+@needs_pyvista
+@pytest.mark.parametrize("kind", DRAWN)
+def test_every_view_of_every_kind_of_body_shows_something(
+    kind: str, drawn: dict[str, dict[str, Image]]
+) -> None:
+    inside = "locked" if kind not in ("unlocked", "at rest") else "cut"
+    wanted = {"body", inside} | ({"contact"} if kind != "without contact" else set())
+    assert set(drawn[kind]) == wanted
+    for image in drawn[kind].values():
+        assert image.shape[1] == round(200 * views.WIDTH)
+        assert 0.1 < np.mean((image < 254).any(axis=-1)) < 0.95
+        assert image.std() > 20.0 or kind == "at rest"
+
+
+@pytest.mark.serial
+@needs_pyvista
+def test_the_locked_zone_is_the_upper_half_and_the_pressure_is_on_the_right(
+    drawn: dict[str, dict[str, Image]],
+) -> None:
+    rows, _ = np.nonzero(hue(drawn["locked"]["locked"], VERMILION))
+    height = len(drawn["locked"]["locked"])
+    assert len(rows) > 0.15 * drawn["locked"]["locked"].size / 3
+    assert rows.mean() < 0.4 * height and np.quantile(rows, 0.99) < 0.75 * height
+    # The colours of the pressure, from blue to yellow, are on Gamma_C alone.
+    contact = drawn["locked"]["contact"].astype(int)
+    _, columns = np.nonzero(np.ptp(contact, axis=-1) > 40)
+    assert np.quantile(columns, 0.05) > 0.5 * contact.shape[1]
+    # At rest it touches nowhere.
+    assert np.ptp(drawn["at rest"]["contact"].astype(int), axis=-1).max() < 10
+
+
+@needs_pyvista
+def test_the_picture_of_three_dimensions_is_made_of_views(
+    tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    folder = comm.bcast(tmp_path)
+    assert plotting.picture(made_up(3), folder) is None
+    if comm.rank == 0:
+        image = matplotlib.image.imread(folder / "picture.png")
+        assert min(image.shape[:2]) > 1000
+        # The solid zone: that large in no other picture.
+        assert hue((255 * image[:, :, :3]).astype(np.uint8), VERMILION).mean() > 0.03
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+    """Replace the program that draws by another one, without a screen."""
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setenv("DISPLAY", ":0")
+
+    def replace(code: str) -> None:
+        program = (sys.executable, "-c", code)
+        monkeypatch.setattr(offscreen, "program", lambda module: program)
+
+    return replace
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("import os; os.abort()", "VTK was ended by SIGABRT"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "VTK was ended by SIGKILL"),
+        ("raise RuntimeError('no OpenGL')", "exit code 1: RuntimeError: no OpenGL"),
+        ("pass", "FileNotFoundError"),
+        ("import sys; open(sys.argv[2], 'w').write('no pictures')", "Error: "),
+    ],
+)
+def test_a_program_that_cannot_draw_leaves_everything_else_intact(
+    code: str, told: str, stand_in: Any, tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    stand_in(code)
+    folder = comm.bcast(tmp_path)
+    (warning,) = output.write(made_up(3), folder)
+    assert warning.startswith("the picture was drawn by Matplotlib alone: ") and told in warning
+    comm.Barrier()
+    files = {"summary.json", "parameters.yaml", "contact.csv", "fields.bp"}
+    assert {path.name for path in folder.iterdir()} == files | {"snapshot.npz", "picture.png"}
+
+
+@pytest.mark.serial
+def test_a_program_that_hangs_is_ended_with_all_it_has_started(
+    stand_in: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    pid = tmp_path / "pid"
+    sleep = "import subprocess as s; p = s.Popen(['sleep', '60'])"
+    stand_in(f"{sleep}; open({str(pid)!r}, 'w').write(str(p.pid)); p.wait()")
+    monkeypatch.setattr(offscreen, "_SECONDS", 1)
+    monkeypatch.setattr(offscreen, "_GRACE_SECONDS", 0)
+    with pytest.raises(NoRendering, match="not finished in 1 seconds"):
+        offscreen.views(tmp_path / "snapshot.npz")
+    end = time.monotonic() + 5.0
+    while _runs(int(pid.read_text())):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process is there and has not ended, though nobody may have asked how."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.serial
+def test_without_pyvista_or_a_screen_the_reason_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with monkeypatch.context() as without:
+        without.setattr(importlib.util, "find_spec", lambda name: None)
+        with pytest.raises(NoRendering, match="PyVista is not installed"):
+            offscreen.views(tmp_path / "snapshot.npz")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setattr(offscreen, "program", lambda module: (sys.executable, "-c", "0/0"))
+    with pytest.raises(NoRendering, match="there is no screen, and no xvfb-run"):
+        offscreen.views(tmp_path / "snapshot.npz")
+
+
+def test_without_a_screen_and_anything_on_the_path_all_results_are_there(
+    tmp_path: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solution, folder = made_up(3, output={"fields": False}), comm.bcast(tmp_path)
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    warnings = output.write(solution, folder)
+    # VTK from PyPI needs no screen.
+    assert not warnings or "drawn by Matplotlib alone" in warnings[0]
+    if comm.rank == 0:
+        assert matplotlib.image.imread(folder / "picture.png").std() > 0.05
+        assert (folder / "summary.json").is_file()
+
+
+def same(a: Any, b: Any) -> bool:
+    if is_dataclass(a):
+        return all(same(getattr(a, field.name), getattr(b, field.name)) for field in fields(a))
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and np.array_equal(a, b)
+    return bool(a == b)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_snapshot_is_read_as_it_was_saved(dim: int, kind: str, tmp_path: Path) -> None:
+    body = snapshot(dim, kind)
+    snapshot_file.save(body, tmp_path / "snapshot.npz")
+    assert same(snapshot_file.load(tmp_path / "snapshot.npz"), body)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"cells": lambda cells: cells[:, :3]}, "wrong shape|no body"),
+        ({"cells": lambda cells: cells + 1000}, "cells names what is not there"),
+        ({"boundary_cell": lambda cells: cells - 1}, "boundary_cell names what is not there"),
+        ({"facets": lambda facets: facets.astype(float)}, "facets holds no whole numbers"),
+        ({"x": lambda x: x * np.nan}, "x is not finite"),
+        ({"displacement": lambda u: u[1:]}, "displacement has the wrong shape"),
+        ({"points.gap": lambda gap: gap[:, None]}, "gap has the wrong shape"),
+        ({"facts": lambda facts: np.array("{}")}, "title"),
+        ({"facts": lambda facts: np.array("[" * 100_000)}, "damaged"),
+        ({"facts": lambda facts: np.array([{}], dtype=object)}, "pickle"),
+    ],
+)
+def test_a_snapshot_that_is_damaged_is_bad_input(
+    change: dict[str, Any], told: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "snapshot.npz"
+    snapshot_file.save(snapshot(), path)
+    with np.load(path) as archive:
+        stored = dict(archive)
+    np.savez(path, **{name: change.get(name, np.asarray)(stored[name]) for name in stored})
+    with pytest.raises(InputError, match=told):
+        snapshot_file.load(path)
+
+
+@pytest.mark.serial
+def test_a_file_that_is_no_snapshot_is_bad_input(tmp_path: Path) -> None:
+    path = tmp_path / "snapshot.npz"
+    with pytest.raises(InputError, match=r"no such file; solve again with output\.picture"):
+        snapshot_file.load(path)
+    snapshot_file.save(snapshot(), path)
+    content = path.read_bytes()
+    for damaged in (b"", b"text", content[: len(content) // 2], content[:-30]):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match="is damaged"):
+            snapshot_file.load(path)
+
+
+@pytest.mark.parametrize("normal", [*np.eye(3), *-np.eye(3), np.array([0.6, -0.64, 0.48])])
+def test_gamma_c_is_seen_from_below_and_the_foundation_is_behind_the_body(
+    normal: npt.NDArray[np.float64],
+) -> None:
+    assert camera.from_the_side(normal) @ normal < 0.0
+    below = camera.from_below(normal)
+    assert below @ normal > 0.8 * np.linalg.norm(below)
+
+
+def test_a_camera_has_all_points_in_its_picture_upright() -> None:
+    points = np.random.default_rng(0).uniform(size=(50, 3)) * (3.0, 1.0, 0.5)
+    for aspect in (None, 0.5, 3.0):
+        seen = camera.camera(points, np.array([0.3, -1.0, 0.4]), aspect)
+        places = seen.place(points)
+        assert places.min() > 0.0 and places.max() < 1.0
+        assert seen.up[2] > 0.9 and seen.right[0] > 0.9
+        if aspect is not None:
+            assert seen.width / seen.height == pytest.approx(aspect)
