@@ -46,9 +46,9 @@ def camera(points: FloatArray, towards: FloatArray, aspect: float | None = None)
     """
     towards = towards / np.linalg.norm(towards)
     upright = np.eye(3)[2 if abs(towards[2]) < 0.999 else 1]
-    right: FloatArray = np.cross(upright, towards)
-    right = right / float(np.linalg.norm(right))
-    up: FloatArray = np.cross(towards, right)
+    right = np.array(np.cross(upright, towards), dtype=np.float64)
+    right /= np.linalg.norm(right)
+    up = np.array(np.cross(towards, right), dtype=np.float64)
     frame = np.array([right, up, towards])
     seen = points @ frame.T
     low, high = seen.min(axis=0), seen.max(axis=0)
