@@ -79,7 +79,7 @@ class OutputParameters(Section):
 
     directory: Text = entry("results", "folder of the results")
     fields: Switch = entry(True, "whether to write the fields for ParaView")
-    picture: Switch = entry(True, "whether to draw a picture")
+    picture: Switch = entry(True, "whether to draw a picture, and save what `view` shows")
 
     @field_validator("directory")
     @classmethod

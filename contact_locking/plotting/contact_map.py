@@ -18,7 +18,7 @@ PRESSURE_TITLE, PRESSURE_COLOURS = r"Contact pressure $-\sigma_\nu$", "cividis"
 
 _AXES = "xyz"
 # At most so many arrows beside each other.
-_ARROWS = 16
+_ARROWS = 12
 # From this ratio of the largest to the median pressure on its colours follow the square root.
 _PEAKED = 6.0
 
@@ -35,7 +35,11 @@ def slipping(points: ContactPoints) -> IntArray:
     """The points that slip, of many in one place one."""
     slips = np.flatnonzero(points.state == SLIP)
     places = points.x[slips] * (_ARROWS / float(np.ptp(points.x, axis=0).max()))
-    return slips[np.sort(np.unique(np.floor(places), axis=0, return_index=True)[1])]
+    boxes = np.floor(places)
+    # Of the points in a box the one that is most in the middle.
+    order = np.argsort(np.linalg.norm(places - boxes - 0.5, axis=1))
+    first = np.unique(boxes[order], axis=0, return_index=True)[1]
+    return slips[np.sort(order[first])]
 
 
 def arrows(axes: Axes, tails: FloatArray, directions: FloatArray) -> None:
