@@ -31,6 +31,7 @@ needs_pyvista = pytest.mark.skipif(
     reason="PyVista or xvfb-run is not installed",
 )
 FILES = {"summary.json", "parameters.yaml", "contact.csv", "snapshot.npz", "picture.png"}
+ABORT = "import os; os.abort()"
 RENDER_ALL = """
 import sys
 from pathlib import Path
@@ -134,7 +135,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
 @pytest.mark.parametrize(
     ("code", "told"),
     [
-        ("import os; os.abort()", "VTK was ended by SIGABRT"),
+        (ABORT, "VTK was ended by SIGABRT"),
         ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "VTK was ended by SIGKILL"),
         ("raise RuntimeError('no OpenGL')", "exit code 1: RuntimeError: no OpenGL"),
         ("pass", "FileNotFoundError"),
@@ -160,7 +161,7 @@ def test_a_program_that_hangs_is_ended_with_all_it_has_started(
     sleep = "import subprocess as s; p = s.Popen(['sleep', '60'])"
     stand_in(f"{sleep}; open({str(pid)!r}, 'w').write(str(p.pid)); p.wait()")
     monkeypatch.setattr(offscreen, "_SECONDS", 1)
-    monkeypatch.setattr(offscreen, "_GRACE_SECONDS", 0)
+    monkeypatch.setattr(offscreen, "_GRACE_SECONDS", 0.5)
     with pytest.raises(NoRendering, match="not finished in 1 seconds"):
         offscreen.views(tmp_path / "snapshot.npz")
     end = time.monotonic() + 5.0
@@ -189,7 +190,7 @@ def test_without_pyvista_or_a_screen_the_reason_says_so(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(offscreen, "program", lambda module: (sys.executable, "-c", "0/0"))
+    monkeypatch.setattr(offscreen, "program", lambda module: (sys.executable, "-c", ABORT))
     with pytest.raises(NoRendering, match="there is no screen, and no xvfb-run"):
         offscreen.views(tmp_path / "snapshot.npz")
 

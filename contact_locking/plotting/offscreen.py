@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,10 +28,11 @@ from contact_locking.plotting.page import Image
 INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip install pyvista"
 
 _PROGRAM = "contact_locking.plotting.render"
-_SECONDS, _GRACE_SECONDS = 120, 10
-#: A screen that nobody sees, and that stays when a client has gone.
+_TARGET = "views.npz"
+_SECONDS, _GRACE_SECONDS = 120, 2
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
-_SHELL = 128
+_SHELL, _CRASHED = 128, "VTK was ended by"
+#: A screen that nobody sees, and that stays when a client has gone.
 XVFB = ("xvfb-run", "-a", "-s", "-screen 0 640x480x24 -noreset")
 
 
@@ -44,12 +46,15 @@ def views(snapshot: Path) -> dict[str, Image]:
     for screen in [XVFB, ()] if hidden else [()]:
         try:
             with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
-                return _drawn(screen, snapshot, Path(folder))
-        except NoRendering as error:
-            reasons.append(str(error))
+                reason = _draw(screen, snapshot, Path(folder))
+                if reason is None:
+                    with np.load(Path(folder) / _TARGET, allow_pickle=False) as images:
+                        return {name: images[name] for name in images.files}
+            reasons.append(reason)
         except (OSError, ValueError, zipfile.BadZipFile) as error:
             reasons.append(f"{type(error).__name__}: {error}")
-    if sys.platform == "linux" and not hidden and not os.environ.get("DISPLAY"):
+    no_screen = sys.platform == "linux" and not hidden and not os.environ.get("DISPLAY")
+    if no_screen and reasons[0].startswith(_CRASHED):
         raise NoRendering("there is no screen, and no xvfb-run, which makes one for VTK")
     raise NoRendering(reasons[0])
 
@@ -73,16 +78,21 @@ def explain(code: int, told: str) -> str:
     # A shell between, as xvfb-run is one, adds 128 to the signal.
     number = -code if code < 0 else code - _SHELL
     with contextlib.suppress(ValueError):
-        return f"VTK was ended by {signal.Signals(number).name}{said}"
+        return f"{_CRASHED} {signal.Signals(number).name}{said}"
     return f"VTK ended with exit code {code}{said}"
 
 
-def _drawn(screen: Sequence[str], snapshot: Path, folder: Path) -> dict[str, Image]:
-    """Run the program that draws, on a screen, in a folder to be removed."""
-    target, log = folder / "views.npz", folder / "log"
+def _draw(screen: Sequence[str], snapshot: Path, folder: Path) -> str | None:
+    """Run the program that draws, on a screen, in a folder to be removed; None or why it failed.
+
+    Raises NoRendering if it does not end.
+    """
+    target, log = folder / _TARGET, folder / "log"
+    # The program's own limit is for where nobody is left to end it.
+    words = [*screen, *program(_PROGRAM), str(snapshot), str(target), str(2 * _SECONDS)]
     with log.open("wb") as stream:
         process = subprocess.Popen(
-            [*screen, *program(_PROGRAM), str(snapshot), str(target), str(_SECONDS)],
+            words,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=stream,
@@ -90,15 +100,23 @@ def _drawn(screen: Sequence[str], snapshot: Path, folder: Path) -> dict[str, Ima
             start_new_session=True,
         )
         try:
-            code = process.wait(_SECONDS + _GRACE_SECONDS)
+            code = process.wait(_SECONDS)
         except subprocess.TimeoutExpired:
             raise NoRendering(f"VTK has not finished in {_SECONDS} seconds") from None
         finally:
-            # All of it, the screen too.
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-    if code:
-        raise NoRendering(explain(code, log.read_text(errors="replace")))
-    with np.load(target, allow_pickle=False) as images:
-        return {name: images[name] for name in images.files}
+            if process.poll() is None:
+                _end(process)
+    return explain(code, log.read_text(errors="replace")) if code else None
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a program and all it has started; a screen that is asked to removes its lock."""
+    deadline = time.monotonic() + _GRACE_SECONDS
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGTERM)
+        while time.monotonic() < deadline:
+            process.poll()
+            os.killpg(process.pid, 0)
+            time.sleep(0.02)
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from contact_locking import __version__
 from contact_locking.errors import InputError
+from contact_locking.plotting import PICTURE
 from contact_locking.solution import STATE_NAMES
 from contact_locking.studies.outcome import PARAMETERS, SUMMARY
 from contact_locking.studies.table import JSON_LINES, Row
@@ -24,7 +25,7 @@ from contact_locking.studies.table import JSON_LINES, Row
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-CONTACT, PICTURE = "contact.csv", "picture.png"
+CONTACT = "contact.csv"
 
 _MAX_BYTES = 500_000_000
 _SCALARS, _VECTORS = ("u_normal", "gap", "pressure", "bound"), ("u_tangent", "traction_tangent")
