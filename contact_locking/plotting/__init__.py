@@ -10,8 +10,8 @@ import numpy as np
 from contact_locking.errors import NoRendering
 
 if TYPE_CHECKING:
-    from contact_locking.plotting.page import Image
     from contact_locking.plotting.snapshot import Snapshot
+    from contact_locking.plotting.views import Image
     from contact_locking.solution import Solution
 
 #: What a picture shows as arrays, beside it.

@@ -9,8 +9,8 @@ import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from contact_locking.plotting import plane, space, space_plain, style
-from contact_locking.plotting.page import Image
 from contact_locking.plotting.snapshot import Snapshot
+from contact_locking.plotting.views import Image
 
 
 def draw(body: Snapshot, path: Path, images: Mapping[str, Image] | None = None) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 
 import contact_locking
 from contact_locking.errors import NoRendering
-from contact_locking.plotting.page import Image
+from contact_locking.plotting.views import Image
 
 INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip install pyvista"
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
@@ -15,9 +14,8 @@ from matplotlib.patheffects import withStroke
 from contact_locking.plotting import style
 from contact_locking.plotting.camera import Camera
 from contact_locking.plotting.snapshot import FloatArray
-from contact_locking.plotting.views import View
+from contact_locking.plotting.views import Image, View
 
-Image = npt.NDArray[np.uint8]
 Place = tuple[float, float, float, float]
 
 # Inches: of titles above and scales of colours below what they belong to.
@@ -69,7 +67,7 @@ class Page:
         """A scale of colours below ``top``, and to its right what it is of."""
         bar = self.figure.add_axes(self.place(left + _INSET, top + _BELOW, width, _THICK))
         self.figure.colorbar(colours, cax=bar, orientation="horizontal", extend=extend)
-        bar.locator_params(nbins=5)
+        bar.locator_params(nbins=4)
         end = (left + _INSET + width + 2 * _INSET, top + _BELOW + 0.5 * _THICK)
         self.text(*end, label, va="center")
 

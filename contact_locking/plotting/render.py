@@ -11,14 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from contact_locking.plotting import snapshot_file, style
 from contact_locking.plotting.camera import Camera
 from contact_locking.plotting.snapshot import Snapshot
-from contact_locking.plotting.views import BODY, CUT, LOCKED, View, views
-
-Image = npt.NDArray[np.uint8]
+from contact_locking.plotting.views import BODY, CUT, LOCKED, Image, View, views
 
 # Pictures are drawn so many times larger than they are shown, for smooth edges.
 _FINER = 3

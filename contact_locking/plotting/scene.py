@@ -76,7 +76,7 @@ class Scene:
     def locked_zone(self) -> None:
         """The part of the body in which cells are locked, inside a body of glass."""
         self._body_but_contact(color=style.GREY, opacity=_GLASS, **_PLAIN)
-        zone = self._grid().clip_scalar("share", invert=False, value=style.RIM_SHARE)
+        zone = self._grid().clip_scalar(scalars="share", invert=False, value=style.RIM_SHARE)
         if zone.n_points:
             self._add(zone.extract_surface(), color=style.VERMILION, **_PLAIN)
         self._edges(self._x, style.BLACK, _EDGE)
@@ -91,9 +91,8 @@ class Scene:
         part = _surface(self._x[contact.vertices], contact.facets)
         part.point_data["pressure"] = contact.points.pressure
         part.point_data["touches"] = (contact.points.state != OPEN).astype(float)
-        apart, touching = (
-            part.clip_scalar("touches", invert=invert, value=0.5) for invert in (True, False)
-        )
+        half = {"scalars": "touches", "value": 0.5}
+        apart, touching = (part.clip_scalar(invert=invert, **half) for invert in (True, False))
         if apart.n_points:
             self._add(apart, color=_APART, lighting=False)
         if touching.n_points:

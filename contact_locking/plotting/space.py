@@ -11,9 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from contact_locking.plotting import contact_map, style
-from contact_locking.plotting.page import Image, Page
+from contact_locking.plotting.page import Page
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
-from contact_locking.plotting.views import BODY, CONTACT, CUT, LOCKED, WIDTH, View, views
+from contact_locking.plotting.views import BODY, CONTACT, CUT, LOCKED, WIDTH, Image, View, views
 from contact_locking.solution import STICK
 
 # Inches: margins, the head of the page, a title, and what is below a view.

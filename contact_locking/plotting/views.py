@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from contact_locking.plotting import style
 from contact_locking.plotting.camera import Camera, across, camera, from_below, from_the_side
 from contact_locking.plotting.foundation import foundation
 from contact_locking.plotting.snapshot import ContactMap, FloatArray, Snapshot
+
+Image = npt.NDArray[np.uint8]
 
 BODY, LOCKED, CUT, CONTACT = "body", "locked", "cut", "contact"
 
@@ -69,7 +72,7 @@ def cut(body: Snapshot, x: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def mean_normal(contact: ContactMap | None) -> FloatArray | None:
-    """The outward normal in the mean over Gamma_C; downwards if it points anywhere."""
+    """The outward normal in the mean over Gamma_C; downwards where these cancel."""
     if contact is None:
         return None
     mean: FloatArray = contact.points.normal.mean(axis=0)

@@ -47,15 +47,11 @@ class Sight:
 class Window:
     """Views of a body that follow each other, its displacement drawn at any scale."""
 
-    def __init__(self, body: Snapshot, off_screen: bool = False) -> None:
+    def __init__(self, body: Snapshot) -> None:
         self._body, self._factor = body, style.magnification(body)
         self._sights, self._number = _sights(body), 0
         self.plotter: Any = pv.Plotter(
-            # None: on the screen, if PyVista's own settings do not say otherwise.
-            off_screen=off_screen or None,
-            window_size=_SIZE,
-            title=body.title or "contact_locking",
-            lighting="none",
+            window_size=_SIZE, title=body.title or "contact_locking", lighting="none"
         )
         set_up(self.plotter)
         self.plotter.add_axes()
@@ -63,7 +59,7 @@ class Window:
         self.plotter.add_slider_widget(
             self.scale,
             (0.0, _MOST * self._factor),
-            self._factor,
+            value=self._factor,
             title="displacement times",
             title_height=0.02,
             slider_width=0.015,
