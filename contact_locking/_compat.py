@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,3 +47,25 @@ def point_owners(data: Any) -> npt.NDArray[np.int32]:
     """The ranks that own the points of interpolation data, -1 where none does."""
     owners = data.src_owner
     return np.asarray(owners() if callable(owners) else owners)
+
+
+def checkpoint_library() -> Any:
+    """adios4dolfinx, or io4dolfinx, as its successor is called; ImportError where neither works."""
+    try:
+        return importlib.import_module("adios4dolfinx")
+    except ImportError as error:
+        try:
+            return importlib.import_module("io4dolfinx")
+        except ImportError:
+            raise error from None
+
+
+def save_function(path: Path, function: fem.Function, name: str) -> None:
+    """Add a function to a file, in the order of the cells as the mesh was made; collective."""
+    # The words that both libraries share.
+    checkpoint_library().write_function_on_input_mesh(path, function, time=0.0, name=name)
+
+
+def load_function(path: Path, function: fem.Function, name: str) -> None:
+    """Fill a function from a file, on the same mesh however it is distributed; collective."""
+    checkpoint_library().read_function(path, function, time=0.0, name=name)

@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and say what came out."""
     study = _load(arguments.file, _overrides(arguments))
     comm = _world_with_dolfinx()
-    from contact_locking import output, problem
+    from contact_locking import checkpoint, output, problem
     from contact_locking.progress import Monitor, ProgressFile, TerminalMonitor
 
     parameters = study.parameters
@@ -81,15 +81,20 @@ def run(arguments: argparse.Namespace) -> int:
     listening: contextlib.AbstractContextManager[Monitor] = (
         TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
     )
+    if arguments.restart is not None and not arguments.checkpoint:
+        _keep_checkpoint(arguments.restart, Path(directory))
     with _explained(study):
         output.prepare(directory, comm)
+        if arguments.checkpoint and (missing := checkpoint.unavailable()) is not None:
+            terminal.complain(f"warning: no checkpoint will be saved: {missing}")
+            arguments.checkpoint = False
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
         with listening as monitor, _petsc_complaints():
             if arguments.progress is not None and comm.rank == 0:
                 monitor = ProgressFile(arguments.progress, monitor)
-            solution = problem.solve(parameters, comm, monitor, arguments.petsc)
-        warnings = output.write(solution, directory)
+            solution = problem.solve(parameters, comm, monitor, arguments.petsc, arguments.restart)
+        warnings = output.write(solution, directory, arguments.checkpoint)
     if arguments.quiet:
         warnings = [*solution.summary["warnings"], *warnings]
     for warning in warnings:
@@ -249,6 +254,12 @@ def _parser() -> _Parser:
 
     one = add_for_file("run", run, "Solve a study file; also under mpirun.", _PETSC_HINT)
     one.add_argument("--output", metavar="DIR", help="folder of the results")
+    one.add_argument(
+        "--checkpoint", action="store_true", help="save the state too, in the folder of the results"
+    )
+    one.add_argument(
+        "--restart", metavar="DIR", type=Path, help="start from the state that a run saved there"
+    )
     one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)  # for a study to look at
     one = add_for_file("study", study, "Solve every case of a study; again to go on with it.")
@@ -305,6 +316,17 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
     # A JSON string is a YAML string.
     folder = json.dumps(arguments.output, ensure_ascii=False)
     return [*arguments.set, f"output.directory={folder}"]
+
+
+def _keep_checkpoint(restart: Path, results: Path) -> None:
+    """Refuse to replace the results that the run starts from by others without a checkpoint."""
+    from contact_locking.checkpoint import locate
+
+    if locate(restart).resolve() == locate(results).resolve():
+        raise InputError(
+            f"the results would replace the checkpoint in {results} that the run starts from: "
+            "add --checkpoint to save the new state there, or give another folder by --output"
+        )
 
 
 def _positive(text: str) -> int:

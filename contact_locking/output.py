@@ -17,9 +17,10 @@ import numpy as np
 from dolfinx import fem, io
 from mpi4py import MPI
 
+from contact_locking import checkpoint as checkpoints
 from contact_locking import plotting, report, study_file
 from contact_locking.domain import on_root
-from contact_locking.errors import InputError
+from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.plotting import PICTURE, SNAPSHOT
 from contact_locking.solution import STATE_NAMES, Solution
 
@@ -29,7 +30,7 @@ KEY = "output.directory"
 SUMMARY, FIELDS = "summary.json", "fields.bp"
 PARAMETERS, CONTACT = "parameters.yaml", "contact.csv"
 # The summary comes last: where it is, the rest is there too.
-_ORDER = (PARAMETERS, CONTACT, FIELDS, SNAPSHOT, PICTURE, SUMMARY)
+_ORDER = (PARAMETERS, CONTACT, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
 _AXES = "xyz"
 
 FIELD_NAMES = (
@@ -66,13 +67,14 @@ def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
     _on_root(comm, target, attempt)
 
 
-def write(solution: Solution, directory: str | Path) -> list[str]:
+def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -> list[str]:
     """Write all files of a solution and return warnings, the same on all ranks; collective.
 
-    summary.json, parameters.yaml, contact.csv, and as ``output`` asks for them fields.bp, and
-    picture.png with snapshot.npz; of an earlier run in the folder nothing stays.  Each file is made
-    in a folder beside its place and moved there when all are complete.  A picture that cannot be
-    drawn is a warning; a folder that cannot be written to raises InputError.
+    summary.json, parameters.yaml, contact.csv, as ``output`` asks for them fields.bp, and
+    picture.png with snapshot.npz, and with ``checkpoint`` the state to restart from; of an earlier
+    run in the folder nothing stays.  Each file is made in a folder beside its place and moved there
+    when all are complete.  A picture or a checkpoint that cannot be made is a warning; a folder
+    that cannot be written to raises InputError.
     """
     comm, target = solution.domain.comm, Path(directory)
     staging = Path(_on_root(comm, target, lambda: _make_staging(target)))
@@ -86,6 +88,13 @@ def write(solution: Solution, directory: str | Path) -> list[str]:
             if problem is not None:
                 warnings.append(problem)
 
+        if checkpoint:
+            try:
+                _write_checkpoint(solution, staging)
+            except ContactLockingError as error:
+                warnings.append(f"no checkpoint was saved: {error}")
+                _on_root(comm, target, lambda: shutil.rmtree(staging / checkpoints.NAME, True))
+
         def finish() -> None:
             _write_texts(solution, staging)
             report.discard(target)
@@ -97,6 +106,18 @@ def write(solution: Solution, directory: str | Path) -> list[str]:
         if comm.rank == 0:
             shutil.rmtree(staging, ignore_errors=True)
     return warnings
+
+
+def save(solution: Solution, directory: str | Path) -> None:
+    """Write the checkpoint alone, in place of an earlier one; see :meth:`Solution.save`."""
+    comm, target = solution.domain.comm, Path(directory)
+    staging = Path(_on_root(comm, target, lambda: _make_staging(target)))
+    try:
+        _write_checkpoint(solution, staging)
+        _on_root(comm, target, lambda: _put_in_place(staging, target, checkpoints.NAME))
+    finally:
+        if comm.rank == 0:
+            shutil.rmtree(staging, ignore_errors=True)
 
 
 def summary_text(summary: dict[str, Any]) -> str:
@@ -138,6 +159,12 @@ def fields(solution: Solution) -> list[fem.Function]:
 def _write_fields(solution: Solution, path: Path) -> None:
     with io.VTXWriter(solution.domain.comm, path, fields(solution), engine="BP4") as file:
         file.write(0.0)
+
+
+def _write_checkpoint(solution: Solution, staging: Path) -> None:
+    folder = staging / checkpoints.NAME
+    _on_root(solution.domain.comm, folder, folder.mkdir)
+    checkpoints.write(solution, folder)
 
 
 def _write_texts(solution: Solution, folder: Path) -> None:

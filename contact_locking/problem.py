@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from contact_locking.certificate.state import SolvedState
 from contact_locking.domain import Domain, on_root
 from contact_locking.parameters import Parameters
 from contact_locking.progress import Monitor
+from contact_locking.restart import Restart
 from contact_locking.results import (
     BodyFields,
     ContactFields,
@@ -46,12 +48,15 @@ def solve(
     comm: MPI.Intracomm = MPI.COMM_WORLD,
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
+    restart: str | Path | None = None,
 ) -> Solution:
     """Solve (25)/(26) for the given parameters; collective.
 
-    ``petsc_options`` override ``solver.petsc``, and both the defaults.  A solve that does not
-    reach its criteria still returns what it reached, with ``summary["converged"]`` False and the
-    reason beside it.  Raises InputError for data that cannot be used.
+    ``petsc_options`` override ``solver.petsc``, and both the defaults.  ``restart`` is the folder
+    of a run that saved its state on the same mesh: what is found does not depend on it, only the
+    way there.  A solve that does not reach its criteria still returns what it reached, with
+    ``summary["converged"]`` False and the reason beside it.  Raises InputError for data that cannot
+    be used.
     """
     monitor = monitor or Monitor()
     start = time.perf_counter()
@@ -61,7 +66,7 @@ def solve(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
-    solution = solve_assembled(problem, monitor, petsc_options)
+    solution = solve_assembled(problem, monitor, petsc_options, restart)
     for warning in solution.summary["warnings"][len(problem.warnings) :]:
         monitor.message(f"warning: {warning}")
     if parameters.certificate.limit and solution.converged:
@@ -76,12 +81,14 @@ def solve_assembled(
     problem: Problem,
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
+    restart: str | Path | None = None,
 ) -> Solution:
     """Solve what :func:`assemble` has made, once; collective.
 
     Between the two, data that no study file can say may be put into ``problem.data``.
     """
     monitor = monitor or Monitor()
+    restarted = None if restart is None else Restart(restart, problem)
     given = problem.parameters.solver
     options = {**given.petsc, **(petsc_options or {})}
     settings = Settings(
@@ -99,10 +106,14 @@ def solve_assembled(
     n, epsilon = penalty(problem.parameters)
     length = float(np.ptp(_bounding_box(problem.domain), axis=0).max())
     target = Target(n, epsilon, problem.material.stiffness, length)
-    report = solve_system(given.method, system, target, settings, monitor)
+    report = None if restarted is None else restarted.solved_already(system, target, settings)
+    if report is None:
+        saved = None if restarted is None else restarted.state
+        report = solve_system(given.method, system, target, settings, monitor, saved)
     system.set_penalty(n, epsilon)
     monitor.message("computing fields and the certificate")
     solution = _collect(problem, system, target, report, settings)
+    solution.summary["restart"] = None if restarted is None else restarted.told(report)
     if problem.bound is not None:
         problem.bound.smoothing.destroy()
     return solution
@@ -124,11 +135,8 @@ def _collect(
     settings: Settings,
 ) -> Solution:
     domain, data, u = problem.domain, problem.data, problem.u
-    body = BodyFields(domain, u, data, problem.material, report.multipliers)
-    contact = None
-    if problem.bound is not None:
-        contact = ContactFields(problem.bound, u, data, report.multipliers)
-    state = SolvedState(problem, system, target, settings, report, body, contact)
+    state = SolvedState.of(problem, system, target, settings, report)
+    body, contact = state.body, state.contact
     certificate = certify(state)
     warnings = [*problem.warnings]
     overstrain = body.largest_overstrain(domain)
@@ -206,11 +214,12 @@ def _solution(
         smoothed = surface.scalar_function(contact.smoothed_stress, "smoothed_stress")
         traction = surface.vector_function(contact.traction, "tangential_traction")
         state = surface.scalar_function(contact.state.astype(float), "contact_state")
+        bound = surface.scalar_function(contact.bound, "friction_bound")
     else:
         scalar = _compat.collapse(problem.u.function_space.sub(0))[0]
-        pressure, smoothed, state = (
+        pressure, smoothed, state, bound = (
             fem.Function(scalar, name=name)
-            for name in ("contact_pressure", "smoothed_stress", "contact_state")
+            for name in ("contact_pressure", "smoothed_stress", "contact_state", "friction_bound")
         )
         traction = fem.Function(problem.u.function_space, name="tangential_traction")
     return Solution(
@@ -227,6 +236,7 @@ def _solution(
         smoothed_stress=smoothed,
         tangential_traction=traction,
         contact_state=state,
+        friction_bound=bound,
         contact_points=None if contact is None else contact.gather(),
         summary=summary,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,8 +60,19 @@ class Solution:
     smoothed_stress: fem.Function  # P1, R sigma_nu
     tangential_traction: fem.Function  # P1, vector, sigma_tau
     contact_state: fem.Function  # P1, OPEN, STICK or SLIP
+    friction_bound: fem.Function  # P1, mu |R sigma_nu|
     contact_points: ContactPoints | None
     summary: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, directory: str | Path) -> None:
+        """Save the state in ``directory``/checkpoint, for ``restart=directory``; collective.
+
+        It can be read on the same mesh by any number of ranks.  Raises ContactLockingError where
+        adios4dolfinx is missing, InputError for a folder that cannot be written to.
+        """
+        from contact_locking import output
+
+        output.save(self, directory)
 
     @property
     def converged(self) -> bool:

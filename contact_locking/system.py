@@ -207,6 +207,31 @@ class PenalisedSystem:
         self.u.x.array[: self._owned] = x.array_r
         self._constraints.apply(self.u)
 
+    def take_over(self, displacement: FloatArray, pressure: FloatArray | None) -> None:
+        """``u`` = local values, but for the prescribed ones, and the bound of a pressure (k,).
+
+        Without a pressure the bound is that of the penalty law; collective.
+        """
+        self.u.x.array[:] = displacement
+        self._constraints.apply(self.u)
+        if self.bound is not None:
+            self.bound.values = self.bound.evaluate(pressure)
+
+    def clear(self) -> None:
+        """``u = 0`` but for the prescribed values, and no friction bound; collective."""
+        self.u.x.array[:] = 0.0
+        self._constraints.apply(self.u)
+        if self.bound is not None:
+            self.bound.values = np.zeros_like(self.bound.values)
+
+    def relative_residual(self) -> float:
+        """``|F(u)|/max(|f|, |a(u, .)|)`` over the free dofs; collective."""
+        f = self.u.x.petsc_vec.duplicate()
+        self.assemble_free(self._residual, f)
+        residual, scale = float(f.norm()), self.force_scale()
+        f.destroy()
+        return residual / scale if scale > 0.0 else residual
+
     def displacement(self, x: PETSc.Vec) -> None:
         """Copy the displacement into ``x``."""
         x.array_w[:] = self.u.x.array[: self._owned]

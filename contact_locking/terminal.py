@@ -94,8 +94,10 @@ def summary_rows(
     """The summary in short; ``ratio`` is the largest |eps|/M, zero where M is infinite."""
     iterations = summary["iterations"]
     against = f" = {ratio:.4g} M" if ratio > 0.0 else "  (no locking limit)"
+    restart = summary.get("restart")
     return [
         ("converged", "yes" if summary["converged"] else "no"),
+        *([("restart", restart)] if restart else []),
         ("size", f"{summary['dofs']} dofs, {summary['cells']} cells, {summary['ranks']} rank(s)"),
         (
             "iterations",

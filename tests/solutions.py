@@ -72,6 +72,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         smoothed_stress=function(scalar, lambda x: -pressure(x)),
         tangential_traction=function(vector, traction),
         contact_state=function(scalar, state),
+        friction_bound=function(scalar, lambda x: 0.3 * pressure(x)),
         contact_points=_points(dim) if contact and mesh.comm.rank == 0 else None,
         summary={
             "converged": True,

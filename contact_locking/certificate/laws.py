@@ -29,9 +29,12 @@ _NO_BOUND = 1e-13
 _CONSTANTS = 1e-10
 
 
-def law_criteria(state: SolvedState) -> dict[str, Criterion]:
-    """Complementarity and violation of every law, in units of the elastic energy; collective."""
-    law = _MARGIN * max(state.settings.tolerance, _TOLERANCE)
+def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Criterion]:
+    """Complementarity and violation of every law, in units of the elastic energy; collective.
+
+    Limits are the solver's tolerances times ``margin``.
+    """
+    law = margin * max(state.settings.tolerance, _TOLERANCE)
     products, violation = locking(state)
     found = {
         "locking_complementarity": Criterion(products, law, "complementarity of locking"),
@@ -43,7 +46,7 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
         found["contact_violation"] = Criterion(violation, law, "violation of the contact law")
         assert state.problem.bound is not None
         if not state.problem.bound.frictionless:
-            found |= _friction_criteria(state, law)
+            found |= _friction_criteria(state, law, margin)
     found["duality_gap"] = Criterion(
         sum(item.value for name, item in found.items() if name.endswith("complementarity")),
         law,
@@ -52,9 +55,9 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
     return found
 
 
-def _friction_criteria(state: SolvedState, law: float) -> dict[str, Criterion]:
+def _friction_criteria(state: SolvedState, law: float, margin: float) -> dict[str, Criterion]:
     products, cone, sign = friction(state)
-    settled = _MARGIN * max(state.settings.friction_tolerance, _TOLERANCE)
+    settled = margin * max(state.settings.friction_tolerance, _TOLERANCE)
     return {
         "friction_complementarity": Criterion(products, law, "complementarity of friction"),
         "coulomb_cone": Criterion(cone, law, "friction above its bound"),

@@ -35,6 +35,23 @@ class SolvedState:
     body: BodyFields
     contact: ContactFields | None
 
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        system: PenalisedSystem,
+        target: Target,
+        settings: Settings,
+        report: SolverReport,
+    ) -> SolvedState:
+        """The state that ``problem.u`` and the report's multipliers are; collective."""
+        u, data, multipliers = problem.u, problem.data, report.multipliers
+        body = BodyFields(problem.domain, u, data, problem.material, multipliers)
+        contact = None
+        if problem.bound is not None:
+            contact = ContactFields(problem.bound, u, data, multipliers)
+        return cls(problem, system, target, settings, report, body, contact)
+
     @property
     def dim(self) -> int:
         return self.problem.domain.dim

@@ -60,6 +60,16 @@ class Certificate:
         }
 
 
+def is_solved(state: SolvedState, sharply: bool) -> bool:
+    """Whether equilibrium and the laws hold as in a solution; collective.
+
+    ``sharply``: to the tolerances where a solver stops, without the certificate's margin.
+    """
+    laws = law_criteria(state, 1.0) if sharply else law_criteria(state)
+    found = equilibrium(state).criteria(state.settings.tolerance) | laws
+    return all(item.holds for item in found.values())
+
+
 def certify(state: SolvedState) -> Certificate:
     """Judge a solved state; collective.
 

@@ -28,6 +28,11 @@ class PenaltyPath:
         n, epsilon = target.n, target.epsilon
         return cls(min(n, 10.0 * target.stiffness), n, max(epsilon, 0.1 * target.length), epsilon)
 
+    @classmethod
+    def onwards(cls, n: float, epsilon: float, target: Target) -> PenaltyPath:
+        """From the penalties of a known solution, where the target is beyond them."""
+        return cls(min(n, target.n), target.n, max(epsilon, target.epsilon), target.epsilon)
+
     @property
     def decades(self) -> float:
         return max(
@@ -47,8 +52,12 @@ def follow(
     """Call ``stage(n, eps, last)`` along the path, a decade at a time, halving after a failure.
 
     A stage fails by raising NotConverged and must leave the state it started from.  The failure
-    is passed on once the step has shrunk to ``smallest`` decades.
+    is passed on once the step has shrunk to ``smallest`` decades.  A path of no length has one
+    stage, the last.
     """
+    if path.decades == 0.0:
+        stage(path.n_end, path.epsilon_end, True)
+        return
     step = 1.0 / max(path.decades, 1.0)
     limit = smallest * step
     done, target = 0.0, 0.0

@@ -98,10 +98,21 @@ class CriticalPointStep:
 
 
 class NewtonSolver:
-    """SNES over a :class:`PenalisedSystem`; keeps the matrix and its symbolic factorisation."""
+    """SNES over a :class:`PenalisedSystem`; keeps the matrix and its symbolic factorisation.
 
-    def __init__(self, system: PenalisedSystem, settings: Settings, monitor: Monitor) -> None:
+    An ``impatient`` one gives up if the second step does not halve the residual of the first:
+    where Newton is near its end it does much better.
+    """
+
+    def __init__(
+        self,
+        system: PenalisedSystem,
+        settings: Settings,
+        monitor: Monitor,
+        impatient: bool = False,
+    ) -> None:
         self._system, self._settings, self._monitor = system, settings, monitor
+        self._impatient = impatient
         self._matrix = system.create_matrix()
         self._near_nullspace = system.near_nullspace()
         self._matrix.setNearNullSpace(self._near_nullspace)
@@ -194,10 +205,13 @@ class NewtonSolver:
         self._system.set_displacement(snes.getSolution())
         scale = self._system.force_scale()
         self._monitor.iteration(iteration, residual / scale if scale > 0.0 else residual)
-        stalls = self._last < 2.0 * residual <= _NEAR * scale
+        hardly_shrinks = self._last < 2.0 * residual
+        stalls = hardly_shrinks and 2.0 * residual <= _NEAR * scale
         self._last = residual if iteration else np.inf
         if residual <= self._tolerance * scale or (stalls and residual <= self._rounding(snes)):
             return ConvergedReason.CONVERGED_FNORM_ABS
+        if self._impatient and iteration == 2 and hardly_shrinks:
+            raise NotConverged("the start is too far away")
         if iteration >= snes.getTolerances()[3]:
             return ConvergedReason.DIVERGED_MAX_IT
         return None

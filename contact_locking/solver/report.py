@@ -37,6 +37,7 @@ class SolverReport:
     ``admissible_factor`` brackets the largest multiple of the prescribed displacements that can be
     followed, if they cannot be.
     ``multipliers`` are set where they are unknowns of the solver; otherwise the laws give them.
+    ``from_saved`` says that a saved state was what the solution was reached from.
     """
 
     converged: bool = False
@@ -50,4 +51,5 @@ class SolverReport:
     duality_gap: float | None = None
     admissible_factor: tuple[float, float] | None = None
     multipliers: Multipliers | None = None
+    from_saved: bool = False
     stages: list[dict[str, float | int]] = field(default_factory=list)

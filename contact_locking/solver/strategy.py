@@ -17,6 +17,7 @@ from contact_locking.solver.interior_point import InteriorPoint
 from contact_locking.solver.linear import is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.report import Settings, SolverReport
+from contact_locking.solver.saved import SavedState
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
@@ -31,6 +32,10 @@ _POLISHED_UP_TO = 1e7
 _POLISH = 4
 # Newton's steps from where the interior point method stopped early.
 _RESCUE = 30
+# From a saved state Newton either arrives within so many steps and updates of the bound, or takes
+# more tangents than the interior point method needs from nothing.  Where it is that near, the
+# relative residual at the start is below the last of these numbers.
+_FEW_STEPS, _FEW_UPDATES, _NEAR = 6, 12, 0.1
 
 _NEWTON_WAY_OUT = (
     "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon; if the friction "
@@ -47,11 +52,46 @@ _INTERIOR_WAY_OUT = (
 
 
 def newton_with_continuation(
-    system: PenalisedSystem, target: Target, settings: Settings, monitor: Monitor
+    system: PenalisedSystem,
+    target: Target,
+    settings: Settings,
+    monitor: Monitor,
+    saved: SavedState | None = None,
 ) -> SolverReport:
-    """SNES with the penalty made stiffer stage by stage and the friction bound updated outside."""
+    """SNES with the penalty made stiffer stage by stage and the friction bound updated outside.
+
+    From a saved state it goes on with the penalties of that state; where this fails, from nothing.
+    """
     report = SolverReport(suggestion=_NEWTON_WAY_OUT)
-    path = PenaltyPath.towards(target)
+    if saved is not None:
+        saved.enter(system)
+        onwards = PenaltyPath.onwards(saved.n, saved.epsilon, target)
+        cautious = dataclasses.replace(
+            settings, max_iterations=min(_RESCUE, settings.max_iterations)
+        )
+        try:
+            _follow(onwards, system, target, cautious, monitor, report)
+            report.from_saved = True
+            return _success(report)
+        except NotConverged:
+            _forget(system, report)
+    try:
+        _follow(PenaltyPath.towards(target), system, target, settings, monitor, report)
+    except NotConverged as failure:
+        report.reason = str(failure)
+        return report
+    return _success(report)
+
+
+def _follow(
+    path: PenaltyPath,
+    system: PenalisedSystem,
+    target: Target,
+    settings: Settings,
+    monitor: Monitor,
+    report: SolverReport,
+) -> None:
+    """Newton's method along a path of penalties; raises NotConverged, the last stage in place."""
     newton = NewtonSolver(system, settings, monitor)
     bound = None if system.bound is None or system.bound.frictionless else system.bound
 
@@ -70,20 +110,27 @@ def newton_with_continuation(
 
     try:
         follow(path, stage)
-    except NotConverged as failure:
-        report.reason = str(failure)
-        return report
     finally:
         newton.destroy()
-    return _success(report)
 
 
 def interior_point(
-    system: PenalisedSystem, target: Target, settings: Settings, monitor: Monitor
+    system: PenalisedSystem,
+    target: Target,
+    settings: Settings,
+    monitor: Monitor,
+    saved: SavedState | None = None,
 ) -> SolverReport:
-    """The interior point method, for a finite n polished by Newton where Newton can."""
+    """The interior point method, for a finite n polished by Newton where Newton can.
+
+    It starts from nothing.  A saved state so near that Newton arrives from it makes it needless.
+    """
     report = SolverReport(suggestion=_INTERIOR_WAY_OUT)
     monitor.stage(1, 1, target.n, target.epsilon)
+    if saved is not None and _newton_from(saved, system, target, settings, report, monitor):
+        report.stages.append(_stage_of(target, report))
+        report.from_saved = True
+        return _success(report)
     bound = system.bound
     nested = settings.nested and bound is not None and not bound.frictionless
     start = system.u.x.array.copy()
@@ -111,7 +158,7 @@ def interior_point(
         report.reason = str(failure)
     finally:
         solver.destroy()
-    report.stages.append({"n": target.n, "epsilon": target.epsilon, "tangents": report.tangents})
+    report.stages.append(_stage_of(target, report))
     if not report.reason:
         # Newton's last steps want a linear solver as sharp as they are.
         if is_direct(settings.linear, system.dim, system.size):
@@ -121,6 +168,38 @@ def interior_point(
         return _success(report)
     _explain(system, target, settings, report)
     return report
+
+
+def _newton_from(
+    saved: SavedState,
+    system: PenalisedSystem,
+    target: Target,
+    settings: Settings,
+    report: SolverReport,
+    monitor: Monitor,
+) -> bool:
+    """Newton from a saved state that is near; says whether it arrived, else starts afresh."""
+    if is_direct(settings.linear, system.dim, system.size) and _has_digits(target):
+        saved.enter(system)
+        system.set_penalty(target.n, target.epsilon)
+        if system.relative_residual() <= _NEAR:
+            updates = min(_FEW_UPDATES, settings.max_friction_updates)
+            few = dataclasses.replace(settings, max_friction_updates=updates)
+            if _polish(system, target, few, report, monitor, _FEW_STEPS, impatient=True):
+                return True
+    _forget(system, report)
+    return False
+
+
+def _forget(system: PenalisedSystem, report: SolverReport) -> None:
+    """Start from nothing after a try from a saved state; what the try took stays counted."""
+    system.clear()
+    report.stages.clear()
+    report.friction_change = report.contraction = None
+
+
+def _stage_of(target: Target, report: SolverReport) -> dict[str, float | int]:
+    return {"n": target.n, "epsilon": target.epsilon, "tangents": report.tangents}
 
 
 def _explain(
@@ -145,16 +224,16 @@ def _polish(
     report: SolverReport,
     monitor: Monitor,
     steps: int,
+    impatient: bool = False,
 ) -> bool:
-    """Newton from the interior point's end; where it fails, that stays. Says whether it arrived."""
-    sharpness = max(target.n / target.stiffness, target.length / max(target.epsilon, 1e-300))
-    if sharpness > _POLISHED_UP_TO:
+    """Newton from the present state; where it fails, that stays.  Says whether it arrived."""
+    if not _has_digits(target):
         return False
     settings = dataclasses.replace(settings, max_iterations=min(steps, settings.max_iterations))
     kept = system.u.x.array.copy()
     bound_kept = None if system.bound is None else system.bound.values.copy()
     system.set_penalty(target.n, target.epsilon)
-    newton = NewtonSolver(system, settings, monitor)
+    newton = NewtonSolver(system, settings, monitor, impatient)
     try:
         _settle(newton, system, target, settings, report, monitor)
         report.multipliers = None
@@ -166,6 +245,12 @@ def _polish(
         return False
     finally:
         newton.destroy()
+
+
+def _has_digits(target: Target) -> bool:
+    """Whether the penalties leave the residual of (26) digits enough for Newton."""
+    sharpness = max(target.n / target.stiffness, target.length / max(target.epsilon, 1e-300))
+    return sharpness <= _POLISHED_UP_TO
 
 
 def _settle(
@@ -198,7 +283,7 @@ def _success(report: SolverReport) -> SolverReport:
     return report
 
 
-Strategy = Callable[[PenalisedSystem, Target, Settings, Monitor], SolverReport]
+Strategy = Callable[[PenalisedSystem, Target, Settings, Monitor, SavedState | None], SolverReport]
 
 METHODS: Mapping[str, Strategy] = {
     "auto": interior_point,
@@ -208,12 +293,18 @@ METHODS: Mapping[str, Strategy] = {
 
 
 def solve(
-    method: str, system: PenalisedSystem, target: Target, settings: Settings, monitor: Monitor
+    method: str,
+    system: PenalisedSystem,
+    target: Target,
+    settings: Settings,
+    monitor: Monitor,
+    saved: SavedState | None = None,
 ) -> SolverReport:
     """Solve ``system`` for the penalty of ``target`` by the named method; collective.
 
+    ``saved`` is where to go on from if that is any use; ``report.from_saved`` says whether it was.
     Raises InputError for a method there is not.
     """
     if method not in METHODS:
         raise InputError(f"no solver {method!r}; there are: {', '.join(METHODS)}", "solver.method")
-    return METHODS[method](system, target, settings, monitor)
+    return METHODS[method](system, target, settings, monitor, saved)

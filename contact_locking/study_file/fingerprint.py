@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from contact_locking.parameters import Parameters
 
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
+# The sections that define a solution.
+_PROBLEM = ("mesh", "material", "loads", "contact", "friction", "penalty")
 
 
 def file_digest(path: str) -> str:
@@ -28,7 +31,27 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """
     data = parameters.model_dump(by_alias=True, exclude={"title": True, "study": True})
     del data["output"]["directory"]
+    return _short({**data, "mesh": mesh_identity(parameters, digest)})
+
+
+def problem_fingerprint(parameters: Parameters) -> str:
+    """The same of what defines the solution alone, however it is found.  Raises OSError."""
+    data = parameters.model_dump(by_alias=True, include=set(_PROBLEM))
+    return _short({**data, "mesh": mesh_identity(parameters)})
+
+
+def mesh_identity(
+    parameters: Parameters, digest: Callable[[str], str] = file_digest
+) -> dict[str, Any]:
+    """The parameters of a builder as JSON has them, or the digest of a mesh file.
+
+    Raises OSError if the file cannot be read.
+    """
     if parameters.mesh.file is not None:
-        data["mesh"] = {"content": digest(parameters.mesh.file)}
+        return {"content": digest(parameters.mesh.file)}
+    return dict(json.loads(json.dumps(parameters.mesh.model_dump())))
+
+
+def _short(data: Mapping[str, Any]) -> str:
     text = json.dumps(data, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]

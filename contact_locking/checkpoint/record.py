@@ -1,0 +1,117 @@
+"""What a checkpoint says of itself: a JSON file beside the fields, with a digest of each of them.
+
+Nothing opens the fields before all of this has been found right.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from contact_locking import __version__, study_file
+from contact_locking.errors import InputError
+
+# Raised when what is written changes.
+FORMAT = 1
+# The folder of a checkpoint in that of a run, and what is in it.
+NAME, RECORD, FIELDS = "checkpoint", "record.json", "state.bp"
+_AGAIN = "save it again with contact-locking run --checkpoint"
+
+
+@dataclass(frozen=True)
+class Record:
+    """Of which problem on which mesh the state is.
+
+    ``mesh`` are the parameters of the mesh, or the digest of its file; ``problem`` is the
+    fingerprint of all that defines the solution.  ``degree`` is that of the displacement.
+    """
+
+    version: str
+    converged: bool
+    n: float
+    epsilon: float
+    dimension: int
+    degree: int
+    cells: int
+    nodes: int
+    contact: bool
+    mesh: dict[str, Any]
+    problem: str
+
+
+def save(record: Record, folder: Path) -> None:
+    """Write the record of a checkpoint whose fields are complete.  Raises OSError."""
+    for path in (folder / FIELDS).glob("profiling*"):
+        path.unlink()  # times, of no use here
+    data = asdict(record) | {
+        "format": FORMAT,
+        # JSON has no infinity.
+        "n": str(record.n),
+        "epsilon": str(record.epsilon),
+        "files": {path.name: _seen(path) for path in sorted((folder / FIELDS).iterdir())},
+    }
+    (folder / RECORD).write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+
+
+def locate(directory: str | Path) -> Path:
+    """The checkpoint of a run's folder, or ``directory`` if it is one itself."""
+    given = Path(directory)
+    return given if (given / RECORD).is_file() else given / NAME
+
+
+def load(directory: str | Path) -> tuple[Record, Path]:
+    """The record, and the complete and unchanged fields that it is about.
+
+    Raises InputError that says what is missing or wrong, OSError if reading fails.
+    """
+    folder = locate(directory)
+    if not Path(directory).is_dir():
+        raise InputError(f"there is no folder {directory} to restart from")
+    if not (folder / RECORD).is_file():
+        raise InputError(f"there is no checkpoint in {directory}; {_AGAIN}")
+    try:
+        data = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+        if data["format"] != FORMAT:
+            raise InputError(
+                f"{folder} was saved by contact_locking {data['version']} in format "
+                f"{data['format']}, and contact_locking {__version__} reads format {FORMAT}: "
+                f"use the version that saved it, or {_AGAIN}"
+            )
+        record, files = _record(data), dict(data["files"])
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"{folder / RECORD} is damaged ({error!r}); {_AGAIN}") from error
+    for name, (size, digest) in files.items():
+        _check_file(folder / FIELDS / Path(name).name, size, digest)
+    return record, folder / FIELDS
+
+
+def _record(data: Mapping[str, Any]) -> Record:
+    numbers = {name: int(data[name]) for name in ("dimension", "degree", "cells", "nodes")}
+    return Record(
+        version=str(data["version"]),
+        converged=bool(data["converged"]),
+        n=float(data["n"]),
+        epsilon=float(data["epsilon"]),
+        contact=bool(data["contact"]),
+        mesh=dict(data["mesh"]),
+        problem=str(data["problem"]),
+        **numbers,
+    )
+
+
+def _seen(path: Path) -> tuple[int, str]:
+    """Size and digest of a file."""
+    return path.stat().st_size, study_file.file_digest(str(path))
+
+
+def _check_file(path: Path, size: int, digest: str) -> None:
+    if not path.is_file():
+        raise InputError(f"the checkpoint is incomplete: there is no {path}; {_AGAIN}")
+    found = path.stat().st_size
+    if found != size:
+        raise InputError(f"{path} is damaged: it has {found} bytes, not {size}; {_AGAIN}")
+    if _seen(path)[1] != digest:
+        raise InputError(f"{path} is damaged: its content has changed; {_AGAIN}")

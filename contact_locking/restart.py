@@ -1,0 +1,58 @@
+"""What a saved state is good for: being the solution, being near it, or nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from contact_locking import checkpoint
+from contact_locking.assembly import Problem
+from contact_locking.certificate import is_solved
+from contact_locking.certificate.state import SolvedState
+from contact_locking.solver import SavedState, Settings, SolverReport
+from contact_locking.solver.target import Target
+from contact_locking.system import PenalisedSystem
+
+
+class Restart:
+    """The state saved in a run's folder beside the problem that is to be solved now; collective."""
+
+    def __init__(self, directory: str | Path, problem: Problem) -> None:
+        self._directory, self._problem = directory, problem
+        self._saved = checkpoint.read(directory, problem)
+
+    @property
+    def state(self) -> SavedState:
+        """What a solver may go on from."""
+        return self._saved.state
+
+    def solved_already(
+        self, system: PenalisedSystem, target: Target, settings: Settings
+    ) -> SolverReport | None:
+        """The report if the saved state solves the problem as it is, else None; collective.
+
+        What was saved as the solution of the same problem has to meet the certificate's criteria
+        again; of another problem it is a solution only if it meets the tolerances of a solver.
+        """
+        saved = self._saved
+        multipliers = saved.multipliers
+        if multipliers is None:
+            return None
+        saved.state.enter(system)
+        if system.bound is not None and saved.bound is not None:
+            system.bound.values = saved.bound
+        report = SolverReport(
+            converged=True, reason="every criterion held", multipliers=multipliers, from_saved=True
+        )
+        state = SolvedState.of(self._problem, system, target, settings, report)
+        if is_solved(state, sharply=not saved.is_solution):
+            return report
+        system.clear()
+        return None
+
+    def told(self, report: SolverReport) -> str:
+        """What the saved state was good for, in words."""
+        if not report.from_saved:
+            return f"from nothing, as the state in {self._directory} is too far away"
+        if report.tangents == 0:
+            return f"the state in {self._directory} meets every criterion, nothing was left to do"
+        return f"from the state in {self._directory}"
