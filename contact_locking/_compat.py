@@ -16,6 +16,9 @@ try:  # DOLFINx >= 0.10
 except ImportError:  # DOLFINx 0.9
     from dolfinx.io import gmshio as _gmshio
 
+# From Open MPI's first tag of a nonblocking collective, -27, to beyond the last in question, -51.
+_TAGS = 32
+
 
 def model_to_mesh(model: Any, comm: Any, rank: int, dim: int) -> tuple[dmesh.Mesh, Any, Any]:
     """Mesh, cell tags and facet tags of a gmsh model that lives on one rank."""
@@ -58,6 +61,16 @@ def checkpoint_library() -> Any:
             return importlib.import_module("io4dolfinx")
         except ImportError:
             raise error from None
+
+
+def prepare_communicator(comm: Any) -> None:
+    """Keep Open MPI up to 5.0.10 from hanging in the checkpoint library; collective.
+
+    MPI_Dist_graph_create exchanges messages by tags that the nonblocking collectives of the same
+    communicator come past too, once (https://github.com/open-mpi/ompi/issues/13918): let them.
+    """
+    for _ in range(_TAGS):
+        comm.Ibarrier().Wait()
 
 
 def save_function(path: Path, function: fem.Function, name: str) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
+
+import numpy as np
 
 from contact_locking import checkpoint
 from contact_locking.assembly import Problem
 from contact_locking.certificate import is_solved
 from contact_locking.certificate.state import SolvedState
 from contact_locking.solver import SavedState, Settings, SolverReport
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
@@ -34,16 +38,21 @@ class Restart:
         again; of another problem it is a solution only if it meets the tolerances of a solver.
         """
         saved = self._saved
-        multipliers = saved.multipliers
-        if multipliers is None:
+        if saved.multipliers is None:
             return None
         saved.state.enter(system)
         if system.bound is not None and saved.bound is not None:
             system.bound.values = saved.bound
         report = SolverReport(
-            converged=True, reason="every criterion held", multipliers=multipliers, from_saved=True
+            converged=True,
+            reason="every criterion held",
+            multipliers=saved.multipliers,
+            from_saved=True,
         )
         state = SolvedState.of(self._problem, system, target, settings, report)
+        if not saved.is_solution:
+            report.multipliers = _acting(state, saved.multipliers)
+            state = SolvedState.of(self._problem, system, target, settings, report)
         if is_solved(state, sharply=not saved.is_solution):
             return report
         system.clear()
@@ -56,3 +65,24 @@ class Restart:
         if report.tangents == 0:
             return f"the state in {self._directory} meets every criterion, nothing was left to do"
         return f"from the state in {self._directory}"
+
+
+def _acting(state: SolvedState, multipliers: Multipliers) -> Multipliers:
+    """The multipliers without those that the problem has no law for; collective.
+
+    No criterion but equilibrium looks at stresses in cells without a limit, at tractions where
+    displacements are prescribed, and at friction where there is none.
+    """
+    problem, dim = state.problem, state.dim
+    stress = multipliers.locking_stress.copy()
+    never_locks = problem.data.inverse_limit.x.array == 0.0
+    stress.x.array.reshape(-1, dim, dim)[never_locks] = 0.0
+    if problem.bound is None:
+        return dataclasses.replace(multipliers, locking_stress=stress)
+    rubs = state.free_nodes & (not problem.bound.frictionless)
+    return Multipliers(
+        stress,
+        np.where(state.free_nodes, multipliers.pressure, 0.0),
+        np.where(rubs[:, None], multipliers.friction, 0.0),
+        multipliers.touches & state.free_nodes,
+    )

@@ -6,8 +6,7 @@ places of the nodes are stored with them, and what is read belongs to this mesh 
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from contact_locking import __version__, _compat, study_file
 from contact_locking.assembly import Problem, penalty
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
-from contact_locking.domain import agree, on_root
+from contact_locking.domain import on_root
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.solution import OPEN, Solution
 from contact_locking.solver import SavedState
@@ -36,6 +35,8 @@ _DEGREE = 1
 # How far a node may be from where it was, as a share of the extent of the body: the same mesh made
 # on another machine may differ in its last digits.
 _SAME_PLACE = 1e-9
+# How much more space than the files take has to be free.
+_SPARE = 1.1
 
 
 @dataclass(frozen=True)
@@ -68,16 +69,18 @@ def unavailable() -> str | None:
 def write(solution: Solution, folder: Path) -> None:
     """Write a checkpoint into a folder that exists; collective.
 
-    Raises ContactLockingError where the library is missing or a file cannot be written.
+    Raises ContactLockingError where the library or space for the files is missing.
     """
     _require_library()
     parameters, domain = solution.parameters, solution.domain
     touches = bool(parameters.contact.on)
     places = _places(solution.displacement.function_space)
     fields = {name: getattr(solution, name) for name in _BODY + _CONTACT * touches}
-    for name, function in (fields | {_PLACES: places}).items():
-        with _explained(domain.comm, f"the state cannot be written to {folder}"):
-            _compat.save_function(folder / records.FIELDS, function, name)
+    fields[_PLACES] = places
+    _compat.prepare_communicator(domain.comm)
+    on_root(domain.comm, lambda: _check_space(folder, sum(map(_size, fields.values()))))
+    for name, function in fields.items():
+        _compat.save_function(folder / records.FIELDS, function, name)
     n, epsilon = penalty(parameters)
     nodes = solution.displacement.function_space.dofmap.index_map.size_global
 
@@ -114,10 +117,11 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     identity = on_root(comm, lambda: study_file.mesh_identity(parameters))
     _check_mesh(record, directory, problem, identity)
 
+    _compat.prepare_communicator(comm)
+
     def load(name: str, into: fem.FunctionSpace) -> fem.Function:
         function = fem.Function(into, name=name)
-        with _explained(comm, f"{path} cannot be read"):
-            _compat.load_function(path, function, name)
+        _compat.load_function(path, function, name)
         return function
 
     expected = _places(space).x.array
@@ -166,20 +170,20 @@ def _places(space: fem.FunctionSpace) -> fem.Function:
     return places
 
 
-@contextlib.contextmanager
-def _explained(comm: MPI.Intracomm, trouble: str) -> Iterator[None]:
-    """What the library raises, on all ranks, as an error of ours; collective."""
-    failure: Exception | None = None
-    try:
-        yield
-    except (RuntimeError, ValueError, KeyError, OSError) as error:
-        failure = error
+def _size(function: fem.Function) -> int:
+    """Bytes in a file: values, and for every cell its degrees of freedom and some more."""
+    dofmap, mesh = function.function_space.dofmap, function.function_space.mesh
+    cells = mesh.topology.index_map(mesh.topology.dim).size_global
+    values = dofmap.index_map.size_global * dofmap.index_map_bs
+    return int(8 * values + cells * (8 * dofmap.bs * dofmap.list.shape[1] + 12))
 
-    def judge() -> None:
-        if failure is not None:
-            raise InputError(f"{trouble}: {failure}") from failure
 
-    agree(comm, judge)
+def _check_space(folder: Path, size: int) -> None:
+    """Before it is written: on several ranks the library does not survive a full disk."""
+    free = shutil.disk_usage(folder).free
+    if free < _SPARE * size:
+        megabytes = (f"{number / 1e6:.3g} MB" for number in (size, free))
+        raise ContactLockingError("a checkpoint takes {}, and {} are free".format(*megabytes))
 
 
 def _check_mesh(

@@ -1,0 +1,371 @@
+"""Checkpoints: read on any number of ranks, complete or refused, never in the way of results."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from mpi4py import MPI
+from problems import block
+
+from contact_locking import _compat, checkpoint, cli, meshes, problem, study_file
+from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.parameters import Parameters
+from contact_locking.solution import Solution
+
+pytestmark = pytest.mark.skipif(
+    checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
+)
+
+COARSE = {2: 0.2, 3: 0.34}
+PLAIN = {"fields": False, "picture": False}
+
+
+def parameters(dim: int = 2, **changes: Any) -> Parameters:
+    given = {"friction__smoothing__radius": 0.4, "output": PLAIN, **changes}
+    return block(dim, given.pop("h", COARSE[dim]), **given)
+
+
+@pytest.fixture
+def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
+    """One folder for all ranks."""
+    return comm.bcast(tmp_path)
+
+
+def on_rank_0(comm: MPI.Intracomm, work: Callable[[], object]) -> None:
+    if comm.rank == 0:
+        work()
+    comm.Barrier()
+
+
+class Values(NamedTuple):
+    """What no distribution changes: numbers, and columns over Gamma_C (empty off rank 0)."""
+
+    numbers: list[float]
+    columns: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, solution: Solution) -> Values:
+        summary, points = solution.summary, solution.contact_points
+        names = ("compliance", "elastic_energy", "strain_norm_max", "contact_area")
+        numbers = [summary[name] for name in names] + summary["friction_force"]
+        if points is None:
+            return cls(numbers, np.empty(0))
+        columns = (points.u_normal, points.u_tangent, points.pressure, points.traction)
+        return cls(numbers, np.column_stack([*columns, points.bound, points.state]))
+
+    def agrees(self, other: Values) -> bool:
+        """To rounding in sums."""
+        np.testing.assert_allclose(self.numbers, other.numbers, rtol=1e-12, atol=1e-15)
+        if self.columns.size and other.columns.size:
+            np.testing.assert_allclose(self.columns, other.columns, rtol=0.0, atol=1e-14)
+        return True
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("n", [1e3, float("inf")])
+def test_a_saved_solution_is_read_as_it_was_and_solves_its_problem(
+    dim: int, n: float, folder: Path
+) -> None:
+    given = parameters(dim, penalty__n=n)
+    solution = problem.solve(given)
+    solution.save(folder)
+    again = problem.solve(given, restart=folder)
+    assert again.converged
+    assert again.summary["iterations"] == {"tangents": 0, "linear": 0, "friction": 0}
+    assert again.summary["restart"].endswith("nothing was left to do")
+    for name in ("displacement", "locking_stress", "contact_pressure", "tangential_traction"):
+        before, after = (getattr(each, name).x.array for each in (solution, again))
+        np.testing.assert_allclose(after, before, rtol=0.0, atol=1e-15 * np.abs(before).max())
+    assert Values.of(again).agrees(Values.of(solution))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_one_rank_reads_what_all_have_saved_and_all_what_one_has(dim: int, folder: Path) -> None:
+    # Says little on one rank; the other numbers of ranks are below.
+    given, alone = parameters(dim), MPI.COMM_SELF
+    together = problem.solve(given)
+    together.save(folder / "together")
+    own = problem.solve(given, alone, restart=folder / "together")
+    assert own.summary["iterations"]["tangents"] == 0
+    assert Values.of(own).agrees(Values.of(together))
+    own.save(folder / f"of rank {MPI.COMM_WORLD.rank}")
+    MPI.COMM_WORLD.Barrier()
+    back = problem.solve(given, restart=folder / "of rank 0")
+    assert back.summary["iterations"]["tangents"] == 0
+    assert Values.of(back).agrees(Values.of(together))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_other_numbers_of_ranks_read_what_one_saved_and_save_for_it(
+    dim: int, ranks: int, tmp_path: Path
+) -> None:
+    mpirun = shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("mpirun is not installed")
+    given = parameters(dim)
+    (tmp_path / "study.yml").write_text(study_file.dump(given), encoding="utf-8")
+    one = problem.solve(given)
+    one.save(tmp_path / "one")
+    words = ["run", "study.yml", "--restart", "one", "--checkpoint", "--output", "several"]
+    # Open MPI's ranks wait by spinning, which is slow where they share cores with others.
+    done = subprocess.run(
+        [mpirun, "-n", str(ranks), sys.executable, "-m", "contact_locking", *words],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        env=os.environ | {"OMPI_MCA_mpi_yield_when_idle": "1"},
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    summary = json.loads((tmp_path / "several" / "summary.json").read_text())
+    # Had a value arrived at another node or cell, there would be no equilibrium.
+    assert (summary["ranks"], summary["iterations"]["tangents"]) == (ranks, 0)
+    again = problem.solve(given, restart=tmp_path / "several")
+    assert again.summary["iterations"]["tangents"] == 0
+    assert Values.of(again).agrees(Values.of(one))
+
+
+def test_bodies_without_contact_are_saved_too(folder: Path) -> None:
+    given = parameters(contact__on=[])
+    problem.solve(given).save(folder)
+    assert problem.solve(given, restart=folder).summary["iterations"]["tangents"] == 0
+    # Of contact the state knows nothing.
+    touching = problem.solve(parameters(), restart=folder)
+    assert touching.converged
+    assert touching.summary["iterations"]["tangents"] > 0
+
+
+@pytest.fixture
+def saved(comm: MPI.Intracomm, folder: Path) -> Path:
+    """The checkpoint of a made-up solve."""
+    problem.solve(parameters()).save(folder / "run")
+    comm.Barrier()
+    return folder / "run"
+
+
+def refusal(directory: Path, given: Parameters | None = None) -> str:
+    with pytest.raises(InputError) as caught:
+        problem.solve(given or parameters(), restart=directory)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"h": 0.1}, "mesh.h was 0.2, is 0.1"),
+        ({"mesh__structured": True}, "mesh.structured was False, is True"),
+        ({"mesh__size": [1.0, 1.001]}, "mesh.size was [1.0, 1.0], is [1.0, 1.001]"),
+        ({"dim": 3}, "it is 2D with"),
+    ],
+)
+def test_a_state_of_another_mesh_is_refused_with_what_differs(
+    changes: dict[str, Any], message: str, saved: Path
+) -> None:
+    text = refusal(saved, parameters(**changes))
+    assert "is of another mesh" in text and message in text
+
+
+def test_equal_numbers_of_cells_do_not_make_the_same_mesh(
+    comm: MPI.Intracomm, folder: Path
+) -> None:
+    problem.solve(parameters(mesh__structured=True)).save(folder)
+    text = refusal(folder, parameters(mesh__structured=True, mesh__size=[1.0, 0.999]))
+    assert "its nodes lie elsewhere (mesh.size was [1.0, 1.0], is [1.0, 0.999])" in text
+
+
+def test_a_mesh_file_that_has_changed_is_refused(comm: MPI.Intracomm, folder: Path) -> None:
+    body = folder / "body.msh"
+
+    def given(h: float) -> Parameters:
+        geometry = meshes.BUILDERS["block"](h=h)
+        on_rank_0(comm, lambda: meshes.write(geometry, body))
+        return Parameters.model_validate(
+            parameters().model_dump(exclude={"mesh": True}) | {"mesh": {"file": str(body)}}
+        )
+
+    solution = problem.solve(given(0.3))
+    solution.save(folder)
+    assert problem.solve(given(0.3), restart=folder).summary["iterations"]["tangents"] == 0
+    assert "the mesh file is another one or has changed" in refusal(folder, given(0.2))
+
+
+def test_a_folder_without_a_checkpoint_is_refused_with_the_way_to_one(folder: Path) -> None:
+    assert "there is no folder" in refusal(folder / "nowhere")
+    assert "contact-locking run --checkpoint" in refusal(folder)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("format", 99, "format 99, and contact_locking"),
+        ("degree", 2, "elements of degree 2; degree 1 is needed"),
+        ("cells", "many", "is damaged"),
+        ("files", 7, "is damaged"),
+        ("mesh", None, "is damaged"),
+    ],
+)
+def test_a_record_that_does_not_fit_is_refused(
+    key: str, value: Any, message: str, saved: Path, comm: MPI.Intracomm
+) -> None:
+    path = checkpoint.locate(saved) / "record.json"
+
+    def change() -> None:
+        path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
+
+    on_rank_0(comm, change)
+    assert message in refusal(saved)
+
+
+def test_a_record_that_is_no_json_is_refused(saved: Path, comm: MPI.Intracomm) -> None:
+    path = checkpoint.locate(saved) / "record.json"
+    for text in ("", "{", "[1]", "[" * 100_000):
+        on_rank_0(comm, partial(path.write_text, text))
+        assert "is damaged" in refusal(saved)
+
+
+def test_fields_that_are_not_complete_are_refused(saved: Path, comm: MPI.Intracomm) -> None:
+    path = checkpoint.locate(saved) / "state.bp" / "data.0"
+    content = path.read_bytes()
+    comm.Barrier()
+    changed = bytes([content[0] ^ 1]) + content[1:]
+    for text, message in ((content[:-7], "bytes, not"), (changed, "its content has changed")):
+        on_rank_0(comm, partial(path.write_bytes, text))
+        assert message in refusal(saved)
+    on_rank_0(comm, path.unlink)
+    assert "there is no" in refusal(saved)
+
+
+def fails(*_: object, **__: object) -> None:
+    raise ImportError("no library")
+
+
+def full(_: object) -> Any:
+    return SimpleNamespace(free=10)
+
+
+def test_a_save_that_fails_leaves_the_earlier_one(
+    saved: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solution = problem.solve(parameters(friction__coefficient=0.1))
+    monkeypatch.setattr(shutil, "disk_usage", full)
+    with pytest.raises(ContactLockingError, match="MB are free"):
+        solution.save(saved)
+    comm.Barrier()
+    assert [path.name for path in saved.iterdir()] == ["checkpoint"]
+    monkeypatch.undo()
+    assert problem.solve(parameters(), restart=saved).summary["iterations"]["tangents"] == 0
+
+
+class Run:
+    """The command line on one study file in one folder."""
+
+    def __init__(self, folder: Path, comm: MPI.Intracomm) -> None:
+        self.folder, self._comm = folder, comm
+        text = study_file.dump(parameters())
+        on_rank_0(comm, lambda: (folder / "study.yml").write_text(text, encoding="utf-8"))
+
+    def __call__(self, name: str, *words: str) -> int:
+        words = (*words, "--output", str(self.folder / name))
+        code = cli.main(["run", str(self.folder / "study.yml"), *words])
+        self._comm.Barrier()
+        return code
+
+    def names(self, name: str) -> set[str]:
+        found = {path.name for path in (self.folder / name).iterdir()}
+        self._comm.Barrier()
+        return found
+
+
+@pytest.fixture
+def run(folder: Path, comm: MPI.Intracomm) -> Run:
+    return Run(folder, comm)
+
+
+RESULTS = {"summary.json", "parameters.yaml", "contact.csv"}
+
+
+def test_run_saves_a_checkpoint_if_asked_and_says_what_a_restart_did(
+    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("a", "--quiet", "--checkpoint") == 0
+    assert run.names("a") == RESULTS | {"checkpoint"}
+    start = ("--restart", str(run.folder / "a"))
+    for changes, told in (
+        ((), "meets every criterion, nothing was left to do"),
+        (("--set", "friction.coefficient=0.31"), f"from the state in {run.folder / 'a'}\n"),
+        (("--set", "penalty.n=1e5"), "from nothing, as the state in"),
+    ):
+        assert run("b", *start, *changes) == 0
+        output = capsys.readouterr().out
+        assert (told in output) == (comm.rank == 0)
+    # Of an earlier run in the folder nothing stays.
+    assert run("a", "--quiet") == 0
+    assert run.names("a") == RESULTS
+
+
+def test_run_keeps_the_checkpoint_that_it_starts_from(
+    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("a", "--quiet", "--checkpoint") == 0
+    start = ("--quiet", "--restart", str(run.folder / "a"))
+    assert run("a", *start) == 2
+    assert ("add --checkpoint" in capsys.readouterr().err) == (comm.rank == 0)
+    assert run("a", *start, "--checkpoint", "--set", "friction.coefficient=0.1") == 0
+    assert run.names("a") == RESULTS | {"checkpoint"}
+
+
+def test_bad_restarts_return_2_with_one_message_and_leave_no_trace(
+    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("b", "--restart", str(run.folder / "nowhere"), "--quiet") == 2
+    errors = capsys.readouterr().err
+    assert not (run.folder / "b").exists()
+    if comm.rank == 0:
+        assert errors.startswith("error: there is no folder") and errors.count("error") == 1
+
+
+@pytest.mark.parametrize("trouble", ["library", "space"])
+def test_results_are_complete_where_a_checkpoint_cannot_be_saved(
+    trouble: str,
+    run: Run,
+    comm: MPI.Intracomm,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if trouble == "library":
+        monkeypatch.setattr(_compat, "checkpoint_library", fails)
+    else:
+        monkeypatch.setattr(shutil, "disk_usage", full)
+    assert run("a", "--quiet", "--checkpoint") == 0
+    errors = capsys.readouterr().err
+    assert run.names("a") == RESULTS
+    if comm.rank == 0:
+        assert errors.startswith("warning: no checkpoint ") and errors.count("\n") == 1
+        assert ("python3-adios4dolfinx" in errors) == (trouble == "library")
+
+
+def test_a_restart_without_the_library_returns_1_and_says_what_is_missing(
+    run: Run,
+    comm: MPI.Intracomm,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run("a", "--quiet", "--checkpoint") == 0
+    monkeypatch.setattr(_compat, "checkpoint_library", fails)
+    assert run("b", "--quiet", "--restart", str(run.folder / "a")) == 1
+    assert ("python3-adios4dolfinx" in capsys.readouterr().err) == (comm.rank == 0)
