@@ -58,6 +58,7 @@ def checkpoint_library() -> Any:
         return importlib.import_module("adios4dolfinx")
     except ImportError as error:
         try:
+            importlib.import_module("adios2")  # io4dolfinx misses it only when it writes
             return importlib.import_module("io4dolfinx")
         except ImportError:
             raise error from None

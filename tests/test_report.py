@@ -117,6 +117,12 @@ def test_a_run_that_did_not_converge_says_why_first(own_run: Path) -> None:
     assert "<strong>Not converged</strong>" in page(own_run)
 
 
+def test_a_restarted_run_says_what_the_saved_state_was_good_for(own_run: Path) -> None:
+    assert "Restart" not in page(own_run)
+    change(own_run / "summary.json", restart="from the state in <i>a</i>")
+    assert "<p>Restart: from the state in &lt;i&gt;a&lt;/i&gt;.</p>" in page(own_run)
+
+
 def test_every_part_of_a_certificate_is_shown_whatever_it_is_called(own_run: Path) -> None:
     certificate = {
         "criteria": {"balance": {"value": 2e-3, "limit": 1e-8, "holds": False}},

@@ -61,7 +61,7 @@ def unavailable() -> str | None:
     except ImportError as error:
         return (
             f"checkpoints take adios4dolfinx, which cannot be imported here ({error}); "
-            "Debian has it as python3-adios4dolfinx, conda-forge as adios4dolfinx"
+            "Debian has it as python3-adios4dolfinx, conda-forge as adios4dolfinx or io4dolfinx"
         )
     return None
 

@@ -111,6 +111,8 @@ def _iterations(summary: Mapping[str, Any]) -> Markup:
     if isinstance(totals, dict):
         words = ", ".join(f"{shown(number)} {name}" for name, number in totals.items())
         content.append(element("p", f"In the whole solve: {words}."))
+    if summary.get("restart"):
+        content.append(element("p", f"Restart: {shown(summary['restart'])}."))
     stages = summary.get("stages")
     known = (
         [stage for stage in stages if isinstance(stage, dict)] if isinstance(stages, list) else []
