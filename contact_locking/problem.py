@@ -13,7 +13,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import __version__, _compat, study_file
+from contact_locking import __version__, _compat, checkpoint, study_file
 from contact_locking.assembly import Problem, assemble, penalty
 from contact_locking.certificate import Certificate, certify
 from contact_locking.certificate.penalty_error import distance
@@ -60,6 +60,8 @@ def solve(
     """
     monitor = monitor or Monitor()
     start = time.perf_counter()
+    if restart is not None:
+        checkpoint.expect(restart, comm)
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm)
     # Now, as the mesh file may be another one when the solve is over.

@@ -62,8 +62,8 @@ def locate(directory: str | Path) -> Path:
     return given if (given / RECORD).is_file() else given / NAME
 
 
-def load(directory: str | Path) -> tuple[Record, Path]:
-    """The record, and the complete and unchanged fields that it is about.
+def load(directory: str | Path) -> tuple[Record, dict[str, tuple[int, str]]]:
+    """The record, and size and digest of each file of the fields that it is about.
 
     Raises InputError that says what is missing or wrong, OSError if reading fails.
     """
@@ -80,12 +80,22 @@ def load(directory: str | Path) -> tuple[Record, Path]:
                 f"{data['format']}, and contact_locking {__version__} reads format {FORMAT}: "
                 f"use the version that saved it, or {_AGAIN}"
             )
-        record, files = _record(data), dict(data["files"])
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        files = {name: (int(size), str(sha)) for name, (size, sha) in data["files"].items()}
+        return _record(data), files
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{folder / RECORD} is damaged ({error!r}); {_AGAIN}") from error
+
+
+def load_fields(directory: str | Path) -> tuple[Record, Path]:
+    """The record, and the fields that it is about, found complete and unchanged; raises as `load`.
+
+    Reads them all.
+    """
+    record, files = load(directory)
+    fields = locate(directory) / FIELDS
     for name, (size, digest) in files.items():
-        _check_file(folder / FIELDS / Path(name).name, size, digest)
-    return record, folder / FIELDS
+        _check_file(fields / Path(name).name, size, digest)
+    return record, fields
 
 
 def _record(data: Mapping[str, Any]) -> Record:

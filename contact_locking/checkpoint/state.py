@@ -103,6 +103,12 @@ def write(solution: Solution, folder: Path) -> None:
     on_root(domain.comm, finish)
 
 
+def expect(directory: str | Path, comm: MPI.Intracomm) -> None:
+    """Raise at once what :func:`read` would raise without a look at mesh or fields; collective."""
+    on_root(comm, lambda: records.load(directory))
+    _require_library()
+
+
 def read(directory: str | Path, problem: Problem) -> Checkpoint:
     """The state saved in a run's folder, on the mesh of ``problem``; collective.
 
@@ -111,8 +117,8 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     """
     domain, space = problem.domain, problem.u.function_space
     comm = domain.comm
-    record, path = on_root(comm, lambda: records.load(directory))
-    _require_library()
+    expect(directory, comm)
+    record, path = on_root(comm, lambda: records.load_fields(directory))
     parameters = problem.parameters
     identity = on_root(comm, lambda: study_file.mesh_identity(parameters))
     _check_mesh(record, directory, problem, identity)
@@ -216,8 +222,9 @@ def _another_mesh(
     ]
     if record.mesh.get("content") != identity.get("content"):
         changes = ["the mesh file is another one or has changed"]
-    told = f" ({'; '.join(changes)})" if changes else ""
+    # Of the same parameters another Gmsh makes another mesh.
+    told = "; ".join(changes) or "by another version of Gmsh? A mesh.file stays what it is"
     return (
-        f"the checkpoint in {directory} is of another mesh: {difference}{told}; "
+        f"the checkpoint in {directory} is of another mesh: {difference} ({told}); "
         "a restart takes the mesh that the state was solved on"
     )
