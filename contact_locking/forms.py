@@ -36,7 +36,9 @@ class ProblemData:
 
     ``elastic_stress`` maps a strain to a stress, ``inverse_limit`` is 1/M, ``loads`` pairs a
     traction or body force with its measure; ``n`` and ``epsilon`` are the penalty parameters,
-    and ``contact`` is None for a body that touches nothing.
+    and ``contact`` is None for a body that touches nothing.  ``own_energy`` is for laws that this
+    package does not have: it maps u to a functional J(u), convex and differentiable, whose
+    derivative is added to (25).
     """
 
     elastic_stress: Callable[[Expr], Expr]
@@ -46,6 +48,7 @@ class ProblemData:
     contact: ContactData | None
     n: fem.Constant
     epsilon: fem.Constant
+    own_energy: Callable[[fem.Function], Expr] | None = None
 
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
@@ -86,17 +89,26 @@ def friction(u: Expr, data: ProblemData) -> Expr:
     return friction_traction(slip, data.contact.bound, data.epsilon)
 
 
+def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
+    """``J'(u) v`` of an energy of the user's own, which there must be."""
+    assert data.own_energy is not None
+    return ufl.derivative(data.own_energy(u), u, v)
+
+
 def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     """The left side of (25) minus its right side."""
     touches = data.contact is not None
-    return internal_forces(
+    form = internal_forces(
         u,
         v,
         data,
         locking_stress(strain(u), data.inverse_limit, data.n),
         pressure(u, data) if touches else None,
         friction(u, data) if touches else None,
-    ) - external_work(v, data)
+    )
+    if data.own_energy is not None:
+        form += own_forces(u, v, data)
+    return form - external_work(v, data)
 
 
 def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
@@ -113,7 +125,7 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
         density = contact_energy(normal_part(u, nu), data.contact.gap, data.epsilon)
         density += friction_energy(tangential_part(u, nu), bound, data.epsilon)
         form += density * data.contact.ds
-    return form
+    return form if data.own_energy is None else form + data.own_energy(u)
 
 
 def contact_stiffness(v: Expr, du: Expr, data: ProblemData, factor: fem.Constant) -> Expr:

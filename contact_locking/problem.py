@@ -19,6 +19,7 @@ from contact_locking.certificate import Certificate, certify
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.certificate.state import SolvedState
 from contact_locking.domain import Domain, on_root
+from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
 from contact_locking.progress import Monitor
 from contact_locking.restart import Restart
@@ -87,11 +88,14 @@ def solve_assembled(
 ) -> Solution:
     """Solve what :func:`assemble` has made, once; collective.
 
-    Between the two, data that no study file can say may be put into ``problem.data``.
+    Between the two, data that no study file can say may be put into ``problem.data``.  An
+    ``own_energy`` there is for ``solver.method: newton``, which auto then stands for; raises
+    InputError for any other.
     """
     monitor = monitor or Monitor()
     restarted = None if restart is None else Restart(restart, problem)
     given = problem.parameters.solver
+    method = _method(problem)
     options = {**given.petsc, **(petsc_options or {})}
     settings = Settings(
         tolerance=given.tolerance,
@@ -111,7 +115,7 @@ def solve_assembled(
     report = None if restarted is None else restarted.solved_already(system, target, settings)
     if report is None:
         saved = None if restarted is None else restarted.state
-        report = solve_system(given.method, system, target, settings, monitor, saved)
+        report = solve_system(method, system, target, settings, monitor, saved)
     system.set_penalty(n, epsilon)
     monitor.message("computing fields and the certificate")
     solution = _collect(problem, system, target, report, settings)
@@ -127,6 +131,24 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
     if problem.bound is not None:
         problem.bound.smoothing.destroy()
     return {**problem.facts(), "warnings": problem.warnings}
+
+
+def _method(problem: Problem) -> str:
+    method = problem.parameters.solver.method
+    if problem.data.own_energy is None:
+        return method
+    if method == "interior_point":
+        raise InputError(
+            "interior_point does not know an energy of the user's own; take newton, or auto",
+            "solver.method",
+        )
+    if not math.isfinite(problem.parameters.penalty.n):
+        raise InputError(
+            "an energy of the user's own is solved by Newton's method, which takes a finite n "
+            "such as 1e6",
+            "penalty.n",
+        )
+    return "newton"
 
 
 def _collect(

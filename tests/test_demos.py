@@ -23,6 +23,7 @@ COARSE = {
     "hertz": ("mesh.h=2", "mesh.h_contact=0.05", *PLAIN),
     "slip_friction": ("mesh.h=0.1", *PLAIN),
     "anisotropic_regions": ("mesh.h=0.1", *PLAIN),
+    "fibres": ("mesh.h=0.07", *PLAIN),
     "ball_3d": ("mesh.h=0.5", "mesh.h_contact=0.06", *PLAIN),
 }
 

@@ -30,6 +30,7 @@ class Equilibrium:
     the free dofs, divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
     ``force`` and ``moment`` are what loads, contact and reactions together leave, relative to the
     largest of the three sums of nodal force magnitudes, and to that times the body's extent.
+    An energy of the user's own takes part in both.
     """
 
     residual: float
@@ -61,6 +62,9 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     elastic = _nodal(forms.elastic_form(u, v, data))
     stress = ufl.inner(state.body.locking_stress, strain(v)) * data.dx
     internal = elastic + _nodal(stress)
+    own = np.zeros_like(load)
+    if data.own_energy is not None:
+        own = -_nodal(forms.own_forces(u, v, data))
     touching = np.zeros_like(load)
     if state.contact is not None:
         contact = state.contact
@@ -68,7 +72,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         nodal = nodal * contact.surface.weights[:, None]
         touching = contact.surface.vector_function(nodal).x.array
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    unbalanced = (internal - load - touching)[:owned]
+    unbalanced = (internal - own - load - touching)[:owned]
     fixed = constraints.dofs[constraints.dofs < owned]
     reaction = np.zeros(owned)
     reaction[fixed] = unbalanced[fixed]
@@ -81,10 +85,12 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
     total, magnitude, moment = [], 0.0, 0.0
     centre = _centre(state, x)
-    for vector in (load, touching, reaction):
+    # An energy of the user's own may also hold the body from outside, as springs do.
+    for vector in (load, touching, reaction, own):
         nodal = vector[:owned].reshape(-1, state.dim)
         total.append(state.problem.domain.comm.allreduce(nodal.sum(axis=0)))
-        magnitude = max(magnitude, state.sum(np.linalg.norm(nodal, axis=1)))
+        if vector is not own:
+            magnitude = max(magnitude, state.sum(np.linalg.norm(nodal, axis=1)))
         turning = _moments(x - centre, nodal).sum(axis=0)
         moment = moment + state.problem.domain.comm.allreduce(turning)
     size = magnitude or 1.0

@@ -38,10 +38,13 @@ class Lifting:
         """An admissible field without slip, None if it is 0; collective, one factorisation.
 
         It takes the prescribed values on Gamma_D and ``w = min(gap, 0) nu`` on Gamma_C, with the
-        least elastic energy.  Raises NotApplicable if that exceeds the locking limit, or if
-        values prescribed at nodes of Gamma_C slip or enter the foundation.
+        least elastic energy.  Raises NotApplicable if that exceeds the locking limit, if values
+        prescribed at nodes of Gamma_C slip or enter the foundation, and for an energy of the
+        user's own, of which nothing is known.
         """
         state = self._state
+        if state.problem.data.own_energy is not None:
+            raise NotApplicable("there is an energy of the user's own, which no proof knows")
         prescribed = fem.Function(state.problem.u.function_space)
         given = [c.g.x.array for c in state.problem.constraints.conditions]
         gap = np.zeros(0) if state.contact is None else state.contact.gap
