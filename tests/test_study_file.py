@@ -169,7 +169,7 @@ UNREADABLE = [
     ("title: " + "[" * 500 + "]" * 500, "nested"),
     ("a: 1\n---\nb: 2\n", "is not valid YAML"),
     ("penalty: {n: " + "9" * 5000 + "}\n", "cannot be read as int"),
-    ("x" * 1_000_001, "larger than 1 MB"),
+    ("x" * 300_001, "larger than 300 kB"),
     ('title: "\\uD800"\n', "escape"),
 ]
 

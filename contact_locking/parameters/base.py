@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections import Counter
 from collections.abc import Iterable
 from typing import Annotated, Any, NamedTuple
 
@@ -22,6 +24,9 @@ from contact_locking.expressions import POSITION, parse
 
 Place = tuple[str | int, ...]
 
+#: How many faults are worth finding: a file with more is no study file with mistakes.
+MOST_FAULTS = 20
+
 
 class Fault(NamedTuple):
     """One thing that is wrong: where, relative to the section that says so, and what."""
@@ -39,8 +44,8 @@ class FaultsError(ValueError):
 
 
 def refuse_if(faults: Iterable[Fault]) -> None:
-    """Raise FaultsError if there are any."""
-    if found := tuple(faults):
+    """Raise FaultsError if there are any; the first of very many."""
+    if found := tuple(itertools.islice(faults, MOST_FAULTS)):
         raise FaultsError(found)
 
 
@@ -162,8 +167,8 @@ def _names(value: Any) -> tuple[str, ...]:
     names = (value,) if isinstance(value, str) else value
     if not isinstance(names, list | tuple) or not all(isinstance(n, str) and n for n in names):
         raise ValueError(f"must be a name or a list of names, not {show(value)}")
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise ValueError(f"names {', '.join(twice)} more than once")
+    if twice := [name for name, number in Counter(names).items() if number > 1]:
+        raise ValueError(f"names {', '.join(sorted(twice))} more than once")
     return tuple(names)
 
 

@@ -90,7 +90,7 @@ def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fau
     place = ("stiffness",)
     lengths = {len(row) for row in rows}
     if len(rows) not in (3, 6) or lengths != {len(rows)}:
-        given = f"rows of lengths {', '.join(str(len(row)) for row in rows)}" if rows else "nothing"
+        given = f"rows of the lengths {show([len(row) for row in rows])}" if rows else "nothing"
         yield Fault(place, f"must be a 3x3 or 6x6 matrix (a list of rows), not {given}")
         return
     values = np.array([[v if isinstance(v, float) else np.nan for v in row] for row in rows])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import types
 from dataclasses import asdict, fields
+from functools import cache
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError, model_serializer, model_validator
@@ -72,7 +73,7 @@ class MeshParameters(Section):
 
 def _geometry(builder: type, values: dict[Any, Any]) -> Any:
     """The dataclass ``builder`` with these values, or FaultsError with a place for each."""
-    types_ = builder_types(builder)
+    types_ = _adapters(builder)
     faults = []
     checked = {}
     for key, value in values.items():
@@ -82,7 +83,7 @@ def _geometry(builder: type, values: dict[Any, Any]) -> Any:
             faults.append(Fault((key,), f"unknown key{guess}; known here: {known}"))
             continue
         try:
-            checked[key] = TypeAdapter(types_[key]).validate_python(value)
+            checked[key] = types_[key].validate_python(value)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             cause = first.get("ctx", {}).get("error")
@@ -97,6 +98,12 @@ def _geometry(builder: type, values: dict[Any, Any]) -> Any:
         known_name = bool(message) and name in types_
         fault = Fault((name,), message) if known_name else Fault((), str(error))
         raise FaultsError([fault]) from None
+
+
+@cache
+def _adapters(builder: type) -> dict[str, TypeAdapter[Any]]:
+    """The checks of each parameter; kept, as a study asks for them once a case."""
+    return {name: TypeAdapter(kind) for name, kind in builder_types(builder).items()}
 
 
 def builder_types(builder: type) -> dict[str, Any]:

@@ -9,6 +9,9 @@ from pydantic import AfterValidator, BeforeValidator, field_validator
 
 from .base import Count, Positive, PositiveOrInfinite, Section, Switch, Text, entry, show
 
+# What Linux allows, PATH_MAX.
+_LONGEST_PATH = 4096
+
 
 class PenaltyParameters(Section):
     """n of the locking penalty R_n (23), epsilon of contact and friction (22), (25)."""
@@ -86,4 +89,6 @@ class OutputParameters(Section):
     def _some_folder(cls, directory: str) -> str:
         if not directory.strip() or "\0" in directory:
             raise ValueError("must name a folder")
+        if len(directory.encode()) > _LONGEST_PATH:
+            raise ValueError(f"must have at most {_LONGEST_PATH} bytes, as paths have")
         return directory

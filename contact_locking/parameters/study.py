@@ -15,7 +15,7 @@ from contact_locking.expressions import nearest
 from .base import Fault, Section, entry, refuse_if, show
 from .keys import known_keys
 
-MAX_CASES = 10_000
+MAX_CASES, MAX_KEYS = 10_000, 100
 _RANGES: dict[str, Any] = {"geometric": np.geomspace, "linear": np.linspace}
 
 
@@ -73,6 +73,9 @@ class StudyParameters(Section):
         keys = [*self.vary, *self.zip]
         if not keys:
             yield Fault((), "give the keys to vary under vary or zip")
+            return
+        if len(keys) > MAX_KEYS:
+            yield Fault((), f"varies {len(keys)} keys; at most {MAX_KEYS} are allowed")
             return
         for place in [*(("vary", key) for key in self.vary), *(("zip", key) for key in self.zip)]:
             key = place[1]

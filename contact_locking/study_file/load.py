@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,14 @@ from pydantic import ValidationError
 
 from contact_locking.errors import InputError
 from contact_locking.parameters import Fault, Parameters
-from contact_locking.parameters.base import show
+from contact_locking.parameters.base import MOST_FAULTS, show
 
 from .messages import faults_of
-from .source import Source, assign, read
+from .source import Source, assign, read, tell
+
+# Some 20 s; a file of the demos has 50 values.
+_MOST_VALUES = 2_000_000
+_MORE = f"there may be more that is wrong; these are the first {MOST_FAULTS} faults"
 
 
 @dataclass(frozen=True)
@@ -48,9 +53,10 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
         source.set(override)
     parameters, faults = _check(source.data, Path(path).parent)
     if parameters is None:
-        keyed = [(".".join(map(str, fault.place)), fault.message) for fault in faults]
+        keyed = [(_key(fault), fault.message) for fault in faults]
         keyed.sort(key=lambda fault: _line(source.origin(fault[0])))
-        raise InputError("\n".join(source.explain(message, key) for key, message in keyed))
+        lines = [source.explain(message, key) for key, message in keyed]
+        raise InputError(_listed(lines, source.explain(_MORE, "")))
     return StudyFile(parameters, source)
 
 
@@ -61,11 +67,18 @@ def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameter
     """
     parameters, faults = _check(dict(data), Path(folder))
     if parameters is None:
-        keys = [".".join(map(str, fault.place)) for fault in faults]
-        pairs = zip(keys, faults, strict=True)
-        lines = [f"{key}: {fault.message}" if key else fault.message for key, fault in pairs]
-        raise InputError("\n".join(lines))
+        lines = [tell(fault.message, _key(fault)) for fault in faults]
+        raise InputError(_listed(lines, _MORE))
     return parameters
+
+
+def _key(fault: Fault) -> str:
+    return ".".join(str(part) or "''" for part in fault.place)
+
+
+def _listed(lines: list[str], more: str) -> str:
+    """The faults, and after very many that there may be more: no others were sought."""
+    return "\n".join(lines if len(lines) < MOST_FAULTS else [*lines[:MOST_FAULTS], more])
 
 
 def _line(origin: int | str | None) -> int:
@@ -77,7 +90,10 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
     parameters, faults = _validate(data, folder)
     if parameters is None or parameters.study is None:
         return parameters, faults
-    for case in parameters.study.cases():
+    cases = parameters.study.cases()
+    if fault := _too_much(data, cases):
+        return None, [fault]
+    for case in cases:
         shown = ", ".join(f"{key} = {show(value)}" for key, value in case.items())
         try:
             changed = _with_values(data, case)
@@ -85,9 +101,26 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
             return None, [Fault(("study",), f"in the case {shown}: {error.args[0]}")]
         valid, faults = _validate(changed, folder)
         if valid is None:
-            first = f"{'.'.join(map(str, faults[0].place))}: {faults[0].message}"
+            first = tell(faults[0].message, _key(faults[0]))
             return None, [Fault(("study",), f"in the case {shown}: {first}")]
     return parameters, []
+
+
+def _too_much(data: dict[str, Any], cases: Sequence[Mapping[str, Any]]) -> Fault | None:
+    """Refuses what would take minutes to check: each case is a copy of the file."""
+    size = sum(_size(value) for key, value in data.items() if key != "study")
+    size += max((_size(value) for case in cases for value in case.values()), default=0)
+    if len(cases) * size <= _MOST_VALUES:
+        return None
+    message = f"has {len(cases)} cases of {size} values each; at most {_MOST_VALUES} are allowed"
+    return Fault(("study",), f"{message} in all")
+
+
+def _size(value: Any) -> int:
+    """The number of values in nested lists and mappings."""
+    if isinstance(value, dict | list | tuple):
+        return 1 + sum(map(_size, value.values() if isinstance(value, dict) else value))
+    return 1
 
 
 def _with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -102,10 +135,14 @@ def _validate(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, li
     if isinstance(mesh, dict) and isinstance(mesh.get("file"), str):
         file = folder.absolute() / mesh["file"]
         data = data | {"mesh": mesh | {"file": str(file)}}
-        if not file.is_file():
-            there = "is a folder" if file.is_dir() else "there is no such file"
+        # Not Path.is_file, which raises for a name that no file can have.
+        if not os.path.isfile(file):
+            there = "is a folder" if os.path.isdir(file) else "there is no such file"
             return None, [Fault(("mesh", "file"), f"{there}: {file}")]
     try:
         return Parameters.model_validate(data), []
     except ValidationError as error:
         return None, faults_of(error)
+    except UnicodeEncodeError as error:
+        lone = ascii(error.object[error.start : error.end])
+        return None, [Fault((), f"there is text with {lone}, which is no character")]

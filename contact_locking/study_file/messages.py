@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 from pydantic import ValidationError
 
 from contact_locking.expressions import nearest
 from contact_locking.parameters import Fault, FaultsError, Parameters
-from contact_locking.parameters.base import show, type_message
+from contact_locking.parameters.base import MOST_FAULTS, show, type_message
 from contact_locking.parameters.keys import known_keys
 
 
 def faults_of(error: ValidationError) -> list[Fault]:
-    """Every fault with its place from the top of the file."""
-    found = []
-    for details in error.errors(include_url=False):
+    """Every fault with its place from the top of the file; the first of very many."""
+    found: list[Fault] = []
+    for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
         place = tuple(details["loc"])
         cause = details.get("ctx", {}).get("error")
         if isinstance(cause, FaultsError):
