@@ -172,7 +172,14 @@ def _contact(
         normal = surface.body_normals()
     else:
         body = _foundation(given, domain.dim)
-        gap, normal = body.gap(points), body.contact_normal(points).T
+        with np.errstate(all="ignore"):
+            gap, normal = body.gap(points), body.contact_normal(points).T
+        finite = bool(np.isfinite(gap).all() and np.isfinite(normal).all())
+        if not domain.comm.allreduce(finite, op=MPI.LAND):
+            raise InputError(
+                "the distance to it is no number; it lies too far away or is too large",
+                "contact.foundation",
+            )
         facing = np.sum(normal * surface.body_normals(), axis=1)
         if domain.comm.allreduce(bool(np.any(facing <= 0.0)), op=MPI.LOR):
             raise InputError(

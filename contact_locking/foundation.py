@@ -27,6 +27,13 @@ class Foundation(Protocol):
         """Unit vectors (d, k) from the points towards the foundation."""
 
 
+def _unit(direction: tuple[float, ...]) -> FloatArray:
+    """The unit vector; the square of neither a tiny nor a huge component may leave the numbers."""
+    vector = np.asarray(direction, dtype=float)
+    vector = vector / np.abs(vector).max()
+    return vector / np.linalg.norm(vector)
+
+
 @dataclass(frozen=True)
 class HalfSpace:
     """``phi(x) = (x - point) . normal``; ``normal`` points out of the foundation."""
@@ -35,8 +42,7 @@ class HalfSpace:
     normal: tuple[float, ...]
 
     def _unit_normal(self) -> FloatArray:
-        normal = np.asarray(self.normal, dtype=float)
-        return normal / np.linalg.norm(normal)
+        return _unit(self.normal)
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._unit_normal() @ (x - np.asarray(self.point)[:, None])
@@ -59,7 +65,7 @@ class Round:
     def _radial(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         radial = x - np.asarray(self.centre, dtype=float)[:, None]
         if self.axis is not None:
-            axis = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
+            axis = _unit(self.axis)
             radial = radial - np.outer(axis, axis @ radial)
         return radial, np.linalg.norm(radial, axis=0)
 

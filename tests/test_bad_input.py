@@ -121,6 +121,10 @@ CASES: dict[str, tuple[dict[str, Any], list[str]]] = {
         {"contact.foundation": {"half_space": {"point": [0, 0], "normal": [0, -1]}}},
         ["contact.foundation", "normal"],
     ),
+    "foundation out of this world": (
+        {"contact.foundation": {"sphere": {"centre": [0, -1e308], "radius": 1e308}}},
+        ["contact.foundation", "too far away or is too large"],
+    ),
     "unknown key": ({"penalty.m": 3}, ["penalty.m", "n, epsilon"]),
     "unknown builder": ({"mesh": {"builder": "blok"}}, ["mesh.builder", "block"]),
     "missing mesh file": ({"mesh": {"file": "none.msh"}}, ["mesh.file", "none.msh"]),

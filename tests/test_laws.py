@@ -113,8 +113,9 @@ def test_tangents_have_no_nan_at_zero_strain_and_zero_slip(point: Point) -> None
     assert matrix.squared_norm() > 0.0
 
 
-def test_half_space_gap_is_the_distance_along_its_normal() -> None:
-    plane = HalfSpace((0.0, -0.1), (0.0, 2.0))
+@pytest.mark.parametrize("length", [2.0, 5e-324, 1e308])
+def test_half_space_gap_is_the_distance_along_its_normal(length: float) -> None:
+    plane = HalfSpace((0.0, -0.1), (0.0, length))
     x = np.array([[0.0, 5.0], [0.0, 0.3]])
     assert plane.gap(x) == pytest.approx([0.1, 0.4])
     assert plane.contact_normal(x) == pytest.approx(np.array([[0.0, 0.0], [-1.0, -1.0]]))

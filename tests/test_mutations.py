@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import resource
+import subprocess
+import sys
 import time
 from pathlib import Path
 from random import Random
@@ -12,7 +14,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mutations import mutate_data, mutate_text
+from mutations import BOMB, mutate_data, mutate_text
 
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
@@ -59,6 +61,49 @@ def check(work: Any, place: str) -> None:
         for line in lines:
             assert re.match(place, line) and len(line) < 1500 and line.isprintable(), line
     assert time.process_time() - began < SECONDS + SECONDS_A_CASE * cases
+
+
+# 10 MB and what is as long as is read, and a few bytes that would become very much.
+MONSTERS = {
+    "text": b"title: " + b"x" * 10_000_000,
+    "noise": Random(0).randbytes(10_000_000),
+    "brackets": b"[" * 10_000_000,
+    "keys": b"solver: {petsc: {" + b"a: 1, " * 1_700_000 + b"}}",
+    "aliases": f"b0: &b0 [x]\n{BOMB}".encode(),
+    "merges": b"a: &a {x: 1}\n"
+    + b"".join(b"m%d: &m%d {<<: [*a, *a]}\n" % (k, k) for k in range(1000)),
+    "cases": b"study: {vary: {penalty.n: {geometric: [1, 2, 10000]}}}\n"
+    + b"loads: {tractions: ["
+    + b"{on: top, value: [0, 1]}, " * 150
+    + b"]}",
+    "as many brackets as are read": b"title: " + b"[" * 290_000,
+    "as many numbers as are read": b"title: [" + b"1, " * 95_000 + b"]",
+    "as many names as are read": b"contact: {on: ["
+    + b", ".join(b"n%d" % k for k in range(30_000))
+    + b"]}",
+}
+
+
+COMMANDS = (["check"], ["run"], ["study"], ["mesh", "-o", "body.msh"])
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [*((name, COMMANDS[0]) for name in MONSTERS), *(("aliases", words) for words in COMMANDS[1:])],
+)
+def test_a_monster_is_refused_by_the_command_line_at_once(
+    name: str, words: list[str], tmp_path: Path
+) -> None:
+    (tmp_path / "study.yml").write_bytes(MONSTERS[name])
+    command = [sys.executable, "-m", "contact_locking", *words, "study.yml"]
+    began = resource.getrusage(resource.RUSAGE_CHILDREN)
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert result.returncode == 2 and result.stdout == ""
+    assert result.stderr.startswith("error: ") and result.stderr.count("error: ") == 1
+    assert "Traceback" not in result.stderr and len(result.stderr) < 10_000
+    assert ended.ru_utime - began.ru_utime < SECONDS
+    assert [path.name for path in tmp_path.iterdir()] == ["study.yml"]
 
 
 @pytest.mark.parametrize("count", COUNTS)

@@ -134,6 +134,7 @@ WRONG = [
     ("loads.body_force", 1, "must be a list"),
     ("loads.tractions", [{"on": "top", "value": [1]}], "0.value: must have 2 components"),
     ("loads.tractions", [{"on": "top"}], "0.value: is missing"),
+    ("loads.tractions", [{"on": "top", "value": [0, 1]}] * 201, "201 entries; at most 200"),
     ("loads.tractions", [{"on": "topp", "value": [0, 1]}], r"'topp' \(did you mean 'top'\?\)"),
     ("loads.tractions", [{"on": 1, "value": [0, 1]}], "a name or a list of names, not 1"),
     ("loads.tractions", [{"on": ["top", "top"], "value": [0, 1]}], "more than once"),
@@ -146,6 +147,9 @@ WRONG = [
         "1: component 0 on 'top' is prescribed by entry 0 already",
     ),
     ("loads.displacements", [{"on": "bottom", "value": [0, None]}], "must not overlap"),
+    # output
+    ("output.directory", "d" * 4097, "at most 4096 bytes"),
+    ("study", {"vary": {f"k{k}": [1] for k in range(101)}}, "varies 101 keys; at most 100"),
     # contact
     ("contact.on", "botom", r"'botom' \(did you mean 'bottom'\?\); there are left, right"),
     ("contact.gap", math.inf, "finite"),

@@ -211,6 +211,32 @@ def test_a_mesh_file_is_relative_to_the_study_file(tmp_path: Path) -> None:
     assert "is a folder" in refusal(path, "mesh: {file: folder}\n")
 
 
+def test_a_mesh_file_whose_name_no_file_can_have_is_not_there(tmp_path: Path) -> None:
+    for name in ("a" * 300, "a/" * 5000, '"a\\0b"'):
+        text = refusal(tmp_path / "a.yml", f"mesh: {{file: {name}}}\n")
+        assert text.startswith("FILE:1: mesh.file: there is no such file:") and len(text) < 1100
+
+
+def test_a_message_stays_readable_whatever_is_in_the_file(tmp_path: Path) -> None:
+    lines = refusal(tmp_path / "a.yml", "".join(f"key_{k}: 1\n" for k in range(1000))).split("\n")
+    assert len(lines) == 21 and lines[19].startswith("FILE:20: key_19: unknown key")
+    assert lines[20] == "FILE: there may be more that is wrong; these are the first 20 faults"
+    assert len(refusal(tmp_path / "a.yml", f"{'k' * 900}: 1\n")) < 500
+
+
+def test_a_study_of_copies_of_a_huge_file_is_refused(tmp_path: Path) -> None:
+    petsc = ", ".join(f"o{k}: 1" for k in range(1000))
+    text = (
+        f"solver: {{petsc: {{{petsc}}}}}\nstudy: {{vary: {{mesh.h: {{linear: [1, 2, 2000]}}}}}}\n"
+    )
+    assert "2000 cases of 1004 values each" in refusal(tmp_path / "a.yml", text)
+
+
+def test_text_that_is_no_unicode_is_refused_from_python_too() -> None:
+    with pytest.raises(InputError, match="ud800.*no character"):
+        from_mapping({"title": "\ud800"})
+
+
 def test_overrides_replace_and_add(file: Path) -> None:
     overrides = [
         "loads.tractions.0.value=[0, -1]",

@@ -21,6 +21,9 @@ from .base import (
     show,
 )
 
+# All are compiled into one form, which takes seconds for these and fails for some 2000.
+_MOST_TRACTIONS = 200
+
 
 def vector_faults(place: Place, vector: Any, dim: int) -> Iterator[Fault]:
     """Whether a vector that may be None has ``dim`` components."""
@@ -63,6 +66,9 @@ class LoadParameters(Section):
 
     @model_validator(mode="after")
     def _check(self) -> LoadParameters:
+        if len(self.tractions) > _MOST_TRACTIONS:
+            message = f"has {len(self.tractions)} entries; at most {_MOST_TRACTIONS} are allowed"
+            refuse_if([Fault(("tractions",), message)])
         refuse_if(self._prescribed_twice())
         return self
 

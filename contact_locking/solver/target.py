@@ -25,5 +25,5 @@ class Target:
         It is a thousandth of the mean elastic stress over a face of the body: where contact only
         grazes, relative changes of next to nothing say nothing.
         """
-        stress = math.sqrt(2.0 * energy * self.stiffness / self.length**dim)
+        stress = math.sqrt(2.0 * max(energy, 0.0) * self.stiffness / self.length**dim)
         return 1e-3 * stress * self.length ** (0.5 * (dim - 1))
