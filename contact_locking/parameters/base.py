@@ -160,6 +160,8 @@ def _switch(value: Any) -> bool:
 def _text(value: Any) -> str:
     if not isinstance(value, str):
         raise ValueError(f"must be text (in quotes, if it looks like a number), not {show(value)}")
+    if any("\ud800" <= character <= "\udfff" for character in value):
+        raise ValueError(f"contains what is no character: {ascii(value)[:60]}")
     return value
 
 
