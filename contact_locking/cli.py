@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from contact_locking import __version__, terminal
-from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.errors import ContactLockingError, InputError, not_written
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -59,11 +59,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return UNEXPECTED
     except Exception as error:
-        text = f"error: unexpected {type(error).__name__}: {error}"
+        text, hint = _unexpected(error)
         if "--debug" in words:
             return terminal.abort(UNEXPECTED, text, error)
-        hint = "This is a defect; please report it with the study file and the output of --debug."
-        return terminal.abort(UNEXPECTED, f"{' '.join(text.split())}\n{hint}")
+        return terminal.abort(UNEXPECTED, f"{text}\n{hint}")
     terminal.leave_together()
     return code
 
@@ -192,8 +191,8 @@ def mesh(arguments: argparse.Namespace) -> int:
         except ImportError as error:
             raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
         except OSError as error:
-            message = f"cannot write {arguments.output}: {error.strerror}"
-            raise InputError(message) from error
+            place = arguments.output
+            raise not_written(f"cannot write {place}", error, place) from error
         except (ValueError, RuntimeError) as error:
             raise InputError(str(error)) from error
         print(f"{arguments.output}: written")
@@ -208,6 +207,22 @@ def schema(arguments: argparse.Namespace) -> int:
         text = json.dumps(study_file.schema(), indent=2) if arguments.json else None
         print(study_file.schema_text().rstrip() if text is None else text)
     return 0
+
+
+def _unexpected(error: Exception) -> tuple[str, str]:
+    """In one line what went wrong, and in another what to do."""
+    if isinstance(error, OSError) and error.strerror:
+        place = error.filename or "a file of its own, perhaps in the cache of compiled forms"
+        hint = (
+            "The system refuses it, as with a full disk or a home that is read-only; "
+            "XDG_CACHE_HOME says where compiled forms are kept."
+        )
+        return f"error: {error.strerror}: {place}", hint
+    text = " ".join(f"error: unexpected {type(error).__name__}: {error}".split())
+    return (
+        text,
+        "This is a defect; please report it with the study file and the output of --debug.",
+    )
 
 
 class _Parser(argparse.ArgumentParser):

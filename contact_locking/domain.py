@@ -207,7 +207,7 @@ def on_root(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
         except (ValueError, RuntimeError) as error:
             outcome = (None, InputError(str(error)))
         except OSError as error:
-            outcome = (None, InputError(f"{error.filename}: {error.strerror}"))
+            outcome = (None, InputError(f"{error.filename}: {error.strerror or error}"))
     result, failure = comm.bcast(outcome, root=0)
     if failure is not None:
         raise failure

@@ -5,10 +5,15 @@ The command line turns each into one message and an exit code.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
 T = TypeVar("T")
+
+# No room on the disk, no more for this user, and no more in one file (ulimit -f).
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class ContactLockingError(Exception):
@@ -55,6 +60,20 @@ class Infeasible(NotConverged):
 
 class NoRendering(ContactLockingError):
     """Three dimensions cannot be drawn here; the message says why."""
+
+
+def not_written(
+    what: str, error: OSError, place: str | Path, key: str | None = None, more: str = ""
+) -> ContactLockingError:
+    """The error for ``what`` could not be done at ``place``, as the system said.
+
+    A disk without room is no bad input: what was asked for is right, once there is room; ``more``
+    says what else to do then.
+    """
+    message = f"{what}: {error.strerror or error} ({error.filename or place})"
+    if error.errno in _FULL:
+        return ContactLockingError(f"{message}\n{more or 'Make room, and start it again.'}")
+    return InputError(f"{message}; give a folder that can be written to", key)
 
 
 def with_key(key: str, work: Callable[[], T]) -> T:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import ctypes
+import errno
 import json
 import math
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
@@ -20,7 +24,7 @@ from mpi4py import MPI
 from contact_locking import checkpoint as checkpoints
 from contact_locking import plotting, report, study_file
 from contact_locking.domain import on_root
-from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.errors import ContactLockingError, not_written
 from contact_locking.plotting import PICTURE, SNAPSHOT
 from contact_locking.solution import STATE_NAMES, Solution
 
@@ -32,6 +36,12 @@ PARAMETERS, CONTACT = "parameters.yaml", "contact.csv"
 # The summary comes last: where it is, the rest is there too.
 _ORDER = (PARAMETERS, CONTACT, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
 _AXES = "xyz"
+
+_WHAT = "results cannot be written to {}"
+# More than a summary, parameters and some hundred points of contact take.
+_TEXTS_BYTES = 65_536
+# Some file systems cannot reserve room.
+_CANNOT_TELL = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS, errno.ENODEV)
 
 FIELD_NAMES = (
     "displacement",
@@ -50,14 +60,19 @@ FIELD_NAMES = (
 def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
     """Raise InputError if results cannot be written to ``directory``; leaves no trace; collective.
 
-    To be called before the solve, which may take hours.
+    To be called before the solve, which may take hours.  Raises ContactLockingError where there is
+    not even room for the texts.
     """
     target = Path(directory)
 
     def attempt() -> None:
         missing = [p for p in (target, *target.parents) if not p.exists()]
         try:
-            os.rmdir(_make_staging(target))
+            staging = Path(_make_staging(target))
+            try:
+                _require_room(staging, _TEXTS_BYTES)
+            finally:
+                staging.rmdir()
         finally:
             for folder in missing:
                 # It is not there if that was what failed.
@@ -74,7 +89,7 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
     picture.png with snapshot.npz, and with ``checkpoint`` the state to restart from; of an earlier
     run in the folder nothing stays.  Each file is made in a folder beside its place and moved there
     when all are complete.  A picture or a checkpoint that cannot be made is a warning; a folder
-    that cannot be written to raises InputError.
+    that cannot be written to raises InputError, a full disk ContactLockingError.
     """
     comm, target = solution.domain.comm, Path(directory)
     staging = Path(_on_root(comm, target, lambda: _make_staging(target)))
@@ -82,7 +97,7 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
     warnings = []
     try:
         if wanted.fields:
-            _write_fields(solution, staging / FIELDS)
+            _write_fields(solution, target, staging / FIELDS)
         if wanted.picture:
             problem = plotting.picture(solution, staging)
             if problem is not None:
@@ -156,9 +171,47 @@ def fields(solution: Solution) -> list[fem.Function]:
     return copies
 
 
-def _write_fields(solution: Solution, path: Path) -> None:
-    with io.VTXWriter(solution.domain.comm, path, fields(solution), engine="BP4") as file:
+def _write_fields(solution: Solution, target: Path, path: Path) -> None:
+    comm, functions = solution.domain.comm, fields(solution)
+    _on_root(comm, target, partial(_require_room, path.parent, _vtx_bytes(functions, comm)))
+    file = io.VTXWriter(comm, path, functions, engine="BP4")
+    try:
         file.write(0.0)
+        file.close()
+    except RuntimeError as error:
+        # The room was taken meanwhile.  ADIOS2's destructor would try again, and an exception that
+        # leaves a destructor ends the process: nobody may call it.
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(file))
+        told = re.search(r"errno = (\d+)", str(error))
+        number = int(told[1]) if told else errno.EIO
+        refusal = OSError(number, os.strerror(number), str(path))
+        if comm.size > 1:
+            # The other ranks may be waiting inside ADIOS2, and cannot be told.
+            raise refusal from error
+        raise not_written(_WHAT.format(target), refusal, target, KEY) from error
+
+
+def _vtx_bytes(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
+    """What `_write_fields` takes at most: values, mesh, and ADIOS2's notes of each rank."""
+    mesh = functions[0].function_space.mesh
+    cells = mesh.topology.index_map(mesh.topology.dim).size_global
+    corners = cells * (mesh.topology.dim + 1)
+    # ParaView takes vectors of 3 and tensors of 9 components; a point has 3, a number and a mark.
+    components = sum({0: 1, 1: 3, 2: 9}[len(f.ufl_shape)] for f in functions) + 3 + 2
+    return int(8 * (components * corners + corners + cells) + 32_768 * (1 + comm.size))
+
+
+def _require_room(folder: Path, size: int) -> None:
+    """Raise OSError if a file of so many bytes has no room; leaves no trace."""
+    allocate = getattr(os, "posix_fallocate", None)
+    if allocate is None:
+        return
+    with tempfile.TemporaryFile(dir=folder) as file:
+        try:
+            allocate(file.fileno(), 0, size)
+        except OSError as error:
+            if error.errno not in _CANNOT_TELL:
+                raise OSError(error.errno, error.strerror, str(folder)) from error
 
 
 def _write_checkpoint(solution: Solution, staging: Path) -> None:
@@ -227,18 +280,13 @@ def _jsonable(value: Any, key: str, not_finite: dict[str, str]) -> Any:
 
 
 def _on_root(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
-    """``on_root``, where what the system refuses becomes an InputError about the folder."""
+    """``on_root``, where what the system refuses becomes an error about the folder."""
 
     def attempt() -> T:
         try:
             return work()
         except OSError as error:
-            where = error.filename or directory
-            raise InputError(
-                f"results cannot be written to {directory}: {error.strerror} ({where}); "
-                "give a folder that can be written to",
-                KEY,
-            ) from error
+            raise not_written(_WHAT.format(directory), error, directory, KEY) from error
 
     return on_root(comm, attempt)
 

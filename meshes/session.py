@@ -1,5 +1,6 @@
 """A silent and repeatable Gmsh: the same geometry gives the same mesh each time."""
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +24,8 @@ OPTIONS = {
     "Mesh.Binary": 0,
     "Mesh.SaveAll": 0,
 }
+
+_END = b"$EndElements\n"
 
 
 @contextmanager
@@ -72,9 +75,18 @@ def write(geometry: Geometry, path: str | os.PathLike[str]) -> None:
     try:
         with build(geometry, target.stem):
             gmsh.write(str(partial))
+        _check_complete(partial)
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _check_complete(path: Path) -> None:
+    """Raise OSError for a file without its end: Gmsh does not notice that a disk is full."""
+    with path.open("rb") as stream:
+        stream.seek(max(0, path.stat().st_size - len(_END)))
+        if stream.read().strip() != _END.strip():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
 
 @contextmanager

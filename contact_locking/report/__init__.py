@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, not_written
 
 if TYPE_CHECKING:
     from .charts import Chart
@@ -28,7 +28,8 @@ def write(directory: str | Path) -> Path:
 
     Returns the path of the page.  An earlier report is replaced when the new one is complete.
     Raises InputError for a folder without results, with damaged ones, or those of another
-    version, with a folder of that name which holds anything else, and if it cannot be written to.
+    version, with a folder of that name which holds anything else, and if it cannot be written to;
+    ContactLockingError where the disk is full.
     """
     from contact_locking.studies.files import write_text
 
@@ -92,7 +93,4 @@ def _explained(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        where = error.filename or folder
-        raise InputError(
-            f"no report can be written in {folder}: {error.strerror or error} ({where})"
-        ) from error
+        raise not_written(f"no report can be written in {folder}", error, folder) from error

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import signal
 import time
 from collections import Counter
@@ -14,7 +13,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from contact_locking import study_file
-from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.errors import not_written
 from contact_locking.study_file import StudyFile
 
 from . import table
@@ -188,17 +187,9 @@ def _writing(directory: Path) -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        where = f"{error.strerror} ({error.filename or directory})"
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise ContactLockingError(
-                f"the study stopped: {where}\n"
-                "What is finished is kept; make room, and the same command does the others."
-            ) from error
-        raise InputError(
-            f"results cannot be written to {directory}: {where}; "
-            "give a folder that can be written to",
-            KEY,
-        ) from error
+        what = f"results cannot be written to {directory}"
+        more = "What is finished is kept; make room, and the same command does the others."
+        raise not_written(what, error, directory, KEY, more) from error
 
 
 def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:
