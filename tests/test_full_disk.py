@@ -18,6 +18,8 @@ from PIL import Image
 from report_folder import run_folder
 from study_folder import FAKE, Folder
 
+from contact_locking.plotting.snapshot_file import load
+
 pytestmark = pytest.mark.serial
 
 HERE = Path(__file__).parent
@@ -99,6 +101,7 @@ def full(done: subprocess.CompletedProcess[str], what: str) -> None:
 
 
 FILES = {"summary.json", "parameters.yaml", "contact.csv", "fields.bp"}
+DRAWN = FILES | {"picture.png", "snapshot.npz"}
 
 
 @pytest.mark.parametrize(
@@ -110,14 +113,18 @@ def test_a_run_whose_results_have_no_room_leaves_none_and_goes_with_room(
     full(disk.solve(size), f"results cannot be written to {disk.out}")
     assert not list(disk.kept.glob("out/*"))
     assert disk.solve("10m").returncode == 0
-    assert complete(disk.results) == FILES | {"picture.png"}
+    assert complete(disk.results) == DRAWN
 
 
 @pytest.mark.parametrize("size", ["256k", pytest.param("128k", marks=slow)])
 def test_a_picture_that_has_no_room_is_a_warning(size: str, disk: Disk) -> None:
     done = disk.solve(size)
     assert done.returncode == 0 and "warning: no picture was drawn" in done.stderr
-    assert complete(disk.results) == FILES
+    # What the picture would show may still have had room.
+    snapshot = disk.results / "snapshot.npz"
+    if snapshot.exists():
+        assert load(snapshot).dim == 2
+    assert complete(disk.results) - {snapshot.name} == FILES
 
 
 def test_earlier_results_survive_a_full_disk(disk: Disk) -> None:
@@ -179,7 +186,7 @@ def test_compiled_forms_that_have_no_room_are_no_defect(disk: Disk) -> None:
     assert done.returncode == 1 and done.stderr.startswith("error: No space left on device")
     assert "defect" not in done.stderr and "XDG_CACHE_HOME" in done.stderr
     assert disk.run("100m", *words, script=script).returncode == 0
-    assert complete(out) == FILES | {"picture.png"}
+    assert complete(out) == DRAWN
 
 
 @pytest.mark.parametrize(

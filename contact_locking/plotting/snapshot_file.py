@@ -63,14 +63,18 @@ _DAMAGE = (
 
 
 def save(body: Snapshot, path: Path) -> None:
-    """Write a snapshot. Raises OSError."""
+    """Write a snapshot, all of it or nothing. Raises OSError."""
     arrays: dict[str, Any] = {name: getattr(body, name) for name in _BODY}
     if body.contact is not None:
         arrays |= {f"points.{name}": getattr(body.contact.points, name) for name in _POINTS}
         arrays |= {name: getattr(body.contact, name) for name in _MAP}
     facts = json.dumps({name: kind(getattr(body, name)) for name, kind in _FACTS.items()})
-    with path.open("wb") as stream:
-        np.savez_compressed(stream, facts=np.array(facts), **arrays)
+    try:
+        with path.open("wb") as stream:
+            np.savez_compressed(stream, facts=np.array(facts), **arrays)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
 
 
 def load(path: Path) -> Snapshot:
