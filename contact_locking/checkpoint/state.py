@@ -7,6 +7,7 @@ places of the nodes are stored with them, and what is read belongs to this mesh 
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -115,14 +116,11 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     Raises InputError if there is none, or if it is damaged, of another mesh or another format, and
     ContactLockingError where the library is missing.
     """
-    domain, space = problem.domain, problem.u.function_space
-    comm = domain.comm
+    comm, parameters = problem.domain.comm, problem.parameters
     expect(directory, comm)
     record, path = on_root(comm, lambda: records.load_fields(directory))
-    parameters = problem.parameters
     identity = on_root(comm, lambda: study_file.mesh_identity(parameters))
-    _check_mesh(record, directory, problem, identity)
-
+    difference = _difference_in_size(record, problem)
     _compat.prepare_communicator(comm)
 
     def load(name: str, into: fem.FunctionSpace) -> fem.Function:
@@ -130,36 +128,39 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
         _compat.load_function(path, function, name)
         return function
 
-    expected = _places(space).x.array
-    distance = np.abs(load(_PLACES, space).x.array - expected).max(initial=0.0)
-    extent = comm.allreduce(float(np.abs(expected).max(initial=0.0)), op=MPI.MAX)
-    if comm.allreduce(float(distance), op=MPI.MAX) > _SAME_PLACE * extent:
-        raise InputError(_another_mesh(directory, "its nodes lie elsewhere", record, identity))
-    displacement = load("displacement", space).x.array
-    multipliers = bound = None
+    # A mesh of another size cannot be compared node by node.
+    space = problem.u.function_space
+    difference = difference or _difference_in_places(load(_PLACES, space))
+    if difference:
+        raise InputError(_another_mesh(directory, difference, record, identity))
+    multipliers = bound = pressure = None
     if problem.bound is None or record.contact:
-        tensors = fem.functionspace(domain.mesh, ("DG", 0, (domain.dim, domain.dim)))
-        none = np.zeros(0)
-        multipliers = Multipliers(load("locking_stress", tensors), none, none, none.astype(bool))
+        multipliers, bound = _load_multipliers(load, problem)
     if problem.bound is not None and multipliers is not None:
-        surface = problem.bound.surface
-        nodal = {
-            name: load(name, surface.scalar_space).x.array[surface.nodes]
-            for name in _CONTACT
-            if name != "tangential_traction"
-        }
-        traction = load("tangential_traction", space).x.array.reshape(-1, domain.dim)
-        multipliers = Multipliers(
-            multipliers.locking_stress,
-            nodal["contact_pressure"],
-            0.0 - traction[surface.blocks],
-            nodal["contact_state"] != OPEN,
-        )
-        bound = nodal["friction_bound"]
-    same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
-    pressure = None if bound is None or multipliers is None else multipliers.pressure
+        pressure = multipliers.pressure
+    displacement = load("displacement", space).x.array
     state = SavedState(displacement, pressure, record.n, record.epsilon)
+    same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
     return Checkpoint(state, multipliers, bound, record.converged and same)
+
+
+def _load_multipliers(
+    load: Callable[[str, fem.FunctionSpace], fem.Function], problem: Problem
+) -> tuple[Multipliers, FloatArray | None]:
+    """The multipliers and, with contact, the friction bound (k,); collective."""
+    dim = problem.domain.dim
+    stress = load("locking_stress", fem.functionspace(problem.domain.mesh, ("DG", 0, (dim, dim))))
+    if problem.bound is None:
+        none = np.zeros(0)
+        return Multipliers(stress, none, none, none.astype(bool)), None
+    surface = problem.bound.surface
+    pressure, contact_state, bound = (
+        load(name, surface.scalar_space).x.array[surface.nodes]
+        for name in ("contact_pressure", "contact_state", "friction_bound")
+    )
+    traction = load("tangential_traction", surface.vector_space).x.array.reshape(-1, dim)
+    friction = 0.0 - traction[surface.blocks]
+    return Multipliers(stress, pressure, friction, contact_state != OPEN), bound
 
 
 def _require_library() -> None:
@@ -192,22 +193,26 @@ def _check_space(folder: Path, size: int) -> None:
         raise ContactLockingError("a checkpoint takes {}, and {} are free".format(*megabytes))
 
 
-def _check_mesh(
-    record: Record, directory: str | Path, problem: Problem, identity: dict[str, Any]
-) -> None:
-    """Sizes first: a mesh of other sizes cannot even be compared node by node."""
+def _difference_in_size(record: Record, problem: Problem) -> str:
+    """How the mesh of the record differs, nothing if it does not; InputError for the degree."""
     if record.degree != _DEGREE:
         raise InputError(
-            f"the checkpoint in {directory} holds elements of degree {record.degree}; "
-            f"degree {_DEGREE} is needed"
+            f"the checkpoint holds elements of degree {record.degree}; degree {_DEGREE} is needed"
         )
     nodes = int(problem.u.function_space.dofmap.index_map.size_global)
     here = (problem.domain.dim, problem.domain.num_cells, nodes)
     there = (record.dimension, record.cells, record.nodes)
-    if here != there:
-        text = "{}D with {} cells and {} nodes"
-        difference = f"it is {text.format(*there)}, this one is {text.format(*here)}"
-        raise InputError(_another_mesh(directory, difference, record, identity))
+    text = "{}D with {} cells and {} nodes"
+    return "" if here == there else f"it is {text.format(*there)}, this one is {text.format(*here)}"
+
+
+def _difference_in_places(saved: fem.Function) -> str:
+    """The same by the places of the nodes; collective."""
+    comm = saved.function_space.mesh.comm
+    expected = _places(saved.function_space).x.array
+    extent = comm.allreduce(float(np.abs(expected).max(initial=0.0)), op=MPI.MAX)
+    here = bool(np.all(np.abs(saved.x.array - expected) <= _SAME_PLACE * extent))
+    return "" if comm.allreduce(here, op=MPI.LAND) else "its nodes lie elsewhere"
 
 
 def _another_mesh(
