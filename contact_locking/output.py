@@ -104,11 +104,9 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
                 warnings.append(problem)
 
         if checkpoint:
-            try:
-                _write_checkpoint(solution, staging)
-            except ContactLockingError as error:
-                warnings.append(f"no checkpoint was saved: {error}")
-                _on_root(comm, target, lambda: shutil.rmtree(staging / checkpoints.NAME, True))
+            problem = _checkpoint(solution, target, staging)
+            if problem is not None:
+                warnings.append(f"no checkpoint was saved: {problem}")
 
         def finish() -> None:
             _write_texts(solution, staging)
@@ -128,7 +126,7 @@ def save(solution: Solution, directory: str | Path) -> None:
     comm, target = solution.domain.comm, Path(directory)
     staging = Path(_on_root(comm, target, lambda: _make_staging(target)))
     try:
-        _write_checkpoint(solution, staging)
+        _write_checkpoint(solution, target, staging)
         _on_root(comm, target, lambda: _put_in_place(staging, target, checkpoints.NAME))
     finally:
         if comm.rank == 0:
@@ -214,9 +212,29 @@ def _require_room(folder: Path, size: int) -> None:
                 raise OSError(error.errno, error.strerror, str(folder)) from error
 
 
-def _write_checkpoint(solution: Solution, staging: Path) -> None:
-    folder = staging / checkpoints.NAME
-    _on_root(solution.domain.comm, folder, folder.mkdir)
+def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
+    """Write a checkpoint and return None, or why there is none; collective."""
+    try:
+        _write_checkpoint(solution, target, staging)
+        return None
+    except ContactLockingError as error:
+        reason = str(error).splitlines()[0]
+    # Now that nothing of the error is left, ADIOS2 has closed its files, and the room is free.
+    comm = solution.domain.comm
+    _on_root(comm, target, lambda: shutil.rmtree(staging / checkpoints.NAME, ignore_errors=True))
+    return reason
+
+
+def _write_checkpoint(solution: Solution, target: Path, staging: Path) -> None:
+    folder, comm = staging / checkpoints.NAME, solution.domain.comm
+    # The texts, which come later, are not to miss the room.
+    size = checkpoints.size(solution) + _TEXTS_BYTES
+
+    def make_folder() -> None:
+        _require_room(staging, size)
+        folder.mkdir()
+
+    _on_root(comm, target, make_folder)
     checkpoints.write(solution, folder)
 
 

@@ -18,6 +18,7 @@ from PIL import Image
 from report_folder import run_folder
 from study_folder import FAKE, Folder
 
+from contact_locking import checkpoint
 from contact_locking.plotting.snapshot_file import load
 
 pytestmark = pytest.mark.serial
@@ -146,6 +147,22 @@ def test_fields_that_run_out_of_room_while_they_are_written_do_not_end_the_proce
     words = ["--set", "mesh.h=0.15", "output.picture=false"]
     full(disk.solve(size, *words, script=script), "results cannot be written")
     assert not list(disk.results.iterdir())
+
+
+@pytest.mark.parametrize("size", ["128k", "24k"])
+def test_a_checkpoint_that_has_no_room_is_a_warning(size: str, disk: Disk) -> None:
+    if (reason := checkpoint.unavailable()) is not None:
+        pytest.skip(reason)
+    # On the smaller disk another program takes the room while it is written.
+    script = "from contact_locking import output\noutput._require_room = lambda *_: None"
+    words = ["--checkpoint", "--set", "output.picture=false", "output.fields=false"]
+    done = disk.solve(size, *words, script=script if size == "24k" else "")
+    assert done.returncode == 0, done.stderr
+    assert "warning: no checkpoint was saved: " in done.stderr
+    assert "No space left on device" in done.stderr
+    assert {path.name for path in disk.results.iterdir()} == FILES - {"fields.bp"}
+    assert disk.solve("10m", *words).returncode == 0
+    assert (disk.results / "checkpoint" / "record.json").exists()
 
 
 @slow

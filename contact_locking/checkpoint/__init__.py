@@ -1,6 +1,6 @@
 """Solved states on disk, to be read on the same mesh by any number of ranks."""
 
 from contact_locking.checkpoint.record import NAME, locate
-from contact_locking.checkpoint.state import Checkpoint, expect, read, unavailable, write
+from contact_locking.checkpoint.state import Checkpoint, expect, read, size, unavailable, write
 
-__all__ = ["NAME", "Checkpoint", "expect", "locate", "read", "unavailable", "write"]
+__all__ = ["NAME", "Checkpoint", "expect", "locate", "read", "size", "unavailable", "write"]
