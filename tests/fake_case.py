@@ -1,8 +1,8 @@
 """Stands for the program in tests of studies: writes a summary without solving anything.
 
-What it does follows from penalty.n: 3 does not converge, 2 is bad input, 9 is killed, 1 is a
-defect, 7 leaves nothing.  Each call leaves a line in the file FAKE_LOG; FAKE_SECONDS is how long it
-takes.
+What it does follows from penalty.n: 3 does not converge, 2 is bad input, 9 is killed, 5 crashes, 6
+too, as PETSc tells it, 1 is a defect, 7 leaves nothing.  Each call leaves a line in the file
+FAKE_LOG; FAKE_SECONDS is how long it takes.
 """
 
 from __future__ import annotations
@@ -29,8 +29,12 @@ def main() -> int:
     if n == 2:
         print("error: parameters.yaml:3: contact.on: no part\n       is named so", file=sys.stderr)
         return 2
-    if n == 9:
-        os.kill(os.getpid(), signal.SIGKILL)
+    if n in (5, 9):
+        os.kill(os.getpid(), signal.SIGKILL if n == 9 else signal.SIGSEGV)
+    if n == 6:
+        told = "Caught signal number 11 SEGV: Segmentation Violation, probably memory access"
+        print(f"[0]PETSC ERROR: {told}\nMPI_ABORT was invoked", file=sys.stderr)
+        return 59
     if n == 1:
         raise ZeroDivisionError
     if n == 7:

@@ -76,17 +76,32 @@ def test_the_table_does_not_depend_on_the_number_of_jobs_or_the_order(folder: Fo
 def test_a_case_that_fails_is_recorded_with_its_reason_and_the_others_go_on(
     folder: Folder,
 ) -> None:
-    folder.write("{vary: {penalty.n: [1, 2, 3, 7, 9, 10]}}")
+    folder.write("{vary: {penalty.n: [1, 2, 3, 5, 6, 7, 9, 10]}}")
     folder.run()
     found = {row["penalty.n"]: (row["state"], row["reason"]) for row in folder.table()}
     state, reason = found["1"]
     assert state == "failed" and "exit code 1" in reason and "log.txt" in reason
     assert found["2"] == ("failed", "parameters.yaml:3: contact.on: no part is named so")
     assert found["3"] == ("not converged", "too steep")
+    assert found["5"] == ("failed", "was killed by SIGSEGV")
+    assert found["6"][0] == "failed" and "crashed: SEGV: Segmentation Violation;" in found["6"][1]
     assert found["7"][0] == "failed" and "no results of these parameters" in found["7"][1]
     assert found["9"] == ("failed", "was killed by SIGKILL, perhaps for want of memory")
     assert found["10"] == ("converged", "every criterion held")
-    assert {row["converged"] for row in folder.table()[:5]} == {"false"}
+    assert {row["converged"] for row in folder.table()[:-1]} == {"false"}
+
+
+def test_a_case_of_several_ranks_that_crashes_or_is_killed_is_recorded_too(folder: Folder) -> None:
+    if shutil.which("mpirun") is None:
+        pytest.skip("mpirun is not installed")
+    folder.write("{vary: {penalty.n: [5, 9, 10]}}")
+    process = folder.start("--jobs", "3", ranks=2)
+    errors = process.communicate(timeout=120)[1]
+    assert (process.returncode, errors) == (3, "")
+    crashed, killed, well = folder.table()
+    assert crashed["reason"].startswith("was killed by SIGSEGV")
+    assert killed["reason"].startswith("was killed by SIGKILL")
+    assert well["state"] == "converged"
 
 
 def test_a_resume_repeats_what_failed_without_results_and_nothing_else(folder: Folder) -> None:
@@ -167,6 +182,19 @@ def test_two_studies_in_one_folder_are_refused(
     assert code == 2
     assert "another study is running in" in errors and f"process {os.getpid()} on" in errors
     assert folder.started() == []
+
+
+def test_the_second_of_two_studies_waits_for_nobody_and_harms_nothing(
+    folder: Folder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder.write("{vary: {penalty.n: [10]}}")
+    first = folder.start(FAKE_SECONDS="3")
+    wait_for(folder.running)
+    assert cli.main(["study", str(folder.file), "--output", str(folder.output)]) == 2
+    assert f"(process {first.pid} on" in capsys.readouterr().err
+    assert first.wait(timeout=30) == 0
+    assert folder.started() == ["10"]
+    assert [row["state"] for row in folder.table()] == ["converged"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are tied to their parent on Linux")

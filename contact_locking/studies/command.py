@@ -21,6 +21,8 @@ PROGRAM = (sys.executable, "-m", "contact_locking")
 _LOG_TAIL = 65_536
 # An error as the command line prints it: its further lines are indented.
 _ERROR = re.compile(r"^error: (.+(?:\n {7}.+)*)", re.MULTILINE)
+# PETSc catches signals, speaks and ends with a code of its own.
+_CRASH = re.compile(r"PETSC ERROR: Caught signal number \d+ ([^,\n]+)")
 
 
 def launcher(ranks: int) -> tuple[str, ...]:
@@ -65,7 +67,10 @@ def explain(code: int, log: Path) -> str:
         name = signal.Signals(number).name
         hint = ", perhaps for want of memory" if number == signal.SIGKILL else ""
         return f"was killed by {name}{hint}"
-    if code and (errors := _ERROR.findall(_tail(log))):
+    text = _tail(log)
+    if code and (crash := _CRASH.search(text)):
+        return f"crashed: {crash[1]}; see {log}"
+    if code and (errors := _ERROR.findall(text)):
         return " ".join(errors[-1].split())
     if code in (0, 3):
         return "left no results of these parameters; has the mesh file changed meanwhile?"
