@@ -36,7 +36,8 @@ from contact_locking.assembly import assemble
 from contact_locking.parameters import Parameters
 from contact_locking.progress import Monitor
 from contact_locking.solution import Solution
-from contact_locking.solver.linear import PREFIX, default_options, options_set
+from contact_locking.solver.linear import default_options
+from contact_locking.solver.options import PREFIX, InsertedOptions
 from contact_locking.system import PenalisedSystem
 
 # The reference problem and the conic solver's form of it belong to the tests.
@@ -123,11 +124,11 @@ def elastic_seconds(dim: int, divisions: int, repeats: int = 5) -> float:
         ksp.setOptionsPrefix(PREFIX)
         ksp.setOperators(matrix)
         ksp.setErrorIfNotConverged(True)
-        with options_set(
+        with InsertedOptions(
             default_options("auto", dim, system.size, space.mesh.comm), {"ksp_rtol": 1e-8}
         ):
             ksp.setFromOptions()
-        ksp.solve(load, load.duplicate())
+            ksp.solve(load, load.duplicate())
         times.append(time.process_time() - began)
         ksp.destroy()
         matrix.destroy()

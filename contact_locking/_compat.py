@@ -1,7 +1,11 @@
-"""Every difference between DOLFINx 0.9, 0.10 and 0.11 that this package meets, and nothing else."""
+"""Every difference between DOLFINx 0.9, 0.10 and 0.11 that this package meets, and nothing else.
+
+PETSc and the libraries around it come with them.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 from pathlib import Path
 from typing import Any
@@ -10,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from petsc4py import PETSc
 
 try:  # DOLFINx >= 0.10
     from dolfinx.io import gmsh as _gmshio
@@ -62,6 +67,16 @@ def checkpoint_library() -> Any:
             return importlib.import_module("io4dolfinx")
         except ImportError:
             raise error from None
+
+
+def petsc_option_used(name: str) -> bool:
+    """Whether PETSc has asked for an option of its database; petsc4py 3.22 does not tell."""
+    if hasattr(PETSc.Options, "used"):
+        return bool(PETSc.Options().used(name))
+    used = ctypes.c_int(0)
+    library = ctypes.CDLL(PETSc.__file__)  # it brings PETSc's own library along
+    library.PetscOptionsUsed(None, name.encode(), ctypes.byref(used))
+    return bool(used.value)
 
 
 def prepare_communicator(comm: Any) -> None:

@@ -32,6 +32,7 @@ from contact_locking.results import (
 from contact_locking.solution import Solution
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver import solve as solve_system
+from contact_locking.solver.options import UserOptions, require_known
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
@@ -63,6 +64,7 @@ def solve(
     start = time.perf_counter()
     if restart is not None:
         checkpoint.expect(restart, comm)
+    _require_known_options(parameters, petsc_options)
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm)
     # Now, as the mesh file may be another one when the solve is over.
@@ -96,7 +98,8 @@ def solve_assembled(
     restarted = None if restart is None else Restart(restart, problem)
     given = problem.parameters.solver
     method = _method(problem)
-    options = {**given.petsc, **(petsc_options or {})}
+    _require_known_options(problem.parameters, petsc_options)
+    options = UserOptions({**given.petsc, **(petsc_options or {})})
     settings = Settings(
         tolerance=given.tolerance,
         max_iterations=given.max_iterations,
@@ -119,6 +122,11 @@ def solve_assembled(
     system.set_penalty(n, epsilon)
     monitor.message("computing fields and the certificate")
     solution = _collect(problem, system, target, report, settings)
+    if unused := options.unused():
+        solution.summary["warnings"].append(
+            f"without effect here, as PETSc has not asked for them: {', '.join(unused)} "
+            "(solver.petsc, or after --)"
+        )
     solution.summary["restart"] = None if restarted is None else restarted.told(report)
     if problem.bound is not None:
         problem.bound.smoothing.destroy()
@@ -127,10 +135,19 @@ def solve_assembled(
 
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
     """Do all that :func:`solve` does before its first iteration and say what would be solved."""
+    _require_known_options(parameters)
     problem = assemble(parameters, comm)
     if problem.bound is not None:
         problem.bound.smoothing.destroy()
     return {**problem.facts(), "warnings": problem.warnings}
+
+
+def _require_known_options(
+    parameters: Parameters, petsc_options: Mapping[str, Any] | None = None
+) -> None:
+    """Raise InputError for a misspelt option: before the solve, for which PETSc would not ask."""
+    require_known(parameters.solver.petsc, "solver.petsc")
+    require_known(petsc_options or ())
 
 
 def _method(problem: Problem) -> str:

@@ -22,11 +22,15 @@ _GRACE_SECONDS = 1.0
 
 def world() -> MPI.Intracomm | None:
     """All processes, or None for one alone; MPI is imported only if there may be others."""
-    if "mpi4py.MPI" not in sys.modules and not any(name in os.environ for name in _LAUNCHERS):
+    if "mpi4py.MPI" not in sys.modules and not _is_launched():
         return None
     from mpi4py import MPI
 
     return MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
+
+
+def _is_launched() -> bool:
+    return any(name in os.environ for name in _LAUNCHERS)
 
 
 def is_root() -> bool:
@@ -43,7 +47,7 @@ def console() -> Console:
     """
     from rich.console import Console
 
-    if world() is None and sys.stdout.isatty():
+    if not _is_launched() and sys.stdout.isatty():
         return Console(highlight=False)
     return Console(highlight=False, width=120, force_terminal=False)
 

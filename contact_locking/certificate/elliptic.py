@@ -17,7 +17,7 @@ from contact_locking import forms
 from contact_locking.certificate.state import SolvedState
 from contact_locking.convex import normal_part
 from contact_locking.material import strain
-from contact_locking.solver.linear import create_ksp, default_options
+from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -86,7 +86,8 @@ class EllipticProblem:
         return solution
 
     def destroy(self) -> None:
-        for item in (self.ksp, self.matrix, self._nullspace):
+        destroy_ksp(self.ksp)
+        for item in (self.matrix, self._nullspace):
             item.destroy()
 
 

@@ -16,7 +16,13 @@ from petsc4py import PETSc
 from contact_locking import forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor
 from contact_locking.solver.filtered_multigrid import FilteredMultigrid
-from contact_locking.solver.linear import DIRECT_LIMIT, create_ksp, direct_options, is_direct
+from contact_locking.solver.linear import (
+    DIRECT_LIMIT,
+    create_ksp,
+    destroy_ksp,
+    direct_options,
+    is_direct,
+)
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.strain_operator import StrainOperator
@@ -264,8 +270,8 @@ class ConeSystem:
         if self._multigrid is not None:
             self._multigrid.soft.destroy()
             self._multigrid.destroy()
+        destroy_ksp(self._ksp)
         for item in (
-            self._ksp,
             self.matrix,
             self._elasticity,
             self._near_nullspace,

@@ -24,7 +24,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from contact_locking.solver.linear import PREFIX, create_ksp, direct_options, options_set
+from contact_locking.solver.linear import create_ksp, destroy_ksp, direct_options
+from contact_locking.solver.options import PREFIX, InsertedOptions
 
 MULTIGRID: dict[str, Any] = {
     "pc_type": "gamg",
@@ -34,8 +35,8 @@ MULTIGRID: dict[str, Any] = {
     # On several ranks relaxation is that of blocks, which overshoots: Chebyshev knows by how much.
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_ksp_max_it": 2,
+    # Forwards and backwards, each rank its own rows.
     "mg_levels_pc_type": "sor",
-    "mg_levels_pc_sor_symmetric": True,
 }
 
 
@@ -51,8 +52,8 @@ class FilteredMultigrid:
         self._multigrid = PETSc.PC().create(matrix.getComm())
         self._multigrid.setOptionsPrefix(PREFIX + "multigrid_")
         self._multigrid.setOperators(soft)
-        with options_set(MULTIGRID, prefix=PREFIX + "multigrid_"):
-            self._multigrid.setFromOptions()
+        self._options = InsertedOptions(MULTIGRID, prefix=PREFIX + "multigrid_")
+        self._multigrid.setFromOptions()
         self._product = matrix.createVecLeft()
         self._direct: PETSc.KSP | None = None
         self._inner: list[Any] = []
@@ -82,7 +83,7 @@ class FilteredMultigrid:
         self._direct = create_ksp(block, direct_options(comm), prefix=PREFIX + "filter_")
         self._direct.setUp()
         self._right, self._left = block.createVecs()
-        self._inner = [self._direct, block, self._right, self._left]
+        self._inner = [block, self._right, self._left]
 
     def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""
@@ -101,6 +102,7 @@ class FilteredMultigrid:
     def destroy(self, _: PETSc.PC | None = None) -> None:
         """Free the PETSc objects; collective."""
         self._forget()
+        self._options.remove()
         self._multigrid.destroy()
         self._product.destroy()
 
@@ -112,6 +114,8 @@ class FilteredMultigrid:
         z.array_w[self._filtered] += factor * self._left.array_r
 
     def _forget(self) -> None:
+        if self._direct is not None:
+            destroy_ksp(self._direct)
         for item in self._inner:
             item.destroy()
         self._inner, self._direct = [], None

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from petsc4py import PETSc
 
-PREFIX = "contact_locking_"
+from contact_locking.solver.options import PREFIX, InsertedOptions
+
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
+
+# By this name a KSP keeps its options.
+_OPTIONS = "inserted_options"
 
 # Above these many unknowns CG takes over; below, the direct solver is as fast and never fails.
 DIRECT_LIMIT = {2: 1_000_000, 3: 150_000}
@@ -48,46 +51,49 @@ def direct_options(comm: Any) -> dict[str, Any]:
     return {**DIRECT, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE, **_SPARE_MEMORY}
 
 
-@contextlib.contextmanager
-def options_set(
-    defaults: Mapping[str, Any], overrides: Mapping[str, Any] | None = None, prefix: str = PREFIX
-) -> Iterator[None]:
-    """Put options under a prefix into PETSc's database, and take them out again.
-
-    What the user already has in the database (``-contact_locking_...``) wins over ``overrides``,
-    and those over ``defaults``.
-    """
-    database = PETSc.Options(prefix)
-    ours = []
-    preconditioner = {**defaults, **(overrides or {})}.get("pc_type")
-    if database.hasName("pc_type"):
-        preconditioner = database.getString("pc_type")
-    is_other = preconditioner != defaults.get("pc_type")
-    if is_other and defaults.get("pc_factor_mat_solver_type") == _SERIAL_PACKAGE:
-        # CHOLMOD has nothing but Cholesky's factorisation.
-        defaults = {**defaults, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE}
-    for key, value in {**defaults, **(overrides or {})}.items():
-        if not database.hasName(key):
-            database.setValue(key, value)
-            ours.append(key)
-    try:
-        yield
-    finally:
-        for key in ours:
-            database.delValue(key)
-
-
 def create_ksp(
     matrix: PETSc.Mat,
     defaults: Mapping[str, Any],
     overrides: Mapping[str, Any] | None = None,
     prefix: str = PREFIX,
 ) -> PETSc.KSP:
-    """A linear solver for ``matrix`` that raises where it does not converge; collective."""
+    """A linear solver for ``matrix`` that raises where it does not converge; collective.
+
+    Its options stay in PETSc's database until :func:`destroy_ksp`.
+    """
     ksp = PETSc.KSP().create(matrix.getComm())
     ksp.setOptionsPrefix(prefix)
     ksp.setOperators(matrix)
     ksp.setErrorIfNotConverged(True)
-    with options_set(defaults, overrides, prefix):
+    options = InsertedOptions(fitting(defaults, overrides, prefix), overrides, prefix)
+    ksp.setAttr(_OPTIONS, options)
+    try:
         ksp.setFromOptions()
+    except PETSc.Error:
+        options.remove()
+        raise
     return ksp
+
+
+def destroy_ksp(ksp: PETSc.KSP) -> None:
+    """Free it, and take its options out of the database; collective."""
+    if ksp:
+        ksp.getAttr(_OPTIONS).remove()
+        ksp.destroy()
+
+
+def fitting(
+    defaults: Mapping[str, Any], overrides: Mapping[str, Any] | None, prefix: str
+) -> dict[str, Any]:
+    """The defaults, without CHOLMOD if the user wants another preconditioner.
+
+    CHOLMOD has nothing but Cholesky's factorisation.
+    """
+    database = PETSc.Options(prefix)
+    preconditioner = {**defaults, **(overrides or {})}.get("pc_type")
+    if database.hasName("pc_type"):
+        preconditioner = database.getString("pc_type")
+    is_other = preconditioner != defaults.get("pc_type")
+    if is_other and defaults.get("pc_factor_mat_solver_type") == _SERIAL_PACKAGE:
+        return {**defaults, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE}
+    return dict(defaults)

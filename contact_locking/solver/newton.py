@@ -15,12 +15,8 @@ from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
 from contact_locking.progress import Monitor
-from contact_locking.solver.linear import (
-    LINEAR_FAILURE,
-    PREFIX,
-    default_options,
-    options_set,
-)
+from contact_locking.solver.linear import LINEAR_FAILURE, default_options, fitting
+from contact_locking.solver.options import PREFIX, InsertedOptions
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.system import PenalisedSystem
 
@@ -130,9 +126,14 @@ class NewtonSolver:
         defaults = default_options(settings.linear, system.dim, system.size, system.comm)
         # SNES's own divergence test takes the growth of the residual norm for divergence.
         defaults |= {"snes_divergence_tolerance": -1.0}
-        with options_set(defaults, settings.petsc):
+        defaults = fitting(defaults, settings.petsc, PREFIX)
+        self._options = InsertedOptions(defaults, settings.petsc)
+        try:
             snes.setFromOptions()
             snes.ksp.setFromOptions()
+        except PETSc.Error:
+            self._options.remove()
+            raise
         snes.setTolerances(max_it=settings.max_iterations)
         snes.setConvergenceTest(self._kept(self._test))
 
@@ -163,6 +164,7 @@ class NewtonSolver:
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
+        self._options.remove()
         for item in (self._snes, self._matrix, self._near_nullspace, self._x, self._f):
             item.destroy()
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.options import UserOptions
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class Settings:
     max_friction_updates: int = 100
     nested: bool = False
     linear: str = "auto"
-    petsc: Mapping[str, Any] = field(default_factory=dict)
+    petsc: UserOptions = field(default_factory=UserOptions)
 
 
 @dataclass

@@ -1,0 +1,146 @@
+"""Options of PETSc: they reach what asks for them, misspelt ones are refused, unused ones told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+from problems import block
+
+from contact_locking import check, cli, solve
+from contact_locking.errors import InputError
+from contact_locking.solver import options
+from contact_locking.solver.linear import create_ksp, destroy_ksp
+from contact_locking.solver.options import PREFIX, UserOptions, require_known
+
+KNOWN = """
+ksp_type ksp_rtol ksp_monitor ksp_monitor_true_residual ksp_view ksp_converged_reason ksp_norm_type
+pc_type pc_gamg_threshold pc_hypre_boomeramg_coarsen_type pc_factor_mat_solver_type pc_python_type
+mat_mumps_icntl_14 mat_cholmod_factor mat_superlu_dist_colperm snes_monitor snes_linesearch_type
+mg_levels_ksp_max_it mg_levels_1_pc_type mg_coarse_sub_pc_type multigrid_pc_gamg_threshold
+fieldsplit_u_ksp_type pc_fieldsplit_0_fields KSP_Type log_view options_left
+"""
+MISSPELT = {
+    "ksp_tpye": "ksp_type",
+    "kps_type": "ksp_type",
+    "pc_gamg_treshold": "pc_gamg_threshold",
+    "mg_levels_ksp_max_its": "mg_levels_ksp_max_it",
+    "snes_montor": "snes_monitor",
+    "ksp type": "ksp_type",
+    "ksp": None,
+    "": None,
+}
+
+
+@pytest.fixture
+def matrix(comm: MPI.Intracomm) -> Iterator[PETSc.Mat]:
+    """The Laplacian on a line of 1000 nodes."""
+    matrix = PETSc.Mat().createAIJ(1000, nnz=3, comm=comm)
+    for row in range(*matrix.getOwnershipRange()):
+        for column, value in ((row - 1, -1.0), (row, 2.0), (row + 1, -1.0)):
+            if 0 <= column < 1000:
+                matrix.setValue(row, column, value)
+    matrix.assemble()
+    yield matrix
+    matrix.destroy()
+
+
+def left() -> dict[str, Any]:
+    return dict(PETSc.Options(PREFIX).getAll())
+
+
+def test_what_some_object_of_petsc_can_ask_for_is_accepted() -> None:
+    require_known(KNOWN.split())
+
+
+@pytest.mark.skipif(not options._library(), reason="PETSc's library cannot be read here")
+@pytest.mark.parametrize("name", MISSPELT)
+def test_what_no_object_of_petsc_can_ask_for_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="PETSc has no such option") as caught:
+        require_known([name], "solver.petsc")
+    assert caught.value.key == f"solver.petsc.{name}"
+    if MISSPELT[name] is not None:
+        assert f"(did you mean '{MISSPELT[name]}'?)" in str(caught.value)
+
+
+def test_nothing_is_refused_where_the_library_cannot_be_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(options, "_library", frozenset)
+    require_known(MISSPELT)
+
+
+def test_a_misspelt_option_is_found_before_the_mesh_is_made(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def assemble(*_: object) -> None:
+        pytest.fail("the mesh is made")
+
+    monkeypatch.setattr("contact_locking.problem.assemble", assemble)
+    for work in (check, solve):
+        with pytest.raises(InputError, match="did you mean 'pc_type'"):
+            work(block(solver__petsc={"ksp_type": "cg", "pc_tpye": "gamg"}))
+    with pytest.raises(InputError, match="-pc_tpye: PETSc has no such option"):
+        solve(block(), petsc_options={"pc_tpye": "gamg"})
+
+
+@pytest.mark.serial
+def test_a_misspelt_option_is_told_with_its_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "study.yml"
+    file.write_text("solver:\n  petsc:\n    ksp_type: cg\n    ksp_rtoll: 1e-3\n")
+    for command in ("check", "run"):
+        assert cli.main([command, str(file)]) == 2
+        place = f"error: {file}:4: solver.petsc.ksp_rtoll: "
+        assert capsys.readouterr().err.startswith(place)
+    assert cli.main(["run", str(file), "--set", "solver.petsc={}", "--", "-ksp_rtoll", "1"]) == 2
+    assert capsys.readouterr().err.startswith("error: -ksp_rtoll: PETSc has no such option")
+
+
+def test_levels_of_multigrid_get_their_options_and_the_database_is_left_clean(
+    matrix: PETSc.Mat,
+) -> None:
+    before = left()
+    user = UserOptions({"mg_levels_ksp_max_it": 7, "mg_levels_pc_type": "sor", "snes_rtol": 1e-3})
+    ksp = create_ksp(matrix, {"ksp_type": "cg", "pc_type": "gamg"}, user)
+    ksp.setUp()
+    smoother = ksp.getPC().getMGSmoother(ksp.getPC().getMGLevels() - 1)
+    assert smoother.getTolerances()[3] == 7
+    assert smoother.getPC().getType() == "sor"
+    destroy_ksp(ksp)
+    assert user.used == {"mg_levels_ksp_max_it", "mg_levels_pc_type"}
+    assert user.unused() == ["snes_rtol"]
+    assert left() == before
+
+
+def test_a_value_that_petsc_refuses_leaves_the_database_clean(matrix: PETSc.Mat) -> None:
+    before = left()
+    with pytest.raises(PETSc.Error):
+        create_ksp(matrix, {}, UserOptions({"ksp_type": "nonsense"}))
+    assert left() == before
+
+
+def test_what_had_no_effect_is_a_warning(comm: MPI.Intracomm) -> None:
+    petsc = {"ksp_type": "preonly", "mg_levels_ksp_max_it": 2, "snes_rtol": 1e-3}
+    PETSc.Options().setValue(f"{PREFIX}pc_gamg_threshold", 0.1)
+    try:
+        # n = inf needs no SNES, and a direct solver no multigrid.
+        summary = solve(block(h=0.25, penalty__n=float("inf"), solver__petsc=petsc), comm).summary
+    finally:
+        PETSc.Options().delValue(f"{PREFIX}pc_gamg_threshold")
+    (warning,) = [text for text in summary["warnings"] if "without effect" in text]
+    assert "mg_levels_ksp_max_it, snes_rtol, pc_gamg_threshold (solver.petsc" in warning
+    assert "ksp_type" not in warning
+
+
+def test_options_that_have_an_effect_are_no_warning(comm: MPI.Intracomm) -> None:
+    petsc = {"ksp_type": "gmres", "pc_type": "gamg", "mg_levels_ksp_max_it": 4, "snes_max_it": 90}
+    parameters = block(h=0.25, solver__method="newton", penalty__n=10.0, solver__petsc=petsc)
+    solution = solve(parameters, comm)
+    assert solution.converged
+    assert not [text for text in solution.summary["warnings"] if "without effect" in text]
