@@ -12,6 +12,7 @@ import contextlib
 import json
 import os
 import re
+import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -45,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        code = _run_command(words)
+        code = _run_command(words, program=argv is None)
     except ContactLockingError as error:
         # All ranks have raised it.
         terminal.complain(f"error: {error}")
@@ -70,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and say what came out."""
     study = _load(arguments.file, _overrides(arguments))
-    comm = _world_with_dolfinx()
+    comm = _world_with_dolfinx(arguments)
     from contact_locking import checkpoint, output, problem
     from contact_locking.progress import Monitor, ProgressFile, TerminalMonitor
 
@@ -154,7 +155,7 @@ def check(arguments: argparse.Namespace) -> int:
     """Say what is wrong or what would run, and solve nothing."""
     study = _load(arguments.file, arguments.set)
     parameters = study.parameters
-    comm = _world_with_dolfinx()
+    comm = _world_with_dolfinx(arguments)
     from contact_locking import output, problem
 
     with _explained(study):
@@ -230,7 +231,8 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{message}\n{self.format_usage().rstrip()}")
 
 
-def _run_command(words: list[str]) -> int:
+def _run_command(words: list[str], program: bool = False) -> int:
+    """Run it; ``program`` says that the process is there for nothing else."""
     petsc: list[str] = []
     if "--" in words:
         split = words.index("--")
@@ -238,7 +240,7 @@ def _run_command(words: list[str]) -> int:
     arguments = _parser().parse_args(_one_setting_each(words))
     if petsc and arguments.command is not run:
         raise InputError("options of PETSc, after --, go with run only")
-    arguments.petsc = _petsc_options(petsc)
+    arguments.petsc, arguments.program = _petsc_options(petsc), program
     code = int(arguments.command(arguments))
     sys.stdout.flush()
     return code
@@ -365,11 +367,12 @@ def _explained(study: StudyFile) -> Iterator[None]:
         raise InputError(study.explain(error), error.key) from error
 
 
-def _world_with_dolfinx() -> MPI.Intracomm:
+def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
     """MPI's world, with PETSc initialised for it without the command line's words."""
     try:
         import petsc4py
 
+        before = signal.getsignal(signal.SIGPIPE)
         petsc4py.init([])
         import dolfinx.fem.petsc  # noqa: F401
         from mpi4py import MPI
@@ -380,6 +383,10 @@ def _world_with_dolfinx() -> MPI.Intracomm:
         ) from error
     from contact_locking import compiled_forms
 
+    # PETSc takes a reader of the output who leaves early, as head does, for a crash.  A program of
+    # one process ends there without a word, whether Python was printing or a monitor of PETSc.
+    ends = arguments.program and MPI.COMM_WORLD.size == 1
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL if ends else before)
     if MPI.COMM_WORLD.rank == 0:
         compiled_forms.clear_unfinished()
     return MPI.COMM_WORLD

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import textwrap
@@ -330,6 +331,19 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
     command = f"{sys.executable} -m contact_locking schema | head -n 1"
     result = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60)
     assert result.stdout.startswith("key") and result.stderr == ""
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("words", ["", "--quiet -- -snes_monitor", "-- -ksp_view -snes_monitor"])
+def test_a_reader_that_leaves_a_run_early_is_no_crash(words: str, tmp_path: Path) -> None:
+    (tmp_path / "study.yml").write_text(STUDY)
+    run = f"{sys.executable} -m contact_locking run study.yml --set solver.method=newton {words}"
+    command = f"{{ {run}; echo $? >code; }} | head -n 1"
+    result = subprocess.run(
+        command, shell=True, cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert result.stdout.count("\n") == 1 and result.stderr == ""
+    assert int((tmp_path / "code").read_text()) == 128 + signal.SIGPIPE
 
 
 LAUNCHER = shutil.which("mpirun")
