@@ -16,6 +16,15 @@ def lexicographic(x: FloatArray) -> IntArray:
     return np.lexsort(np.round(x / (size or 1.0), 9).T[::-1])
 
 
+def facets_of(x: FloatArray, corners: FloatArray) -> IntArray:
+    """Facets (m, d) as numbers of the points x (k, d) that their corners (m, d, d) are.
+
+    Each once, its numbers ascending, in ascending order.
+    """
+    numbers = cKDTree(x).query(corners)[1]
+    return np.unique(np.sort(numbers, axis=1), axis=0).astype(np.int64)
+
+
 def along_curve(x: FloatArray, segments: FloatArray) -> IntArray:
     """The order of points (k, 2) along the curves made of ``segments`` (s, 2, 2).
 

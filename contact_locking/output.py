@@ -32,9 +32,9 @@ T = TypeVar("T")
 
 KEY = "output.directory"
 SUMMARY, FIELDS = "summary.json", "fields.bp"
-PARAMETERS, CONTACT = "parameters.yaml", "contact.csv"
+PARAMETERS, CONTACT, FACETS = "parameters.yaml", "contact.csv", "contact_facets.csv"
 # The summary comes last: where it is, the rest is there too.
-_ORDER = (PARAMETERS, CONTACT, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
+_ORDER = (PARAMETERS, CONTACT, FACETS, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
 _AXES = "xyz"
 
 _WHAT = "results cannot be written to {}"
@@ -85,11 +85,11 @@ def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
 def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -> list[str]:
     """Write all files of a solution and return warnings, the same on all ranks; collective.
 
-    summary.json, parameters.yaml, contact.csv, as ``output`` asks for them fields.bp, and
-    picture.png with snapshot.npz, and with ``checkpoint`` the state to restart from; of an earlier
-    run in the folder nothing stays.  Each file is made in a folder beside its place and moved there
-    when all are complete.  A picture or a checkpoint that cannot be made is a warning; a folder
-    that cannot be written to raises InputError, a full disk ContactLockingError.
+    summary.json, parameters.yaml, contact.csv and contact_facets.csv, as ``output`` asks for them
+    fields.bp, and picture.png with snapshot.npz, and with ``checkpoint`` the state to restart from;
+    of an earlier run in the folder nothing stays.  Each file is made in a folder beside its place
+    and moved there when all are complete.  A picture or a checkpoint that cannot be made is a
+    warning; a folder that cannot be written to raises InputError, a full disk ContactLockingError.
     """
     comm, target = solution.domain.comm, Path(directory)
     staging = Path(_on_root(comm, target, lambda: _make_staging(target)))
@@ -244,6 +244,11 @@ def _write_texts(solution: Solution, folder: Path) -> None:
     (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
     with (folder / CONTACT).open("w", encoding="utf-8", newline="") as stream:
         write_contact(solution, stream)
+    with (folder / FACETS).open("w", encoding="utf-8", newline="") as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow([f"point_{corner}" for corner in range(solution.domain.dim)])
+        facets: Any = solution.contact_facets
+        table.writerows([] if facets is None else facets.tolist())
 
 
 def write_contact(solution: Solution, stream: TextIO) -> None:
@@ -260,6 +265,7 @@ def write_contact(solution: Solution, stream: TextIO) -> None:
             *(f"traction_tangent_{axis}" for axis in axes),
             "bound",
             "state",
+            *(f"normal_{axis}" for axis in axes),
         ]
     )
     points = solution.contact_points
@@ -276,8 +282,10 @@ def write_contact(solution: Solution, stream: TextIO) -> None:
             points.bound,
         ]
     )
-    for row, state in zip(numbers.tolist(), points.state, strict=True):
-        table.writerow([*row, STATE_NAMES[int(state)]])
+    normals: Any = points.normal
+    rows = zip(numbers.tolist(), points.state, normals.tolist(), strict=True)
+    for row, state, normal in rows:
+        table.writerow([*row, STATE_NAMES[int(state)], *normal])
 
 
 def _jsonable(value: Any, key: str, not_finite: dict[str, str]) -> Any:

@@ -263,6 +263,7 @@ def _solution(
             for name in ("contact_pressure", "smoothed_stress", "contact_state", "friction_bound")
         )
         traction = fem.Function(problem.u.function_space, name="tangential_traction")
+    points, facets = (None, None) if contact is None else contact.gather()
     return Solution(
         parameters=problem.parameters,
         domain=problem.domain,
@@ -278,7 +279,8 @@ def _solution(
         tangential_traction=traction,
         contact_state=state,
         friction_bound=bound,
-        contact_points=None if contact is None else contact.gather(),
+        contact_points=points,
+        contact_facets=facets,
         summary=summary,
     )
 

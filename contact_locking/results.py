@@ -18,12 +18,13 @@ from contact_locking.convex import tangential_part
 from contact_locking.domain import Domain
 from contact_locking.locking import locking_stress
 from contact_locking.material import strain
-from contact_locking.ordering import along_curve, lexicographic
+from contact_locking.ordering import along_curve, facets_of, lexicographic
 from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.system import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 # |eps| >= M (1 - 1e-6) counts as locked.
 _LOCKED_MARGIN = 1e-6
@@ -91,8 +92,8 @@ class ContactFields:
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
         self.state = np.where(touches, np.where(slips, SLIP, STICK), OPEN)
 
-    def gather(self) -> ContactPoints | None:
-        """All points on rank 0, in an order that no distribution changes; None elsewhere.
+    def gather(self) -> tuple[ContactPoints | None, IntArray | None]:
+        """All points and facets on rank 0, in an order that no distribution changes; else None.
 
         Open points have no pressure; a solver with multipliers leaves there what its tolerance
         allows, some 1e-7 of the peak.
@@ -109,12 +110,14 @@ class ContactFields:
             self.state,
         )
         gathered = [self.surface.domain.comm.gather(column) for column in columns]
-        segments = self.surface.facet_corners()
+        corners = self.surface.facet_corners()
         whole = [np.concatenate(parts) for parts in gathered if parts is not None]
-        if not whole:
-            return None
-        order = lexicographic(whole[0]) if segments is None else along_curve(whole[0], segments)
-        return ContactPoints(*(column[order] for column in whole))
+        if corners is None:
+            return None, None
+        x = whole[0]
+        order = along_curve(x, corners) if x.shape[1] == 2 else lexicographic(x)
+        points = ContactPoints(*(column[order] for column in whole))
+        return points, facets_of(points.x, corners)
 
     def summary(self) -> dict[str, Any]:
         """The keys of summary.json that belong to Gamma_C; collective."""

@@ -23,7 +23,7 @@ STATE_NAMES = ("open", "stick", "slip")
 
 @dataclass(frozen=True)
 class ContactPoints:
-    """The k nodes of Gamma_C, sorted along it in 2D and lexicographically in 3D.
+    """The k nodes of Gamma_C, sorted along it in 2D and lexicographically in 3D; also in files.
 
     Vectors are (k, d), scalars (k,); ``state`` holds OPEN, STICK or SLIP.  ``traction`` is
     ``sigma_tau``, the friction traction on the body, and ``bound`` is ``mu |R sigma_nu|``.
@@ -39,10 +39,14 @@ class ContactPoints:
     bound: FloatArray
     state: npt.NDArray[np.int64]
 
+    @property
+    def dim(self) -> int:
+        return int(self.x.shape[1])
+
 
 @dataclass
 class Solution:
-    """A solved state.  Fields live on every rank, ``contact_points`` on rank 0 only.
+    """A solved state.  Fields live on every rank, what is of the contact points on rank 0 only.
 
     Fields on Gamma_C are P1 functions on the whole mesh, zero off Gamma_C.
     """
@@ -62,6 +66,7 @@ class Solution:
     contact_state: fem.Function  # P1, OPEN, STICK or SLIP
     friction_bound: fem.Function  # P1, mu |R sigma_nu|
     contact_points: ContactPoints | None
+    contact_facets: npt.NDArray[np.int64] | None  # (m, d), their corners as numbers of the points
     summary: dict[str, Any] = field(default_factory=dict)
 
     def save(self, directory: str | Path) -> None:

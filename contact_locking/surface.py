@@ -63,12 +63,10 @@ class ContactSurface:
         return function
 
     def facet_corners(self) -> FloatArray | None:
-        """The ends (s, 2, 2) of the segments of Gamma_C, on rank 0 in 2D, else None; collective."""
-        if self.domain.dim != 2:
-            return None
-        mesh = self.domain.mesh
-        corners = _compat.entities_to_geometry(mesh, 1, self.facets)
-        gathered = self.domain.comm.gather(mesh.geometry.x[corners, :2])
+        """The corners (m, d, d) of the facets of Gamma_C on rank 0, else None; collective."""
+        mesh, dim = self.domain.mesh, self.domain.dim
+        corners = _compat.entities_to_geometry(mesh, dim - 1, self.facets)
+        gathered = self.domain.comm.gather(mesh.geometry.x[corners, :dim])
         return None if gathered is None else np.concatenate(gathered)
 
     def integral(self, values: FloatArray) -> FloatArray:

@@ -74,6 +74,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         contact_state=function(scalar, state),
         friction_bound=function(scalar, lambda x: 0.3 * pressure(x)),
         contact_points=_points(dim) if contact and mesh.comm.rank == 0 else None,
+        contact_facets=_facets(dim) if contact and mesh.comm.rank == 0 else None,
         summary={
             "converged": True,
             "reason": "every criterion held",
@@ -131,6 +132,17 @@ KINDS: dict[str, Callable[[Solution], None] | None] = {
     "not converged": _not_converged,
     "with an odd title": _with_an_odd_title,
 }
+
+
+def _facets(dim: int) -> npt.NDArray[np.int64]:
+    """Of the regular grid of points: segments, or the halves of its squares."""
+    line = np.arange(DIVISIONS)
+    if dim == 2:
+        return np.column_stack([line, line + 1])
+    corner = (line[:, None] * (DIVISIONS + 1) + line).ravel()
+    right, above = corner + DIVISIONS + 1, corner + 1
+    lower = np.column_stack([corner, above, right])
+    return np.concatenate([lower, np.column_stack([above, right, right + 1])])
 
 
 def _points(dim: int) -> ContactPoints:

@@ -296,7 +296,7 @@ def run(folder: Path, comm: MPI.Intracomm) -> Run:
     return Run(folder, comm)
 
 
-RESULTS = {"summary.json", "parameters.yaml", "contact.csv"}
+RESULTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
 
 
 def test_run_saves_a_checkpoint_if_asked_and_says_what_a_restart_did(

@@ -101,7 +101,7 @@ def full(done: subprocess.CompletedProcess[str], what: str) -> None:
     assert "ake room" in done.stderr and done.stdout == ""
 
 
-FILES = {"summary.json", "parameters.yaml", "contact.csv", "fields.bp"}
+FILES = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", "fields.bp"}
 DRAWN = FILES | {"picture.png", "snapshot.npz"}
 
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contact_locking.ordering import along_curve, lexicographic
+from contact_locking.ordering import along_curve, facets_of, lexicographic
 
 
 def _polyline(points: npt.NDArray[np.float64], closed: bool = False) -> npt.NDArray[np.float64]:
@@ -42,3 +42,10 @@ def test_separate_curves_come_one_after_the_other() -> None:
 def test_rounding_in_one_coordinate_does_not_disturb_the_order_in_the_next() -> None:
     points = np.array([[1e-16, 1.0], [0.0, 2.0], [-1e-16, 3.0]])
     assert np.array_equal(lexicographic(points), [0, 1, 2])
+
+
+def test_facets_are_numbers_of_points_each_once_in_an_order_of_its_own() -> None:
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
+    first, second = points[[2, 0, 1]], points[[3, 2, 1]]
+    corners = np.stack([second, first, first[[1, 2, 0]]]) + 1e-15
+    assert facets_of(points, corners).tolist() == [[0, 1, 2], [1, 2, 3]]

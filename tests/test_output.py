@@ -18,7 +18,7 @@ from contact_locking import output, plotting, study_file
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.solution import Solution
 
-TEXTS = {"summary.json", "parameters.yaml", "contact.csv"}
+TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
 FILES = TEXTS | {"fields.bp", "snapshot.npz", "picture.png"}
 
 
@@ -91,6 +91,7 @@ def test_contact_csv_has_a_row_per_point_in_order(
         *(f"traction_tangent_{a}" for a in axes),
         "bound",
         "state",
+        *(f"normal_{a}" for a in axes),
     ]
     assert len(rows) == len(points.x)
     for column, values in {
@@ -100,11 +101,15 @@ def test_contact_csv_has_a_row_per_point_in_order(
         "pressure": points.pressure,
         "traction_tangent_x": points.traction[:, 0],
         "bound": points.bound,
+        f"normal_{axes[-1]}": points.normal[:, -1],
     }.items():
         # Written with all digits.
         assert [float(row[column]) for row in rows] == list(values)
     assert {row["state"] for row in rows} == {"open", "stick", "slip"}
     assert rows[-1]["state"] == "slip"
+    facets = np.loadtxt(folder / "contact_facets.csv", delimiter=",", skiprows=1, dtype=int)
+    assert facets.shape == ((4, 2) if dim == 2 else (32, 3))
+    assert sorted(set(facets.ravel())) == list(range(len(rows)))
 
 
 def test_contact_csv_of_a_body_without_contact_is_a_header(
@@ -112,7 +117,8 @@ def test_contact_csv_of_a_body_without_contact_is_a_header(
 ) -> None:
     output.write(made_up(contact=False), folder)
     comm.Barrier()
-    assert (folder / "contact.csv").read_text().count("\n") == 1
+    for name in ("contact.csv", "contact_facets.csv"):
+        assert (folder / name).read_text().count("\n") == 1
 
 
 def test_the_summary_is_json_that_says_what_is_not_finite(

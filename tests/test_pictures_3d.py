@@ -30,7 +30,8 @@ needs_pyvista = pytest.mark.skipif(
     importlib.util.find_spec("pyvista") is None or shutil.which("xvfb-run") is None,
     reason="PyVista or xvfb-run is not installed",
 )
-FILES = {"summary.json", "parameters.yaml", "contact.csv", "snapshot.npz", "picture.png"}
+TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
+FILES = TEXTS | {"snapshot.npz", "picture.png"}
 ABORT = "import os; os.abort()"
 RENDER_ALL = """
 import sys

@@ -145,7 +145,7 @@ def test_the_report_of_an_earlier_run_goes_with_its_results(tmp_path: Path) -> N
     report.write(tmp_path)
     run_folder(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {
-        *(output.SUMMARY, output.PARAMETERS, output.CONTACT)
+        *(output.SUMMARY, output.PARAMETERS, output.CONTACT, output.FACETS)
     }
 
 
@@ -217,14 +217,14 @@ def test_pictures_of_the_cases_are_inside_the_page(tmp_path: Path, own_run: Path
     assert "data:image/png" not in page(tmp_path / "study")
 
 
-def test_curves_are_split_where_the_next_point_is_far() -> None:
-    line = np.linspace(0.0, 1.0, 11)
-    x = np.concatenate([np.column_stack([line, 0 * line]), np.column_stack([line + 3, 0 * line])])
-    assert [len(part) for part in curves(x)] == [11, 11]
-    graded = np.column_stack([1.5 ** np.arange(12), np.zeros(12)])
-    assert len(curves(graded)) == 1
-    assert [len(part) for part in curves(graded[:2])] == [2]
-    assert [len(part) for part in curves(graded[:1])] == [1]
+def test_curves_are_split_where_no_facet_joins_two_points() -> None:
+    chain = np.array([[0, 1], [2, 1], [2, 3]])
+    assert [part.tolist() for part in curves(4, chain)] == [[0, 1, 2, 3]]
+    apart = np.array([[0, 1], [2, 3], [3, 4]])
+    assert [part.tolist() for part in curves(5, apart)] == [[0, 1], [2, 3, 4]]
+    closed = np.array([[0, 1], [1, 2], [0, 2]])
+    assert [part.tolist() for part in curves(3, closed)] == [[0, 1, 2]]
+    assert [part.tolist() for part in curves(1, np.empty((0, 2), dtype=np.int64))] == [[0]]
 
 
 DAMAGE = {
@@ -238,6 +238,10 @@ DAMAGE = {
     "no contact": ("contact.csv", None, "cannot be read"),
     "empty contact": ("contact.csv", "", "is empty"),
     "strange contact": ("contact.csv", "a,b\n1,2\n", "no column"),
+    "no facets": ("contact_facets.csv", None, "cannot be read"),
+    "half a facet": ("contact_facets.csv", "point_0,point_1\n0,\n", "no 2 numbers"),
+    "huge facet": ("contact_facets.csv", f"point_0,point_1\n0,{10**30}\n", "no 2 numbers"),
+    "strange facet": ("contact_facets.csv", "point_0,point_1\n0,99\n", "not in contact.csv"),
     "no parameters": ("parameters.yaml", None, "cannot be read"),
 }
 

@@ -111,6 +111,9 @@ def test_v14_any_number_of_ranks_gives_the_same_solution(dim: int, kernel: str) 
     assert together.converged and alone.converged
     assert _fingerprint(together) == pytest.approx(_fingerprint(alone), rel=1e-8, abs=1e-12)
     points, expected = together.contact_points, alone.contact_points
+    facets, expected_facets = together.contact_facets, alone.contact_facets
+    if facets is not None:
+        assert expected_facets is not None and facets.tolist() == expected_facets.tolist()
     if points is not None:
         assert expected is not None
         assert points.x == pytest.approx(expected.x, abs=1e-14)

@@ -2,77 +2,70 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from scipy.spatial import cKDTree
 
 from contact_locking.plotting import profile, style
+from contact_locking.plotting.contact_map import nearest_parts
+from contact_locking.solution import ContactPoints
 
 from .charts import WIDTH, Chart, chart
-from .folder import ContactTable, FloatArray, IntArray
-
-# A step between neighbours that is so much longer than those around it leads to another curve.
-_JUMP = 4.0
-# The longer side of a map in pixels; how far a point's colour goes, as a share of the distance to
-# so many neighbours.
-_PIXELS, _REACH, _NEIGHBOURS = 500, 0.75, 3
+from .folder import FloatArray, IntArray
 
 
-def contact_charts(contact: ContactTable) -> list[Chart]:
-    """The charts for a table of two or three dimensions."""
+def contact_charts(contact: ContactPoints, facets: IntArray) -> list[Chart]:
+    """The charts in two or three dimensions; ``facets`` (m, d) are numbers of the points."""
     if contact.dim == 2:
         description = "Contact pressure, friction traction and its bound along the contact boundary"
         return [
-            chart("tractions", description, 3.6, lambda figure: _profile(figure, contact)),
+            chart("tractions", description, 3.6, lambda figure: _profile(figure, contact, facets)),
             chart(
                 "slip",
                 "Tangential displacement and distance to the foundation along the contact boundary",
                 2.6,
-                lambda figure: _opening(figure, contact),
+                lambda figure: _opening(figure, contact, facets),
             ),
         ]
     height = _map_height(contact)
     friction = np.linalg.norm(contact.traction, axis=1)
+    friction_label = r"friction traction $|\sigma_\tau|$"
     return [
         chart(
             "pressure",
             "Map of the contact pressure, seen from the foundation",
             height,
             lambda figure: _map(
-                figure, contact, contact.pressure, r"contact pressure $-\sigma_\nu$"
+                figure, contact, facets, contact.pressure, r"contact pressure $-\sigma_\nu$"
             ),
         ),
         chart(
             "friction",
             "Map of the friction traction, seen from the foundation",
             height,
-            lambda figure: _map(figure, contact, friction, r"friction traction $|\sigma_\tau|$"),
+            lambda figure: _map(figure, contact, facets, friction, friction_label),
         ),
         chart(
             "states",
             "Map of open, sticking and slipping points, seen from the foundation",
             height,
-            lambda figure: _state_map(figure, contact),
+            lambda figure: _state_map(figure, contact, facets),
         ),
     ]
 
 
-def curves(x: FloatArray) -> list[IntArray]:
-    """The points (k, 2), sorted along curves, as the numbers of each curve."""
-    steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
-    before, after = np.roll(steps, 1), np.roll(steps, -1)
-    if len(steps) > 1:
-        before[0], after[-1] = steps[1], steps[-2]
-    jumps = np.flatnonzero(steps > _JUMP * np.maximum(before, after)) + 1
-    return np.split(np.arange(len(x)), jumps if len(steps) > 1 else [])
+def curves(count: int, facets: IntArray) -> list[IntArray]:
+    """``count`` points, sorted along curves made of segments (m, 2), as the numbers of each."""
+    joined = np.zeros(count, dtype=bool)
+    first, last = facets.min(axis=1), facets.max(axis=1)
+    joined[first[last == first + 1]] = True
+    return np.split(np.arange(count), np.flatnonzero(~joined[:-1]) + 1)
 
 
-def _profile(figure: Figure, contact: ContactTable) -> None:
+def _profile(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     axes, strip = figure.subplots(2, 1, height_ratios=(1.0, 0.07))
-    parts = curves(contact.x)
+    parts = curves(len(contact.x), facets)
     positions, label = profile.abscissa([contact.x[part] for part in parts])
     lines = [
         profile.Curve(
@@ -88,9 +81,9 @@ def _profile(figure: Figure, contact: ContactTable) -> None:
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
 
 
-def _opening(figure: Figure, contact: ContactTable) -> None:
+def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     axes = figure.add_subplot()
-    parts = curves(contact.x)
+    parts = curves(len(contact.x), facets)
     positions, label = profile.abscissa([contact.x[part] for part in parts])
     for number, (s, part) in enumerate(zip(positions, parts, strict=True)):
         slip = np.sum(contact.u_tangent[part] * _tangents(contact.x[part], s), axis=1)
@@ -115,51 +108,60 @@ def _tangents(x: FloatArray, s: FloatArray) -> FloatArray:
     return direction * tangent / np.where(length > 0.0, length, 1.0)
 
 
-def _frame(contact: ContactTable) -> tuple[int, int, bool]:
+def _frame(contact: ContactPoints) -> tuple[int, int, bool]:
     """The two axes of a map, and whether the second has to point down.
 
-    The map shows the side that faces downwards, against the axis in which Gamma_C is thinnest.
+    The map shows Gamma_C as one sees it from the foundation, against its mean normal.
     """
-    across = int(np.argmin(np.ptp(contact.x, axis=0)))
+    normal = contact.normal.mean(axis=0)
+    across = int(np.argmax(np.abs(normal)))
     i, j = (axis for axis in range(3) if axis != across)
-    # x times y points up and y times z along x, away from the viewer, but x times z to the viewer.
-    return i, j, across != 1
+    # Right times up points at the viewer, who is where the normal points.
+    return i, j, bool(np.cross(np.eye(3)[i], np.eye(3)[j]) @ normal < 0.0)
 
 
-def _map_height(contact: ContactTable) -> float:
+def _map_height(contact: ContactPoints) -> float:
     i, j, _ = _frame(contact)
     width, height = np.ptp(contact.x[:, [i, j]], axis=0)
     return float(np.clip(0.85 * WIDTH * height / (width or 1.0), 2.0, 6.0)) + 0.9
 
 
-def _map(figure: Figure, contact: ContactTable, values: FloatArray, label: str) -> None:
-    axes = figure.add_subplot(aspect="equal")
-    drawn = _colour_by_nearest(axes, contact, values, cmap="cividis", vmin=0.0)
-    figure.colorbar(drawn, ax=axes, orientation="horizontal", label=label, aspect=40, pad=0.02)
+def _map(
+    figure: Figure, contact: ContactPoints, facets: IntArray, values: FloatArray, label: str
+) -> None:
+    axes, i, j = _map_axes(figure, contact)
+    colours = axes.tripcolor(
+        contact.x[:, i],
+        contact.x[:, j],
+        facets,
+        values,
+        shading="gouraud",
+        cmap="cividis",
+        vmin=0.0,
+        rasterized=True,
+    )
+    axes.margins(0.0)
+    figure.colorbar(colours, ax=axes, orientation="horizontal", label=label, aspect=40, pad=0.02)
 
 
-def _state_map(figure: Figure, contact: ContactTable) -> None:
-    axes = figure.add_subplot(aspect="equal")
-    _colour_by_nearest(axes, contact, contact.state, cmap=style.STATES, vmin=-0.5, vmax=2.5)
+def _state_map(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
+    axes, i, j = _map_axes(figure, contact)
+    shapes, point = nearest_parts(contact.x[:, [i, j]], facets)
+    parts = PolyCollection(
+        list(shapes), cmap=style.STATES, edgecolors="face", linewidths=0.2, rasterized=True
+    )
+    parts.set_array(contact.state[point])
+    parts.set_clim(-0.5, 2.5)
+    axes.add_collection(parts)
+    axes.autoscale_view()
+    axes.margins(0.0)
     figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
 
 
-def _colour_by_nearest(
-    axes: Axes, contact: ContactTable, values: FloatArray | IntArray, **colours: Any
-) -> Any:
-    """Give each pixel the value of the nearest point, if that is as near as points are here."""
+def _map_axes(figure: Figure, contact: ContactPoints) -> tuple[Axes, int, int]:
     i, j, downwards = _frame(contact)
+    axes = figure.add_subplot(aspect="equal")
     axes.set_xlabel(f"${'xyz'[i]}$")
     axes.set_ylabel(f"${'xyz'[j]}$")
-    flat = contact.x[:, [i, j]]
-    tree = cKDTree(flat)
-    neighbours = min(_NEIGHBOURS + 1, len(flat))
-    reach = _REACH * tree.query(flat, k=[neighbours])[0][:, 0]
-    low, high = flat.min(axis=0) - reach.max(), flat.max(axis=0) + reach.max()
-    step = float((high - low).max()) / _PIXELS or 1.0
-    grid = [np.arange(a + 0.5 * step, b, step) for a, b in zip(low, high, strict=True)]
-    distance, nearest = tree.query(np.stack(np.meshgrid(*grid), axis=-1))
-    image = np.ma.masked_where(distance > reach[nearest], values[nearest])
-    drawn = axes.imshow(image, extent=(low[0], high[0], low[1], high[1]), origin="lower", **colours)
     axes.yaxis.set_inverted(downwards)
-    return drawn
+    return axes, i, j

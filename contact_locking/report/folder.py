@@ -18,46 +18,36 @@ import numpy.typing as npt
 from contact_locking import __version__
 from contact_locking.errors import InputError
 from contact_locking.plotting import PICTURE
-from contact_locking.solution import STATE_NAMES
+from contact_locking.solution import STATE_NAMES, ContactPoints
 from contact_locking.studies.outcome import PARAMETERS, SUMMARY
 from contact_locking.studies.table import JSON_LINES, Row
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-CONTACT = "contact.csv"
+CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 
 _MAX_BYTES = 500_000_000
-_SCALARS, _VECTORS = ("u_normal", "gap", "pressure", "bound"), ("u_tangent", "traction_tangent")
+_SCALARS, _VECTORS = (
+    ("u_normal", "gap", "pressure", "bound"),
+    ("u_tangent", "traction_tangent", "normal"),
+)
 _NAME = re.compile(r"[0-9a-f]{16}")
 
 
 @dataclass(frozen=True)
-class ContactTable:
-    """The k points of contact.csv: vectors (k, d), scalars (k,)."""
-
-    x: FloatArray
-    u_normal: FloatArray
-    u_tangent: FloatArray
-    gap: FloatArray
-    pressure: FloatArray
-    traction: FloatArray
-    bound: FloatArray
-    state: IntArray
-
-    @property
-    def dim(self) -> int:
-        return int(self.x.shape[1])
-
-
-@dataclass(frozen=True)
 class RunResults:
-    """The folder of a run; ``contact`` is None for a body without Gamma_C."""
+    """The folder of a run.
+
+    ``contact`` and its ``facets`` (m, d), as numbers of the points, are None for a body without
+    Gamma_C.
+    """
 
     folder: Path
     summary: dict[str, Any]
     parameters: str
-    contact: ContactTable | None
+    contact: ContactPoints | None
+    facets: IntArray | None
     picture: Path | None
 
 
@@ -103,11 +93,13 @@ def _run(folder: Path) -> RunResults:
     for key, text in dict(_dict(summary.pop("not_finite", None))).items():
         _restore(summary, key.split("."), text)
     picture = folder / PICTURE
+    contact = _contact(folder / CONTACT)
     return RunResults(
         folder,
         summary,
         _text(folder / PARAMETERS),
-        _contact(folder / CONTACT),
+        contact,
+        None if contact is None else _facets(folder / FACETS, contact),
         picture if picture.is_file() else None,
     )
 
@@ -131,11 +123,8 @@ def _study(folder: Path) -> StudyResults:
     return StudyResults(folder, _text(folder / PARAMETERS), rows)
 
 
-def _contact(path: Path) -> ContactTable | None:
-    lines = list(_csv(path))
-    if not lines:
-        raise InputError(f"{path}: is empty; solve the run again")
-    header, rows = lines[0][1], lines[1:]
+def _contact(path: Path) -> ContactPoints | None:
+    header, rows = _table(path)
     if not rows:
         return None
     axes = [name for name in "xyz" if name in header]
@@ -161,16 +150,38 @@ def _contact(path: Path) -> ContactTable | None:
     def vector(names: list[str]) -> FloatArray:
         return np.column_stack([columns[name] for name in names])
 
-    return ContactTable(
-        vector(axes),
-        columns["u_normal"],
-        vector(vectors["u_tangent"]),
-        columns["gap"],
-        columns["pressure"],
-        vector(vectors["traction_tangent"]),
-        columns["bound"],
-        states,
+    return ContactPoints(
+        x=vector(axes),
+        normal=vector(vectors["normal"]),
+        u_normal=columns["u_normal"],
+        u_tangent=vector(vectors["u_tangent"]),
+        gap=columns["gap"],
+        pressure=columns["pressure"],
+        traction=vector(vectors["traction_tangent"]),
+        bound=columns["bound"],
+        state=states,
     )
+
+
+def _facets(path: Path, contact: ContactPoints) -> IntArray:
+    rows = _table(path)[1]
+    facets = np.empty((len(rows), contact.dim), dtype=np.int64)
+    for index, (line, cells) in enumerate(rows):
+        try:
+            facets[index] = [int(cell) for cell in cells]
+        except (ValueError, OverflowError):
+            raise InputError(f"{path}:{line}: is damaged: no {contact.dim} numbers") from None
+    if facets.size and not 0 <= facets.min() <= facets.max() < len(contact.x):
+        raise InputError(f"{path}: is damaged: it names points that are not in {CONTACT}")
+    return facets
+
+
+def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The header, and the rows with their lines."""
+    lines = list(_csv(path))
+    if not lines:
+        raise InputError(f"{path}: is empty; solve the run again")
+    return lines[0][1], lines[1:]
 
 
 def _csv(path: Path) -> Iterator[tuple[int, list[str]]]:

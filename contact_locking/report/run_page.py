@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from contact_locking.solution import STATE_NAMES
+from contact_locking.solution import STATE_NAMES, ContactPoints
 
 from .certificate import certificate
 from .charts import Chart, figure
 from .contact_charts import contact_charts
-from .folder import ContactTable, RunResults
+from .folder import RunResults
 from .markup import Content, Markup, element, named, section, shown, table
 from .page import DESCRIPTION, page
 from .pictures import picture
@@ -22,7 +22,9 @@ from .quantities import LOAD_UNIT_NOTE, QUANTITIES
 def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     """The HTML document of a run and its charts."""
     summary = run.summary
-    charts = [] if run.contact is None else contact_charts(run.contact)
+    charts = []
+    if run.contact is not None and run.facets is not None:
+        charts = contact_charts(run.contact, run.facets)
     html = page(
         shown(summary.get("title") or "Run"),
         _verdict(summary),
@@ -77,7 +79,7 @@ def _picture(run: RunResults) -> Markup:
     return section("Picture", element("figure", element("img", src=source, alt=description)))
 
 
-def _on_contact(contact: ContactTable | None, charts: Sequence[Chart]) -> Markup:
+def _on_contact(contact: ContactPoints | None, charts: Sequence[Chart]) -> Markup:
     if contact is None:
         return section("Contact", element("p", "The body has no contact boundary.", class_="soft"))
     counts = np.bincount(contact.state, minlength=len(STATE_NAMES))
