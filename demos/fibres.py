@@ -119,13 +119,14 @@ def stretches(solution: Solution, kind: str) -> FloatArray:
     """Of the fibres in the cells that this rank owns."""
     mesh = solution.domain.mesh
     a, dx = direction(ufl.SpatialCoordinate(mesh), kind), one_point(mesh)
-    w = ufl.TestFunction(solution.strain_norm.function_space)
+    cells = solution.strain_norm.function_space
+    w = ufl.TestFunction(cells)
     total, volume = (
         fem.assemble_vector(fem.form(f * w * dx)).array
         for f in (stretch(solution.displacement, a), fem.Constant(mesh, 1.0))
     )
     owned = mesh.topology.index_map(2).size_local
-    return np.asarray((total / volume)[:owned])
+    return np.asarray((total / volume)[cells.dofmap.list[:owned, 0]])
 
 
 def largest(solution: Solution, kind: str) -> float:
