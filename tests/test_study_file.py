@@ -184,6 +184,17 @@ def test_what_is_no_study_file_is_refused(
     assert text.startswith("FILE")
 
 
+@pytest.mark.parametrize("title", [299_900 * "x", 100_000 * "\u00e9"], ids=["long", "escaped"])
+def test_a_file_whose_dump_could_not_be_read_again_is_refused(
+    file: Path, tmp_path: Path, title: str
+) -> None:
+    text = refusal(tmp_path / "a.yml", f"title: {title}")
+    assert text == "FILE: with every default written out, is larger than 300 kB"
+    assert load(tmp_path / "a.yml", ["title=short"]).parameters.title == "short"
+    with pytest.raises(InputError, match="every default written out"):
+        load(file, [f"title={title}"])
+
+
 def test_aliases_cannot_blow_up_a_file(tmp_path: Path) -> None:
     levels = [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12)]
     start = time.perf_counter()

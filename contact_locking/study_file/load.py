@@ -15,11 +15,14 @@ from contact_locking.errors import InputError
 from contact_locking.parameters import Fault, Parameters
 from contact_locking.parameters.base import MOST_FAULTS, show
 
+from .dump import dump
 from .messages import faults_of
-from .source import Source, assign, read, tell
+from .source import MAX_BYTES, Source, assign, read, tell
 
 # Some 20 s; a file of the demos has 50 values.
 _MOST_VALUES = 2_000_000
+# With every default written out, a shorter file stays below the size that can be read again.
+_SHORT = MAX_BYTES // 20
 _MORE = f"there may be more that is wrong; these are the first {MOST_FAULTS} faults"
 
 
@@ -57,6 +60,10 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
         keyed.sort(key=lambda fault: _line(source.origin(fault[0])))
         lines = [source.explain(message, key) for key, message in keyed]
         raise InputError(_listed(lines, source.explain(_MORE, "")))
+    size = source.size + sum(map(len, overrides))
+    if size > _SHORT and len(dump(parameters)) > MAX_BYTES:
+        what = f"with every default written out, is larger than {MAX_BYTES // 1000} kB"
+        raise InputError(source.explain(what, ""))
     return StudyFile(parameters, source)
 
 

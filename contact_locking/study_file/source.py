@@ -35,6 +35,8 @@ class Source:
     data: Any = field(default_factory=dict)
     #: By dotted key: its line in the file, or the key of the override that set it.
     origins: dict[str, int | str] = field(default_factory=dict)
+    #: Of the file, in bytes.
+    size: int = 0
 
     def explain(self, message: str, key: str) -> str:
         """The message, in one line, with the place of the key as near as the file has it."""
@@ -107,7 +109,7 @@ def read(path: str | Path) -> Source:
         )
     if not isinstance(data, dict):
         raise InputError(f"{name}:1: must be a mapping of keys such as mesh, material and loads")
-    return Source(name, data, reader.origins)
+    return Source(name, data, reader.origins, len(raw))
 
 
 def assign(data: Any, key: str, value: Any) -> list[str]:
