@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from mpi4py import MPI
 
-from contact_locking import __version__, cli, meshes, problem, study_file
+from contact_locking import __version__, arguments, cli, meshes, problem, study_file
 from contact_locking.errors import InputError
 
 STUDY = """\
@@ -167,15 +167,15 @@ def test_petsc_options_reach_the_solver(folder: Path, monkeypatch: pytest.Monkey
 
 def test_petsc_options_are_pairs_or_flags() -> None:
     words = ["-a", "-1e-3", "-b", "--c", "value"]
-    assert cli._petsc_options(words) == {"a": "-1e-3", "b": None, "c": "value"}
+    assert arguments.petsc_options(words) == {"a": "-1e-3", "b": None, "c": "value"}
     for wrong in (["value"], ["-a", "1", "2"]):
         with pytest.raises(InputError, match="begin with a dash"):
-            cli._petsc_options(wrong)
+            arguments.petsc_options(wrong)
 
 
 def test_several_settings_may_follow_one_flag() -> None:
     words = ["run", "--set", "a.b=1", "c=[x=2]", "FILE", "d=3"]
-    assert cli._one_setting_each(words) == [
+    assert arguments.one_setting_each(words) == [
         *("run", "--set", "a.b=1", "--set", "c=[x=2]", "FILE", "d=3")
     ]
 

@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from contact_locking import cli
+from contact_locking import arguments
 from contact_locking.expressions import CONSTANTS, FUNCTIONS
 from contact_locking.study_file.schema import Row, rows
 
@@ -41,7 +41,7 @@ def expression_words() -> str:
 
 def command_line() -> str:
     """The help of every command."""
-    parser = cli._parser()
+    parser = arguments.parser()
     pages = [("contact-locking", parser), *commands(parser).items()]
     parts = []
     for name, command in pages:
