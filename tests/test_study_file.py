@@ -235,6 +235,12 @@ def test_a_message_stays_readable_whatever_is_in_the_file(tmp_path: Path) -> Non
     assert len(refusal(tmp_path / "a.yml", f"{'k' * 900}: 1\n")) < 500
 
 
+def test_what_a_terminal_would_obey_is_shown_as_an_escape(tmp_path: Path) -> None:
+    on = "\\0\\e[2J"
+    text = f'loads: {{tractions: [{{on: "{on}", value: [0, 1]}}]}}'
+    assert r"no part of the boundary is named '\x00\x1b[2J'" in refusal(tmp_path / "a.yml", text)
+
+
 def test_a_study_of_copies_of_a_huge_file_is_refused(tmp_path: Path) -> None:
     petsc = ", ".join(f"o{k}: 1" for k in range(1000))
     text = (

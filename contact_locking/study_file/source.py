@@ -74,7 +74,7 @@ class Source:
 
 def tell(message: str, key: str) -> str:
     """``key: message`` in one line of a length that one can read, whatever is in the two."""
-    text = _short(" ".join(message.split()), _MAX_MESSAGE)
+    text = _short(_printable(" ".join(message.split())), _MAX_MESSAGE)
     shown = _short(key if key.isprintable() else ascii(key), _MAX_KEY)
     return f"{shown}: {text}" if key else text
 
@@ -128,6 +128,11 @@ def assign(data: Any, key: str, value: Any) -> list[str]:
         data = data[index]
     data[_index(data, last, ".".join(above))] = value
     return created
+
+
+def _printable(text: str) -> str:
+    """The text with what a terminal would not show, or obey, as escapes."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def _short(text: str, length: int) -> str:
