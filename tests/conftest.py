@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import io
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,10 +14,9 @@ from verification_table import Row, table_text
 
 RANK, SIZE = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
 
-# Ranks must draw the same examples and not judge them by their clocks; CI must not be a lottery.
+# Ranks must draw the same examples and not judge them by their clocks; what decides whether a
+# change may land must not be a lottery.  New examples are for the slow tests.
 hypothesis.settings.register_profile("same", derandomize=True, database=None, deadline=None)
-if SIZE > 1 or "CI" in os.environ:
-    hypothesis.settings.load_profile("same")
 
 
 ROWS: list[Row] = []
@@ -59,7 +57,10 @@ def collect_petsc_objects() -> Iterator[None]:
 
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Rank 0 speaks for all, but for failures: those of the other ranks are printed below."""
+    # Before any test is collected, and with it the settings that hold then.
+    if SIZE > 1 or config.option.markexpr == "not slow":
+        hypothesis.settings.load_profile("same")
+    # Rank 0 speaks for all, but for failures: those of the other ranks are printed below.
     if RANK > 0:
         reporter = config.pluginmanager.unregister(name="terminalreporter")
         assert reporter is not None
