@@ -261,3 +261,17 @@ def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
     assert solution.summary["strain_norm_max"] > 0.0205
     soft = problem.solve(_stretched(0.03, 1e1))
     assert any("exceeds its limit" in warning for warning in soft.summary["warnings"])
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size == 1, reason="one rank's rounding does no harm here")
+def test_cg_goes_on_where_rounding_breaks_it_down() -> None:
+    changes = {"penalty__n": math.inf, "solver__linear": "iterative", "mesh__structured": True}
+    parameters = block(3, 1 / 12, **changes)
+    assert problem.solve(parameters).converged
+
+
+def test_cg_that_gets_nowhere_is_said_to() -> None:
+    parameters = block(3, 0.34, solver__linear="iterative")
+    solution = problem.solve(parameters, petsc_options={"ksp_max_it": 1})
+    assert not solution.converged
+    assert "linear solve failed" in solution.summary["reason"]
