@@ -36,8 +36,7 @@ from contact_locking.assembly import assemble
 from contact_locking.parameters import Parameters
 from contact_locking.progress import Monitor
 from contact_locking.solution import Solution
-from contact_locking.solver.linear import default_options
-from contact_locking.solver.options import PREFIX, InsertedOptions
+from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
 from contact_locking.system import PenalisedSystem
 
 # The reference problem and the conic solver's form of it belong to the tests.
@@ -120,17 +119,11 @@ def elastic_seconds(dim: int, divisions: int, repeats: int = 5) -> float:
         matrix.setNearNullSpace(rigid)
         load = petsc.assemble_vector(right)
         petsc.set_bc(load, conditions)
-        ksp = PETSc.KSP().create(space.mesh.comm)
-        ksp.setOptionsPrefix(PREFIX)
-        ksp.setOperators(matrix)
-        ksp.setErrorIfNotConverged(True)
-        with InsertedOptions(
-            default_options("auto", dim, system.size, space.mesh.comm), {"ksp_rtol": 1e-8}
-        ):
-            ksp.setFromOptions()
-            ksp.solve(load, load.duplicate())
+        defaults = default_options("auto", dim, system.size, space.mesh.comm)
+        ksp = create_ksp(matrix, defaults, {"ksp_rtol": 1e-8})
+        ksp.solve(load, load.duplicate())
         times.append(time.process_time() - began)
-        ksp.destroy()
+        destroy_ksp(ksp)
         matrix.destroy()
     say(f"{dim}D, h = 1/{divisions}: an elastic solve takes {statistics.median(times):.3f} s")
     return statistics.median(times)

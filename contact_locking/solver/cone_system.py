@@ -201,8 +201,7 @@ class ConeSystem:
             self._ksp.setTolerances(rtol=rtol)
             self._solve_filtered(self._multigrid, _LOOSEST * size)
         else:
-            self._ksp.solve(self._right, self._step)
-            self._iterations += self._ksp.getIterationNumber()
+            self._solve()
         return self._step.array_r * self._free
 
     def move(self, t: float, step: FloatArray) -> None:
@@ -338,8 +337,7 @@ class ConeSystem:
         """
         for _ in range(_RESTARTS):
             multigrid.start(self._right, self._step)
-            self._ksp.solve(self._right, self._step)
-            self._iterations += self._ksp.getIterationNumber()
+            self._solve()
             reason = self._ksp.getConvergedReason()
             if reason > 0:
                 return
@@ -347,6 +345,10 @@ class ConeSystem:
                 break
         if not self._ksp.getResidualNorm() <= enough:
             raise NotConverged(LINEAR_FAILURE)
+
+    def _solve(self) -> None:
+        self._ksp.solve(self._right, self._step)
+        self._iterations += self._ksp.getIterationNumber()
 
     def _find_residual(
         self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None

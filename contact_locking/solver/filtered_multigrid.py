@@ -24,8 +24,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from contact_locking.solver.linear import create_ksp, destroy_ksp, direct_options
-from contact_locking.solver.options import PREFIX, InsertedOptions
+from contact_locking.solver.linear import configure, create_ksp, destroy_ksp, direct_options
+from contact_locking.solver.options import PREFIX
 
 MULTIGRID: dict[str, Any] = {
     "pc_type": "gamg",
@@ -52,8 +52,7 @@ class FilteredMultigrid:
         self._multigrid = PETSc.PC().create(matrix.getComm())
         self._multigrid.setOptionsPrefix(PREFIX + "multigrid_")
         self._multigrid.setOperators(soft)
-        self._options = InsertedOptions(MULTIGRID, prefix=PREFIX + "multigrid_")
-        self._multigrid.setFromOptions()
+        self._options = configure([self._multigrid], MULTIGRID, prefix=PREFIX + "multigrid_")
         self._product = matrix.createVecLeft()
         self._direct: PETSc.KSP | None = None
         self._inner: list[Any] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from petsc4py import PETSc
@@ -65,13 +65,7 @@ def create_ksp(
     ksp.setOptionsPrefix(prefix)
     ksp.setOperators(matrix)
     ksp.setErrorIfNotConverged(True)
-    options = InsertedOptions(fitting(defaults, overrides, prefix), overrides, prefix)
-    ksp.setAttr(_OPTIONS, options)
-    try:
-        ksp.setFromOptions()
-    except PETSc.Error:
-        options.remove()
-        raise
+    ksp.setAttr(_OPTIONS, configure([ksp], defaults, overrides, prefix))
     return ksp
 
 
@@ -82,7 +76,24 @@ def destroy_ksp(ksp: PETSc.KSP) -> None:
         ksp.destroy()
 
 
-def fitting(
+def configure(
+    solvers: Iterable[Any],
+    defaults: Mapping[str, Any],
+    overrides: Mapping[str, Any] | None = None,
+    prefix: str = PREFIX,
+) -> InsertedOptions:
+    """Let PETSc's objects take their options, to be removed after their last solve; collective."""
+    options = InsertedOptions(_fitting(defaults, overrides, prefix), overrides, prefix)
+    try:
+        for solver in solvers:
+            solver.setFromOptions()
+    except PETSc.Error:
+        options.remove()
+        raise
+    return options
+
+
+def _fitting(
     defaults: Mapping[str, Any], overrides: Mapping[str, Any] | None, prefix: str
 ) -> dict[str, Any]:
     """The defaults, without CHOLMOD if the user wants another preconditioner.

@@ -15,8 +15,8 @@ from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
 from contact_locking.progress import Monitor
-from contact_locking.solver.linear import LINEAR_FAILURE, default_options, fitting
-from contact_locking.solver.options import PREFIX, InsertedOptions
+from contact_locking.solver.linear import LINEAR_FAILURE, configure, default_options
+from contact_locking.solver.options import PREFIX
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.system import PenalisedSystem
 
@@ -126,14 +126,7 @@ class NewtonSolver:
         defaults = default_options(settings.linear, system.dim, system.size, system.comm)
         # SNES's own divergence test takes the growth of the residual norm for divergence.
         defaults |= {"snes_divergence_tolerance": -1.0}
-        defaults = fitting(defaults, settings.petsc, PREFIX)
-        self._options = InsertedOptions(defaults, settings.petsc)
-        try:
-            snes.setFromOptions()
-            snes.ksp.setFromOptions()
-        except PETSc.Error:
-            self._options.remove()
-            raise
+        self._options = configure([snes, snes.ksp], defaults, settings.petsc)
         snes.setTolerances(max_it=settings.max_iterations)
         snes.setConvergenceTest(self._kept(self._test))
 

@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -70,17 +69,6 @@ class InsertedOptions:
                 self._user.used.add(key)
             database.delValue(key)
         self._ours = []
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.remove()
 
 
 def require_known(names: Iterable[str], section: str | None = None) -> None:
