@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import PolyCollection, TriMesh
 from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 
@@ -58,37 +60,54 @@ def arrows(axes: Axes, tails: FloatArray, directions: FloatArray) -> None:
 def pressure_map(fig: Figure, place: Place, contact: ContactMap) -> None:
     """The pressure in colours with arrows of the slip, and the scale below."""
     points = contact.points
-    axes, i, j = _map_from_below(fig, place, points.normal)
-    colours = axes.tripcolor(
-        points.x[:, i],
-        points.x[:, j],
+    axes = fig.add_axes(place, aspect="equal", anchor="S")
+    colours = colour_values(
+        axes,
+        points,
         contact.facets,
         points.pressure,
-        shading="gouraud",
         cmap=PRESSURE_COLOURS,
         norm=pressure_norm(points),
     )
-    axes.margins(0.0)
     bar = fig.add_axes((place[0] + 0.02, 0.045, place[2] - 0.04, 0.01))
     fig.colorbar(colours, cax=bar, orientation="horizontal")
     bar.locator_params(nbins=5)
     shown = slipping(points)
     if len(shown):
+        i, j, _ = frame(points)
         arrows(axes, points.x[shown][:, [i, j]], points.u_tangent[shown][:, [i, j]])
     axes.set_title(PRESSURE_TITLE + (", arrows: slip" if len(shown) else ""), loc="left")
 
 
 def state_map(fig: Figure, place: Place, contact: ContactMap) -> None:
+    """The states, without a scale."""
+    axes = fig.add_axes(place, aspect="equal", anchor="S")
+    colour_states(axes, contact.points, contact.facets)
+    axes.set_title("State", loc="left")
+
+
+def colour_values(
+    axes: Axes, points: ContactPoints, facets: IntArray, values: FloatArray, **look: Any
+) -> TriMesh:
+    """Values at the points in colours that go over into each other."""
+    i, j = _orient(axes, points)
+    flat = points.x[:, i], points.x[:, j]
+    colours = axes.tripcolor(*flat, facets, values, shading="gouraud", **look)
+    axes.margins(0.0)
+    return colours
+
+
+def colour_states(axes: Axes, points: ContactPoints, facets: IntArray, **look: Any) -> None:
     """Around each point the part of Gamma_C that is nearer to it than to other corners."""
-    axes, i, j = _map_from_below(fig, place, contact.points.normal)
-    shapes, point = nearest_parts(contact.points.x[:, [i, j]], contact.facets)
-    parts = PolyCollection(list(shapes), cmap=style.STATES, edgecolors="face", linewidths=0.2)
-    parts.set_array(contact.points.state[point])
+    shapes, point = nearest_parts(points.x[:, _orient(axes, points)], facets)
+    parts = PolyCollection(
+        list(shapes), cmap=style.STATES, edgecolors="face", linewidths=0.2, **look
+    )
+    parts.set_array(points.state[point])
     parts.set_clim(-0.5, 2.5)
     axes.add_collection(parts)
     axes.autoscale_view()
     axes.margins(0.0)
-    axes.set_title("State", loc="left")
 
 
 def nearest_parts(x: FloatArray, facets: IntArray) -> tuple[FloatArray, IntArray]:
@@ -107,15 +126,22 @@ def nearest_parts(x: FloatArray, facets: IntArray) -> tuple[FloatArray, IntArray
     return np.concatenate(shapes), facets.T.ravel()
 
 
-def _map_from_below(fig: Figure, place: Place, normals: FloatArray) -> tuple[Axes, int, int]:
-    """A map of Gamma_C with its two axes, oriented as one sees it from the foundation."""
-    normal = normals.mean(axis=0)
+def frame(points: ContactPoints) -> tuple[int, int, bool]:
+    """The two axes of a map that shows Gamma_C from the foundation; whether the second points down.
+
+    One looks against the mean normal.
+    """
+    normal = points.normal.mean(axis=0)
     across = int(np.argmax(np.abs(normal)))
     i, j = (axis for axis in range(3) if axis != across)
-    axes = fig.add_axes(place, aspect="equal", anchor="S")
+    # Right times up points at the viewer, who is where the normal points.
+    return i, j, bool(np.cross(np.eye(3)[i], np.eye(3)[j]) @ normal < 0.0)
+
+
+def _orient(axes: Axes, points: ContactPoints) -> list[int]:
+    """Make ``axes`` such a map; its two axes."""
+    i, j, downwards = frame(points)
     axes.set_xlabel(f"${_AXES[i]}$")
     axes.set_ylabel(f"${_AXES[j]}$")
-    # Right times up points at the viewer, who is where the normal points.
-    upright = np.cross(np.eye(3)[i], np.eye(3)[j]) @ normal
-    axes.yaxis.set_inverted(bool(upright < 0.0))
-    return axes, i, j
+    axes.yaxis.set_inverted(downwards)
+    return [i, j]

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from contact_locking.plotting import profile, style
-from contact_locking.plotting.contact_map import nearest_parts
+from contact_locking.plotting import contact_map, profile, style
 from contact_locking.solution import ContactPoints
 
 from .charts import WIDTH, Chart, chart
@@ -108,20 +105,8 @@ def _tangents(x: FloatArray, s: FloatArray) -> FloatArray:
     return direction * tangent / np.where(length > 0.0, length, 1.0)
 
 
-def _frame(contact: ContactPoints) -> tuple[int, int, bool]:
-    """The two axes of a map, and whether the second has to point down.
-
-    The map shows Gamma_C as one sees it from the foundation, against its mean normal.
-    """
-    normal = contact.normal.mean(axis=0)
-    across = int(np.argmax(np.abs(normal)))
-    i, j = (axis for axis in range(3) if axis != across)
-    # Right times up points at the viewer, who is where the normal points.
-    return i, j, bool(np.cross(np.eye(3)[i], np.eye(3)[j]) @ normal < 0.0)
-
-
 def _map_height(contact: ContactPoints) -> float:
-    i, j, _ = _frame(contact)
+    i, j, _ = contact_map.frame(contact)
     width, height = np.ptp(contact.x[:, [i, j]], axis=0)
     return float(np.clip(0.85 * WIDTH * height / (width or 1.0), 2.0, 6.0)) + 0.9
 
@@ -129,39 +114,14 @@ def _map_height(contact: ContactPoints) -> float:
 def _map(
     figure: Figure, contact: ContactPoints, facets: IntArray, values: FloatArray, label: str
 ) -> None:
-    axes, i, j = _map_axes(figure, contact)
-    colours = axes.tripcolor(
-        contact.x[:, i],
-        contact.x[:, j],
-        facets,
-        values,
-        shading="gouraud",
-        cmap="cividis",
-        vmin=0.0,
-        rasterized=True,
+    axes = figure.add_subplot(aspect="equal")
+    colours = contact_map.colour_values(
+        axes, contact, facets, values, cmap="cividis", vmin=0.0, rasterized=True
     )
-    axes.margins(0.0)
     figure.colorbar(colours, ax=axes, orientation="horizontal", label=label, aspect=40, pad=0.02)
 
 
 def _state_map(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
-    axes, i, j = _map_axes(figure, contact)
-    shapes, point = nearest_parts(contact.x[:, [i, j]], facets)
-    parts = PolyCollection(
-        list(shapes), cmap=style.STATES, edgecolors="face", linewidths=0.2, rasterized=True
-    )
-    parts.set_array(contact.state[point])
-    parts.set_clim(-0.5, 2.5)
-    axes.add_collection(parts)
-    axes.autoscale_view()
-    axes.margins(0.0)
-    figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
-
-
-def _map_axes(figure: Figure, contact: ContactPoints) -> tuple[Axes, int, int]:
-    i, j, downwards = _frame(contact)
     axes = figure.add_subplot(aspect="equal")
-    axes.set_xlabel(f"${'xyz'[i]}$")
-    axes.set_ylabel(f"${'xyz'[j]}$")
-    axes.yaxis.set_inverted(downwards)
-    return axes, i, j
+    contact_map.colour_states(axes, contact, facets, rasterized=True)
+    figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
