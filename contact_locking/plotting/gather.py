@@ -10,7 +10,7 @@ from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
 from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, Snapshot
-from contact_locking.solution import ContactPoints, Solution
+from contact_locking.solution import Solution
 
 
 def gather(solution: Solution) -> Snapshot | None:
@@ -24,8 +24,7 @@ def gather(solution: Solution) -> Snapshot | None:
     dofmap = u.function_space.dofmap
     vertex_map, cell_map = dofmap.index_map, mesh.topology.index_map(dim)
     vertices, cells = vertex_map.size_local, cell_map.size_local
-    facets, facet_cells, facet_vertices = _boundary(u.function_space)
-    on_contact = np.isin(facets, domain.facets(solution.parameters.contact.on))
+    facet_cells, facet_vertices = _boundary(u.function_space)
 
     def whole(local: Any) -> Any:
         parts = comm.gather(local)
@@ -37,7 +36,6 @@ def gather(solution: Solution) -> Snapshot | None:
     all_cells = whole(_numbers(vertex_map, dofmap.list[:cells]))
     boundary = whole(_numbers(vertex_map, facet_vertices))
     boundary_cell = whole(_numbers(cell_map, facet_cells))
-    contact = whole(on_contact)
     strain, limit, locked = (
         whole(function.x.array[function.function_space.dofmap.list[:cells, 0]])
         for function in (solution.strain_norm, solution.locking_limit, solution.locked)
@@ -53,7 +51,7 @@ def gather(solution: Solution) -> Snapshot | None:
         strain_norm=strain,
         locking_limit=limit,
         locked=locked > 0.5,
-        contact=_contact_map(solution.contact_points, x, boundary[contact], smoothed),
+        contact=_contact_map(solution, x, smoothed),
         title=solution.parameters.title,
         dofs=solution.summary["dofs"],
         locked_fraction=solution.summary["locked_fraction"],
@@ -61,8 +59,8 @@ def gather(solution: Solution) -> Snapshot | None:
     )
 
 
-def _boundary(space: fem.FunctionSpace) -> tuple[IntArray, IntArray, IntArray]:
-    """Owned exterior facets, their cells, and their vertices (m, d), in local numbers."""
+def _boundary(space: fem.FunctionSpace) -> tuple[IntArray, IntArray]:
+    """The cells of owned exterior facets, and their vertices (m, d), in local numbers."""
     topology = space.mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim - 1, dim)
@@ -74,7 +72,7 @@ def _boundary(space: fem.FunctionSpace) -> tuple[IntArray, IntArray, IntArray]:
     place = np.argmax(facets_of[cells] == facets[:, None], axis=1)
     layout = space.dofmap.dof_layout
     closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
-    return facets, cells, space.dofmap.list[cells[:, None], closure[place]]
+    return cells, space.dofmap.list[cells[:, None], closure[place]]
 
 
 def _at_vertices(function: fem.Function, space: fem.FunctionSpace) -> FloatArray:
@@ -91,12 +89,9 @@ def _numbers(index_map: Any, local: Any) -> IntArray:
     return index_map.local_to_global(flat).reshape(np.shape(local))
 
 
-def _contact_map(
-    points: ContactPoints | None, x: FloatArray, facets: IntArray, smoothed: FloatArray
-) -> ContactMap | None:
-    if points is None or len(points.x) == 0 or len(facets) == 0:
+def _contact_map(solution: Solution, x: FloatArray, smoothed: FloatArray) -> ContactMap | None:
+    points, facets = solution.contact_points, solution.contact_facets
+    if points is None or facets is None or len(facets) == 0:
         return None
     _, vertices = cKDTree(x).query(points.x)
-    point_of = np.full(len(x), -1)
-    point_of[vertices] = np.arange(len(vertices))
-    return ContactMap(points, point_of[facets], vertices, smoothed[vertices])
+    return ContactMap(points, facets, vertices, smoothed[vertices])
