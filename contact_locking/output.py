@@ -26,13 +26,12 @@ from contact_locking import plotting, report, study_file
 from contact_locking.domain import on_root
 from contact_locking.errors import ContactLockingError, not_written
 from contact_locking.plotting import PICTURE, SNAPSHOT
+from contact_locking.result_files import CONTACT, FACETS, FIELDS, PARAMETERS, SUMMARY
 from contact_locking.solution import STATE_NAMES, Solution
 
 T = TypeVar("T")
 
 KEY = "output.directory"
-SUMMARY, FIELDS = "summary.json", "fields.bp"
-PARAMETERS, CONTACT, FACETS = "parameters.yaml", "contact.csv", "contact_facets.csv"
 # The summary comes last: where it is, the rest is there too.
 _ORDER = (PARAMETERS, CONTACT, FACETS, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
 _AXES = "xyz"

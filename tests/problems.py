@@ -6,6 +6,18 @@ from typing import Any
 
 from contact_locking.parameters import Parameters
 
+SMALL_BLOCK = """\
+mesh: {builder: block, h: 0.25}
+material:
+  locking_limit: 0.05
+loads:
+  tractions: [{on: top, value: [0.03, -0.05]}]
+  displacements: [{on: left, value: [0, 0]}]
+contact: {on: bottom}
+friction: {coefficient: 0.3, smoothing: {radius: 0.3}}
+penalty: {n: 100}
+"""
+
 
 def block(dim: int = 2, h: float = 0.1, **changes: Any) -> Parameters:
     """The model case: a unit block, clamped on the left, pulled and pressed onto its foundation.

@@ -14,23 +14,12 @@ from typing import Any
 
 import pytest
 from mpi4py import MPI
+from problems import SMALL_BLOCK
 
 from contact_locking import __version__, arguments, cli, meshes, problem, study_file
 from contact_locking.errors import InputError
 
-STUDY = """\
-title: A small block
-mesh: {builder: block, h: 0.25}
-material:
-  locking_limit: 0.05
-loads:
-  tractions: [{on: top, value: [0.03, -0.05]}]
-  displacements: [{on: left, value: [0, 0]}]
-contact: {on: bottom}
-friction: {coefficient: 0.3, smoothing: {radius: 0.3}}
-penalty: {n: 100}
-output: {picture: false}
-"""
+STUDY = f"title: A small block\n{SMALL_BLOCK}output: {{picture: false}}\n"
 
 
 @pytest.fixture

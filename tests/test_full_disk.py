@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from full_disk import NOT_ALLOWED
 from PIL import Image
+from problems import SMALL_BLOCK
 from report_folder import run_folder
 from study_folder import FAKE, Folder
 
@@ -25,16 +26,6 @@ pytestmark = pytest.mark.serial
 
 HERE = Path(__file__).parent
 slow = pytest.mark.slow
-STUDY = """\
-mesh: {builder: block, h: 0.25}
-material: {locking_limit: 0.05}
-loads:
-  tractions: [{on: top, value: [0.03, -0.05]}]
-  displacements: [{on: left, value: [0, 0]}]
-contact: {on: bottom}
-friction: {coefficient: 0.3, smoothing: {radius: 0.3}}
-penalty: {n: 100}
-"""
 
 
 class Disk:
@@ -45,7 +36,7 @@ class Disk:
 
     def __init__(self, folder: Path) -> None:
         self.file = folder / "study.yml"
-        self.file.write_text(STUDY)
+        self.file.write_text(SMALL_BLOCK)
         self.path, self.kept = folder / "disk", folder / "kept"
         self.path.mkdir()
         self.out = self.path / "out"
@@ -287,7 +278,7 @@ def test_a_read_only_folder_is_bad_input(command: str, disk: Disk) -> None:
 
 def test_a_limit_on_the_size_of_files_is_a_full_disk(tmp_path: Path) -> None:
     """ulimit -f: tried where no file system can be mounted, too."""
-    (tmp_path / "study.yml").write_text(STUDY)
+    (tmp_path / "study.yml").write_text(SMALL_BLOCK)
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from report_folder import REASON, rows, run_folder, study_folder
 
-from contact_locking import __version__, cli, output, report
+from contact_locking import __version__, cli, report, result_files
 from contact_locking.errors import InputError
 from contact_locking.report import charts
 from contact_locking.report.contact_charts import curves
@@ -145,7 +145,7 @@ def test_the_report_of_an_earlier_run_goes_with_its_results(tmp_path: Path) -> N
     report.write(tmp_path)
     run_folder(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {
-        *(output.SUMMARY, output.PARAMETERS, output.CONTACT, output.FACETS)
+        *(result_files.SUMMARY, result_files.PARAMETERS, result_files.CONTACT, result_files.FACETS)
     }
 
 

@@ -18,14 +18,12 @@ import numpy.typing as npt
 from contact_locking import __version__
 from contact_locking.errors import InputError
 from contact_locking.plotting import PICTURE
+from contact_locking.result_files import CONTACT, FACETS, PARAMETERS, SUMMARY
 from contact_locking.solution import STATE_NAMES, ContactPoints
-from contact_locking.studies.outcome import PARAMETERS, SUMMARY
 from contact_locking.studies.table import JSON_LINES, Row
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-
-CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 
 _MAX_BYTES = 500_000_000
 _SCALARS, _VECTORS = (

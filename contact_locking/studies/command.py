@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contact_locking.errors import InputError
+from contact_locking.result_files import PARAMETERS
 
 from .cases import Case
-from .outcome import PARAMETERS, PROGRESS
+from .outcome import PROGRESS
 
 #: What solves a case; the words of the command line follow.
 PROGRAM = (sys.executable, "-m", "contact_locking")

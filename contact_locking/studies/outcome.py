@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from contact_locking import __version__, study_file
+from contact_locking.result_files import PARAMETERS, SUMMARY
 
 from .cases import Case
 from .files import read_mapping, remove_partial, write_text
 
-SUMMARY, PARAMETERS, FAILURE = "summary.json", "parameters.yaml", "failure.json"
-PROGRESS, LOG = "progress.json", "log.txt"
+FAILURE, PROGRESS, LOG = "failure.json", "progress.json", "log.txt"
 
 State = Literal["converged", "not converged", "failed", "not run"]
 

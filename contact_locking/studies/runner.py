@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from contact_locking import study_file
 from contact_locking.errors import not_written
+from contact_locking.result_files import PARAMETERS
 from contact_locking.study_file import StudyFile
 
 from . import table
@@ -24,7 +25,6 @@ from .files import remove_partial, write_text
 from .local import LocalExecutor
 from .lock import locked
 from .outcome import (
-    PARAMETERS,
     Outcome,
     State,
     conclude,

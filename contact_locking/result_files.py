@@ -1,0 +1,6 @@
+"""The names of what a run writes into its folder, for those who write it and those who read it."""
+
+from __future__ import annotations
+
+SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
+CONTACT, FACETS = "contact.csv", "contact_facets.csv"
