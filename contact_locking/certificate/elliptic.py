@@ -56,7 +56,7 @@ class EllipticProblem:
         self._nullspace = state.system.near_nullspace()
         self.matrix.setNearNullSpace(self._nullspace)
         options = default_options(
-            "auto", state.dim, state.system.size, state.problem.domain.comm
+            state.settings.linear, state.dim, state.system.size, state.problem.domain.comm
         ) | {"ksp_rtol": _RTOL}
         self.ksp = create_ksp(self.matrix, options, prefix=_PREFIX)
 

@@ -14,45 +14,16 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import forms
-from contact_locking.errors import NotConverged
 from contact_locking.material import MANDEL_PAIRS, mandel_factor
-from contact_locking.solver.filtered_multigrid import FilteredMultigrid
-from contact_locking.solver.linear import (
-    DIRECT_LIMIT,
-    LINEAR_FAILURE,
-    create_ksp,
-    destroy_ksp,
-    direct_options,
-    is_direct,
-)
+from contact_locking.solver.linear import DIRECT_LIMIT, is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.strain_operator import StrainOperator
+from contact_locking.solver.tangent_solver import TangentSolver
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 
-# CG with the filtered multigrid.  The norm is that of the equilibrium residual, which is what is
-# left of an inexact solve.
-_ITERATIVE: dict[str, Any] = {
-    "ksp_type": "cg",
-    "ksp_norm_type": "unpreconditioned",
-    "ksp_max_it": 2000,
-    "pc_type": "python",
-}
-# How much a linear solve reduces its right-hand side at least.  With 1e-2 large n took up to eight
-# tangents more, with 1e-3 small n more CG iterations than it saved.
-_LOOSEST = 3e-3
-# No linear residual gets smaller than this.
-_ROUNDING = 1e-12
-# Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
-# down on it: it is filtered again, so often at most.
-_RESTARTS = 3
-_BREAKDOWNS = (
-    PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC,
-    PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT,
-    PETSc.KSP.ConvergedReason.DIVERGED_BREAKDOWN,
-)
 # Cells stiffer than the material, and than the softest, by this factor go into the filter.
 _STIFF = 10.0
 
@@ -110,17 +81,9 @@ class ConeSystem:
         self._load, self._stretched, self._unbalanced, self._right, self._step, self._seen = vectors
         self._load.array_w[:] = system.load
         factorises = is_direct(settings.linear, self.dim, system.size)
-        defaults = direct_options(self.comm) if factorises else _ITERATIVE
-        self._ksp = create_ksp(self.matrix, defaults, settings.petsc)
-        self._multigrid: FilteredMultigrid | None = None
-        if self._ksp.getPC().getType() == PETSc.PC.Type.PYTHON:
-            soft = self.matrix.duplicate()
-            soft.setNearNullSpace(self._near_nullspace)
-            self._multigrid = FilteredMultigrid(self.matrix, soft, DIRECT_LIMIT[self.dim])
-            self._ksp.getPC().setPythonContext(self._multigrid)
-            self._ksp.setErrorIfNotConverged(False)
-            self._ksp.setInitialGuessNonzero(True)
-        self._iterations = 0
+        self._linear = TangentSolver(
+            self.matrix, settings, factorises, filter_limit=DIRECT_LIMIT[self.dim]
+        )
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
@@ -159,16 +122,16 @@ class ConeSystem:
             for function, values in zip(self._slip_stiffness, friction, strict=True):
                 self._set_nodal(function, values)
         self._assemble(self.matrix, *locking[:2])
-        if self._multigrid is not None:
+
+        def find_stiff() -> npt.NDArray[np.int32]:
+            return self._dofs_of(self._cell_numbers[self._are_stiff(*locking)])
+
+        def assemble_soft(matrix: PETSc.Mat) -> None:
             is_stiff = self._are_stiff(*locking)
-            filtered = self._dofs_of(self._cell_numbers[is_stiff])
-            if self._multigrid.can_filter(filtered):
-                soft = (np.where(is_stiff, 0.0, values) for values in locking[:2])
-                self._assemble(self._multigrid.soft, *soft)
-                self._multigrid.refresh(filtered)
-            else:
-                self._multigrid.refresh(None)
-        self._ksp.setOperators(self.matrix)
+            a, b = (np.where(is_stiff, 0.0, values) for values in locking[:2])
+            self._assemble(matrix, a, b)
+
+        self._linear.refresh(find_stiff, assemble_soft)
         self._step.set(0.0)
 
     def residual_norm(
@@ -195,13 +158,7 @@ class ConeSystem:
         """
         self._find_residual(stress, pressure, friction)
         self._right.scale(-1.0)
-        if self._multigrid is not None:
-            size = self._right.norm() or 1.0
-            rtol = min(_LOOSEST, max(accuracy * self.force_scale / size, _ROUNDING))
-            self._ksp.setTolerances(rtol=rtol)
-            self._solve_filtered(self._multigrid, _LOOSEST * size)
-        else:
-            self._solve()
+        self._linear.solve(self._right, self._step, accuracy * self.force_scale)
         return self._step.array_r * self._free
 
     def move(self, t: float, step: FloatArray) -> None:
@@ -211,8 +168,7 @@ class ConeSystem:
 
     def take_iterations(self) -> int:
         """The Krylov iterations since the last call."""
-        count, self._iterations = self._iterations, 0
-        return count
+        return self._linear.take_iterations()
 
     def multipliers(
         self,
@@ -279,10 +235,7 @@ class ConeSystem:
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._operator.destroy()
-        if self._multigrid is not None:
-            self._multigrid.soft.destroy()
-            self._multigrid.destroy()
-        destroy_ksp(self._ksp)
+        self._linear.destroy()
         for item in (
             self.matrix,
             self._elasticity,
@@ -329,26 +282,6 @@ class ConeSystem:
         self._nodes, self._blocks = surface.nodes[self.active], surface.blocks[self.active]
         self.node_weights = surface.weights[self.active]
         self.node_gap = contact.gap.x.array[self._nodes]
-
-    def _solve_filtered(self, multigrid: FilteredMultigrid, enough: float) -> None:
-        """By CG; where it breaks down again and again, a residual of ``enough`` is what it takes.
-
-        Whatever is left, the next iterate's equilibrium is judged by its own residual.
-        """
-        for _ in range(_RESTARTS):
-            multigrid.start(self._right, self._step)
-            self._solve()
-            reason = self._ksp.getConvergedReason()
-            if reason > 0:
-                return
-            if reason not in _BREAKDOWNS:
-                break
-        if not self._ksp.getResidualNorm() <= enough:
-            raise NotConverged(LINEAR_FAILURE)
-
-    def _solve(self) -> None:
-        self._ksp.solve(self._right, self._step)
-        self._iterations += self._ksp.getIterationNumber()
 
     def _find_residual(
         self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None

@@ -24,48 +24,58 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from contact_locking.solver.linear import configure, create_ksp, destroy_ksp, direct_options
+from contact_locking.solver.linear import (
+    MULTIGRID,
+    configure,
+    create_ksp,
+    destroy_ksp,
+    direct_options,
+)
 from contact_locking.solver.options import PREFIX
 
-MULTIGRID: dict[str, Any] = {
-    "pc_type": "gamg",
-    # The zones move but the mesh does not: only values are made anew.
-    "pc_gamg_reuse_interpolation": True,
-    "pc_gamg_threshold": 0.01,
-    # On several ranks relaxation is that of blocks, which overshoots: Chebyshev knows by how much.
-    "mg_levels_ksp_type": "chebyshev",
-    "mg_levels_ksp_max_it": 2,
-    # Forwards and backwards, each rank its own rows.
-    "mg_levels_pc_type": "sor",
-}
+# The zones move but the mesh does not: only values are made anew.
+_MULTIGRID: dict[str, Any] = {**MULTIGRID, "pc_gamg_reuse_interpolation": True}
 
 
 class FilteredMultigrid:
     """The context of a PETSc preconditioner of type python.
 
-    ``soft`` is a matrix like the one to be solved with, without the stiffness of what is filtered.
-    The near-nullspace of both must be set.  ``limit`` is the most that may be filtered.
+    The near-nullspace of ``matrix`` must be set.  ``limit`` is the most that may be filtered.
     """
 
-    def __init__(self, matrix: PETSc.Mat, soft: PETSc.Mat, limit: int) -> None:
-        self._matrix, self.soft, self._limit = matrix, soft, limit
+    def __init__(self, matrix: PETSc.Mat, limit: int) -> None:
+        self._matrix, self._limit = matrix, limit
         self._multigrid = PETSc.PC().create(matrix.getComm())
         self._multigrid.setOptionsPrefix(PREFIX + "multigrid_")
-        self._multigrid.setOperators(soft)
-        self._options = configure([self._multigrid], MULTIGRID, prefix=PREFIX + "multigrid_")
+        self._multigrid.setOperators(matrix)
+        self._options = configure([self._multigrid], _MULTIGRID, prefix=PREFIX + "multigrid_")
         self._product = matrix.createVecLeft()
         self._direct: PETSc.KSP | None = None
+        self._soft: PETSc.Mat | None = None
         self._inner: list[Any] = []
+
+    @property
+    def filters(self) -> bool:
+        """Whether the filter takes part at present."""
+        return self._direct is not None
+
+    @property
+    def soft(self) -> PETSc.Mat:
+        """A matrix for the values without the stiffness of what is filtered; collective."""
+        if self._soft is None:
+            self._soft = self._matrix.duplicate()
+            self._soft.setNearNullSpace(self._matrix.getNearNullSpace())
+        return self._soft
 
     def can_filter(self, filtered: npt.NDArray[np.int32]) -> bool:
         """Whether there is something to filter, and not more than the limit; collective."""
         return 0 < self._matrix.getComm().tompi4py().allreduce(len(filtered)) <= self._limit
 
-    def refresh(self, filtered: npt.NDArray[np.int32] | None) -> None:
-        """Set up for the present values of both matrices; collective.
+    def refresh(self, filtered: npt.NDArray[np.int32] | None = None) -> None:
+        """Set up for the present values of the matrices; collective.
 
-        ``filtered`` are owned degrees of freedom, as local numbers; without any, only the matrix
-        to be solved with is looked at.
+        ``filtered`` are owned degrees of freedom, as local numbers; without them, the multigrid is
+        for the matrix to be solved with, and nothing is filtered.
         """
         self._forget()
         self._multigrid.setOperators(self._matrix if filtered is None else self.soft)
@@ -103,6 +113,8 @@ class FilteredMultigrid:
         self._forget()
         self._options.remove()
         self._multigrid.destroy()
+        if self._soft is not None:
+            self._soft.destroy()
         self._product.destroy()
 
     def _add_filtered(self, factor: float, z: PETSc.Vec) -> None:

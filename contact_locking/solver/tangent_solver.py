@@ -1,0 +1,150 @@
+"""Linear solves with one tangent after another: by factorisation, or by CG as cheap as can be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from contact_locking.errors import NotConverged
+from contact_locking.solver.filtered_multigrid import FilteredMultigrid
+from contact_locking.solver.linear import (
+    LINEAR_FAILURE,
+    create_ksp,
+    destroy_ksp,
+    direct_options,
+)
+from contact_locking.solver.report import Settings
+
+# CG with the filtered multigrid.  The norm is that of the equilibrium residual, which is what is
+# left of an inexact solve.
+_ITERATIVE: dict[str, Any] = {
+    "ksp_type": "cg",
+    "ksp_norm_type": "unpreconditioned",
+    "ksp_max_it": 2000,
+    "pc_type": "python",
+}
+# How much a linear solve reduces its right-hand side at least.  With 1e-2 large n took up to eight
+# tangents more, with 1e-3 small n more CG iterations than it saved.
+_LOOSEST = 3e-3
+# No linear residual gets smaller than this.
+_ROUNDING = 1e-12
+# So many iterations with one tangent take as long as setting up the filter: about 40 on one rank,
+# 60 on two.
+_PATIENCE = 50
+# Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
+# down on it: it is filtered again, so often at most.
+_RESTARTS = 3
+_BREAKDOWNS = (
+    PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC,
+    PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT,
+    PETSc.KSP.ConvergedReason.DIVERGED_BREAKDOWN,
+)
+
+
+class TangentSolver:
+    """Solves with a matrix whose values change.
+
+    CG begins with multigrid alone, which is enough as long as no cell is much stiffer than others.
+    Where a tangent takes more iterations than the filter would cost, it is filtered from there on,
+    and so are all that follow.  Options of the user may replace all of this.
+
+    ``filter_limit`` is the most degrees of freedom that may be filtered.
+    """
+
+    def __init__(
+        self, matrix: PETSc.Mat, settings: Settings, factorises: bool, filter_limit: int
+    ) -> None:
+        self._matrix = matrix
+        defaults = direct_options(matrix.getComm()) if factorises else _ITERATIVE
+        self._ksp = create_ksp(matrix, defaults, settings.petsc)
+        self._iterations = 0
+        self._multigrid: FilteredMultigrid | None = None
+        if self._ksp.getPC().getType() == PETSc.PC.Type.PYTHON:
+            self._multigrid = FilteredMultigrid(matrix, filter_limit)
+            self._ksp.getPC().setPythonContext(self._multigrid)
+            self._ksp.setErrorIfNotConverged(False)
+            self._ksp.setInitialGuessNonzero(True)
+            self._most = self._ksp.getTolerances()[3]
+        self._filters = False
+
+    def refresh(
+        self,
+        find_stiff: Callable[[], npt.NDArray[np.int32]],
+        assemble_soft: Callable[[PETSc.Mat], None],
+    ) -> None:
+        """The matrix has new values; collective.
+
+        ``find_stiff`` tells the owned degrees of freedom of what is stiff, as local numbers;
+        ``assemble_soft`` gives a matrix like it the values without that stiffness.
+        """
+        self._ksp.setOperators(self._matrix)
+        if self._multigrid is None:
+            return
+        self._stiff, self._assemble_soft = find_stiff(), assemble_soft
+        self._can_filter = self._multigrid.can_filter(self._stiff)
+        self._patience = min(_PATIENCE, self._most)
+        if self._filters and self._can_filter:
+            self._filter(self._multigrid)
+        else:
+            self._multigrid.refresh()
+
+    def solve(self, right: PETSc.Vec, step: PETSc.Vec, residual: float) -> None:
+        """Leave a residual of ``residual`` at most; collective.
+
+        CG starts from ``step``.  Raises NotConverged, or PETSc's error.
+        """
+        if self._multigrid is None:
+            self._solve(right, step)
+            return
+        size = right.norm() or 1.0
+        rtol = min(_LOOSEST, max(residual / size, _ROUNDING))
+        self._solve_by_cg(self._multigrid, right, step, rtol)
+        # Whatever else is left, the next iterate's equilibrium is judged by its own residual.
+        is_done = self._ksp.getConvergedReason() > 0
+        if not (is_done or self._ksp.getResidualNorm() <= _LOOSEST * size):
+            raise NotConverged(LINEAR_FAILURE)
+
+    def take_iterations(self) -> int:
+        """The Krylov iterations since the last call."""
+        count, self._iterations = self._iterations, 0
+        return count
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        if self._multigrid is not None:
+            self._multigrid.destroy()
+        destroy_ksp(self._ksp)
+
+    def _filter(self, multigrid: FilteredMultigrid) -> None:
+        self._assemble_soft(multigrid.soft)
+        multigrid.refresh(self._stiff)
+        self._filters = True
+
+    def _solve_by_cg(
+        self, multigrid: FilteredMultigrid, right: PETSc.Vec, step: PETSc.Vec, rtol: float
+    ) -> None:
+        breakdowns = 0
+        while True:
+            multigrid.start(right, step)
+            waits = self._can_filter and not multigrid.filters
+            self._ksp.setTolerances(rtol=rtol, max_it=self._patience if waits else self._most)
+            count = self._solve(right, step)
+            reason = self._ksp.getConvergedReason()
+            if waits:
+                self._patience = max(self._patience - count, 0)
+            if waits and reason == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
+                self._filter(multigrid)
+            elif reason in _BREAKDOWNS and breakdowns < _RESTARTS:
+                breakdowns += 1
+            else:
+                return
+
+    def _solve(self, right: PETSc.Vec, step: PETSc.Vec) -> int:
+        self._ksp.solve(right, step)
+        count = self._ksp.getIterationNumber()
+        self._iterations += count
+        return count
