@@ -71,8 +71,8 @@ class ConeSystem:
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         locking = (self._a, self._b, self._w)
         self._tangent = fem.form(forms.scaled_tangent(v, du, data, locking, contact, slip))
-        self.matrix = petsc.create_matrix(self._tangent)
-        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        factorises = is_direct(settings.linear, self.dim, system.size)
+        self.matrix = petsc.create_matrix(self._tangent, TangentSolver.storage(factorises))
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
         self._elasticity = petsc.assemble_matrix(fem.form(forms.elastic_form(du, v, data)))
@@ -80,7 +80,6 @@ class ConeSystem:
         vectors = [self.matrix.createVecRight() for _ in range(6)]
         self._load, self._stretched, self._unbalanced, self._right, self._step, self._seen = vectors
         self._load.array_w[:] = system.load
-        factorises = is_direct(settings.linear, self.dim, system.size)
         self._linear = TangentSolver(
             self.matrix, settings, factorises, filter_limit=DIRECT_LIMIT[self.dim]
         )
@@ -124,7 +123,7 @@ class ConeSystem:
         self._assemble(self.matrix, *locking[:2])
 
         def find_stiff() -> npt.NDArray[np.int32]:
-            return self._dofs_of(self._cell_numbers[self._are_stiff(*locking)])
+            return self._nodes_of(self._cell_numbers[self._are_stiff(*locking)])
 
         def assemble_soft(matrix: PETSc.Mat) -> None:
             is_stiff = self._are_stiff(*locking)
@@ -263,13 +262,14 @@ class ConeSystem:
         least = self.comm.allreduce(float(np.min(stiffness, initial=np.inf)), op=MPI.MIN)
         return np.asarray(stiffness > _STIFF * max(self._stiffness, least))
 
-    def _dofs_of(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
-        """The owned free degrees of freedom of owned cells, of all ranks; collective."""
+    def _nodes_of(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+        """The owned nodes of owned cells, of all ranks, with something free; collective."""
         touched = fem.Function(self.system.u.function_space)
         blocks = touched.function_space.dofmap.list[cells]
         touched.x.array.reshape(-1, self.dim)[blocks.reshape(-1)] = 1.0
         touched.x.scatter_reverse(la.InsertMode.add)
-        return np.flatnonzero(touched.x.array[: self._owned] * self._free).astype(np.int32)
+        is_touched = touched.x.array[: self._owned] * self._free
+        return np.flatnonzero(is_touched.reshape(-1, self.dim).any(axis=1)).astype(np.int32)
 
     def _find_nodes(self) -> None:
         """Leave out nodes whose normal displacement is prescribed: nothing is left to decide."""
