@@ -12,7 +12,6 @@ from contact_locking import forms, problem
 from contact_locking.assembly import Problem, assemble
 from contact_locking.parameters import Parameters
 from contact_locking.progress import Monitor
-from contact_locking.solver.linear import DIRECT_LIMIT
 from contact_locking.system import PenalisedSystem
 
 
@@ -106,18 +105,6 @@ def test_iterative_and_direct_linear_algebra_agree() -> None:
     assert direct.converged and iterative.converged
     assert iterative.summary["iterations"]["linear"] > iterative.summary["iterations"]["tangents"]
     assert iterative.summary["compliance"] == pytest.approx(direct.summary["compliance"], rel=1e-9)
-
-
-def test_locked_zones_too_large_for_the_filter_are_left_to_multigrid_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    parameters = block(3, 0.34, solver={"linear": "iterative"})
-    filtered = problem.solve(parameters)
-    monkeypatch.setitem(DIRECT_LIMIT, 3, 0)
-    plain = problem.solve(parameters)
-    assert filtered.converged and plain.converged
-    assert plain.summary["iterations"]["linear"] > filtered.summary["iterations"]["linear"]
-    assert plain.summary["compliance"] == pytest.approx(filtered.summary["compliance"], rel=1e-9)
 
 
 def test_a_body_held_by_contact_alone_finds_its_place() -> None:

@@ -15,11 +15,11 @@ from petsc4py import PETSc
 
 from contact_locking import forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor
-from contact_locking.solver.linear import DIRECT_LIMIT, is_direct
+from contact_locking.solver.linear import is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.strain_operator import StrainOperator
-from contact_locking.solver.tangent_solver import TangentSolver
+from contact_locking.solver.tangent_solver import TangentSolver, storage
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
@@ -72,7 +72,7 @@ class ConeSystem:
         locking = (self._a, self._b, self._w)
         self._tangent = fem.form(forms.scaled_tangent(v, du, data, locking, contact, slip))
         factorises = is_direct(settings.linear, self.dim, system.size)
-        self.matrix = petsc.create_matrix(self._tangent, TangentSolver.storage(factorises))
+        self.matrix = petsc.create_matrix(self._tangent, storage(self.comm, settings, factorises))
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
         self._elasticity = petsc.assemble_matrix(fem.form(forms.elastic_form(du, v, data)))
@@ -80,9 +80,7 @@ class ConeSystem:
         vectors = [self.matrix.createVecRight() for _ in range(6)]
         self._load, self._stretched, self._unbalanced, self._right, self._step, self._seen = vectors
         self._load.array_w[:] = system.load
-        self._linear = TangentSolver(
-            self.matrix, settings, factorises, filter_limit=DIRECT_LIMIT[self.dim]
-        )
+        self._linear = TangentSolver(self.matrix, self.dim, settings, factorises)
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""

@@ -32,6 +32,7 @@ from contact_locking.solver.linear import (
     direct_options,
 )
 from contact_locking.solver.options import PREFIX
+from contact_locking.solver.storage import BY_ENTRY, Unblocked
 
 # The zones move but the mesh does not: only values are made anew.
 _MULTIGRID: dict[str, Any] = {
@@ -39,27 +40,6 @@ _MULTIGRID: dict[str, Any] = {
     "pc_gamg_reuse_interpolation": True,
     "pc_use_amat": True,
 }
-
-
-class Unblocked:
-    """A matrix stored in blocks as every preconditioner can do with it."""
-
-    def __init__(self) -> None:
-        self._copy: PETSc.Mat | None = None
-
-    def of(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """The same matrix for all matrices of one pattern, with the values of this; collective."""
-        if self._copy is None:
-            self._copy = matrix.convert("aij", PETSc.Mat())
-            self._copy.setOption(PETSc.Mat.Option.SPD, True)
-            self._copy.setNearNullSpace(matrix.getNearNullSpace())
-            return self._copy
-        return matrix.convert("aij", self._copy)
-
-    def destroy(self) -> None:
-        """Free the matrix; collective."""
-        if self._copy is not None:
-            self._copy.destroy()
 
 
 class FilteredMultigrid:
@@ -122,7 +102,7 @@ class FilteredMultigrid:
         rows = PETSc.IS().createBlock(size, nodes, comm=comm)
         block = self._matrix.createSubMatrix(rows, rows)
         rows.destroy()
-        block.convert("aij")
+        block.convert(BY_ENTRY)
         block.setOption(PETSc.Mat.Option.SPD, True)
         self._direct = create_ksp(block, direct_options(comm), prefix=PREFIX + "filter_")
         self._direct.setUp()

@@ -100,6 +100,18 @@ def configure(
     return options
 
 
+def preconditioner(
+    defaults: Mapping[str, Any],
+    overrides: Mapping[str, Any] | None = None,
+    prefix: str = PREFIX,
+) -> str | None:
+    """PETSc's name of the preconditioner that defaults and the user's options lead to."""
+    database = PETSc.Options(prefix)
+    if database.hasName("pc_type"):
+        return str(database.getString("pc_type"))
+    return {**defaults, **(overrides or {})}.get("pc_type")
+
+
 def _fitting(
     defaults: Mapping[str, Any], overrides: Mapping[str, Any] | None, prefix: str
 ) -> dict[str, Any]:
@@ -107,11 +119,7 @@ def _fitting(
 
     CHOLMOD has nothing but Cholesky's factorisation.
     """
-    database = PETSc.Options(prefix)
-    preconditioner = {**defaults, **(overrides or {})}.get("pc_type")
-    if database.hasName("pc_type"):
-        preconditioner = database.getString("pc_type")
-    is_other = preconditioner != defaults.get("pc_type")
+    is_other = preconditioner(defaults, overrides, prefix) != defaults.get("pc_type")
     if is_other and defaults.get("pc_factor_mat_solver_type") == _SERIAL_PACKAGE:
         return {**defaults, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE}
     return dict(defaults)

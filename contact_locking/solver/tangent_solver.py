@@ -10,14 +10,17 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
-from contact_locking.solver.filtered_multigrid import FilteredMultigrid, Unblocked
+from contact_locking.solver.filtered_multigrid import FilteredMultigrid
 from contact_locking.solver.linear import (
+    DIRECT_LIMIT,
     LINEAR_FAILURE,
     create_ksp,
     destroy_ksp,
     direct_options,
+    preconditioner,
 )
 from contact_locking.solver.report import Settings
+from contact_locking.solver.storage import BY_ENTRY, IN_BLOCKS
 
 # CG with the filtered multigrid.  The norm is that of the equilibrium residual, which is what is
 # left of an inexact solve.
@@ -31,9 +34,9 @@ _ITERATIVE: dict[str, Any] = {
 _LOOSEST = 1e-2
 # No linear residual gets smaller than this.
 _ROUNDING = 1e-12
-# So many iterations with one tangent take as long as setting up the filter: about 40 on one rank,
-# 60 on two.
-_PATIENCE = 50
+# So many iterations with one tangent, by dimension, take as long as the filter's factorisation: on
+# the block of the benchmarks some 10 in 2D, and in 3D some 70 on one rank and 130 on two.
+_PATIENCE = {2: 10, 3: 100}
 # Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
 # down on it: it is filtered again, so often at most.
 _RESTARTS = 3
@@ -44,6 +47,19 @@ _BREAKDOWNS = (
 )
 
 
+def storage(comm: Any, settings: Settings, factorises: bool) -> str:
+    """PETSc's type of the matrix for :class:`TangentSolver`.
+
+    In blocks where its own multigrid, which can do with them, has not been replaced by the user.
+    """
+    chosen = preconditioner(_defaults(comm, factorises), settings.petsc)
+    return IN_BLOCKS if chosen == PETSc.PC.Type.PYTHON else BY_ENTRY
+
+
+def _defaults(comm: Any, factorises: bool) -> dict[str, Any]:
+    return direct_options(comm) if factorises else _ITERATIVE
+
+
 class TangentSolver:
     """Solves with a matrix whose values change.
 
@@ -51,34 +67,22 @@ class TangentSolver:
     Where a tangent takes more iterations than the filter would cost, it is filtered from there on,
     and so are all that follow.  Options of the user may replace all of this.
 
-    The matrix is stored in blocks for CG and without them, as :meth:`storage` says, and has its
-    near-nullspace.  ``filter_limit`` is the most unknowns that may be filtered.
+    The matrix is stored as :func:`storage` says and has its near-nullspace.
     """
 
-    @staticmethod
-    def storage(factorises: bool) -> str:
-        """PETSc's type of the matrix.  In blocks it is assembled twice as fast."""
-        return "aij" if factorises else "baij"
-
-    def __init__(
-        self, matrix: PETSc.Mat, settings: Settings, factorises: bool, filter_limit: int
-    ) -> None:
-        self._matrix = matrix
-        self._unblocked: Unblocked | None = None
-        if factorises:
+    def __init__(self, matrix: PETSc.Mat, dim: int, settings: Settings, factorises: bool) -> None:
+        self._matrix, self._dim = matrix, dim
+        if not matrix.getType().endswith(IN_BLOCKS):
             matrix.setOption(PETSc.Mat.Option.SPD, True)
-        defaults = direct_options(matrix.getComm()) if factorises else _ITERATIVE
-        self._ksp = create_ksp(matrix, defaults, settings.petsc)
+        self._ksp = create_ksp(matrix, _defaults(matrix.getComm(), factorises), settings.petsc)
         self._iterations = 0
         self._multigrid: FilteredMultigrid | None = None
         if self._ksp.getPC().getType() == PETSc.PC.Type.PYTHON:
-            self._multigrid = FilteredMultigrid(matrix, filter_limit)
+            self._multigrid = FilteredMultigrid(matrix, DIRECT_LIMIT[dim])
             self._ksp.getPC().setPythonContext(self._multigrid)
             self._ksp.setErrorIfNotConverged(False)
             self._ksp.setInitialGuessNonzero(True)
-            self._most = self._ksp.getTolerances()[3]
-        elif not factorises:
-            self._unblocked = Unblocked()
+            self._max_iterations = self._ksp.getTolerances()[3]
         self._filters = False
 
     def refresh(
@@ -91,13 +95,12 @@ class TangentSolver:
         ``find_stiff`` tells the local numbers of the owned nodes of what is stiff;
         ``assemble_soft`` gives a matrix like it the values without that stiffness.
         """
-        matrix = self._matrix
-        self._ksp.setOperators(matrix, self._unblocked.of(matrix) if self._unblocked else matrix)
+        self._ksp.setOperators(self._matrix)
         if self._multigrid is None:
             return
         self._stiff, self._assemble_soft = find_stiff(), assemble_soft
         self._can_filter = self._multigrid.can_filter(self._stiff)
-        self._patience = min(_PATIENCE, self._most)
+        self._patience = min(_PATIENCE[self._dim], self._max_iterations)
         if self._filters and self._can_filter:
             self._filter(self._multigrid)
         else:
@@ -128,8 +131,6 @@ class TangentSolver:
         """Free the PETSc objects; collective."""
         if self._multigrid is not None:
             self._multigrid.destroy()
-        if self._unblocked is not None:
-            self._unblocked.destroy()
         destroy_ksp(self._ksp)
 
     def _filter(self, multigrid: FilteredMultigrid) -> None:
@@ -144,12 +145,14 @@ class TangentSolver:
         while True:
             multigrid.start(right, step)
             waits = self._can_filter and not multigrid.filters
-            self._ksp.setTolerances(rtol=rtol, max_it=self._patience if waits else self._most)
+            self._ksp.setTolerances(
+                rtol=rtol, max_it=self._patience if waits else self._max_iterations
+            )
             count = self._solve(right, step)
             reason = self._ksp.getConvergedReason()
             if waits:
                 self._patience = max(self._patience - count, 0)
-            if waits and reason == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
+            if waits and reason < 0:
                 self._filter(multigrid)
             elif reason in _BREAKDOWNS and breakdowns < _RESTARTS:
                 breakdowns += 1

@@ -1,0 +1,32 @@
+"""How PETSc stores a matrix: in blocks of a node's components, or entry by entry.
+
+In blocks, products and assembly take half the time.  Factorisations and the Galerkin products of
+multigrid know nothing of blocks.
+"""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+IN_BLOCKS, BY_ENTRY = "baij", "aij"
+
+
+class Unblocked:
+    """A matrix stored in blocks as every preconditioner can do with it."""
+
+    def __init__(self) -> None:
+        self._copy: PETSc.Mat | None = None
+
+    def of(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """The same matrix for all matrices of one pattern, with the values of this; collective."""
+        if self._copy is None:
+            self._copy = matrix.convert(BY_ENTRY, PETSc.Mat())
+            self._copy.setOption(PETSc.Mat.Option.SPD, True)
+            self._copy.setNearNullSpace(matrix.getNearNullSpace())
+            return self._copy
+        return matrix.convert(BY_ENTRY, self._copy)
+
+    def destroy(self) -> None:
+        """Free the matrix; collective."""
+        if self._copy is not None:
+            self._copy.destroy()

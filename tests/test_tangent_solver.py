@@ -1,0 +1,98 @@
+"""CG with one tangent after another: with the filter, without it, and with what users put there."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from problems import block
+
+from contact_locking import problem
+from contact_locking.problem import Solution
+from contact_locking.solver import tangent_solver
+from contact_locking.solver.filtered_multigrid import FilteredMultigrid
+
+_NEVER = 10**6
+
+
+@pytest.fixture
+def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many nodes of this rank were filtered, each time that there was a filter."""
+    counts: list[int] = []
+    refresh = FilteredMultigrid.refresh
+
+    def counted(self: FilteredMultigrid, filtered: Any = None) -> None:
+        refresh(self, filtered)
+        if filtered is not None:
+            counts.append(len(filtered))
+
+    monkeypatch.setattr(FilteredMultigrid, "refresh", counted)
+    return counts
+
+
+def _solved(n: float, linear: str, **options: str) -> Solution:
+    # A regular grid and a filter of stiff cells in all parts of it.
+    parameters = block(3, 1 / 6, mesh__structured=True, penalty__n=n, solver__linear=linear)
+    solution = problem.solve(parameters, petsc_options=options)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+def _agree(one: Solution, other: Solution) -> None:
+    for key in ("compliance", "elastic_energy"):
+        assert one.summary[key] == pytest.approx(other.summary[key], rel=1e-7)
+
+
+@pytest.mark.parametrize("patience", [0, 12, _NEVER], ids=["at once", "on the way", "never"])
+def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
+    patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: patience})
+    by_cg = _solved(1e4, "iterative")
+    tangents = by_cg.summary["iterations"]["tangents"]
+    if patience == _NEVER:
+        assert not filterings
+    elif patience == 0:
+        # Nothing is stiff at the start, where all cells are alike.
+        assert tangents - 4 <= len(filterings) < tangents
+    else:
+        assert 2 <= len(filterings) < tangents - 4
+    _agree(by_cg, _solved(1e4, "direct"))
+
+
+def test_the_filter_takes_iterations_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts = []
+    for patience in (0, _NEVER):
+        monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: patience})
+        counts.append(_solved(1e4, "iterative").summary["iterations"]["linear"])
+    assert 2 * counts[0] < counts[1]
+
+
+def test_locked_zones_too_large_for_the_filter_are_left_to_multigrid_alone(
+    filterings: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
+    monkeypatch.setitem(tangent_solver.DIRECT_LIMIT, 3, 0)
+    by_cg = _solved(1e4, "iterative")
+    assert not filterings
+    monkeypatch.undo()
+    _agree(by_cg, _solved(1e4, "direct"))
+
+
+def test_inexact_solves_take_three_tangents_more_at_most_at_n_infinite() -> None:
+    exact, inexact = (
+        _solved(math.inf, linear).summary["iterations"]["tangents"]
+        for linear in ("direct", "iterative")
+    )
+    assert inexact <= exact + 3
+
+
+def test_users_may_factorise_instead() -> None:
+    options = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+    _agree(_solved(1e4, "iterative", **options), _solved(1e4, "direct"))
+
+
+def test_users_may_precondition_otherwise() -> None:
+    by_gamg = _solved(1e2, "iterative", pc_type="gamg", ksp_rtol="1e-10")
+    _agree(by_gamg, _solved(1e2, "direct"))
