@@ -73,7 +73,7 @@ def test_locked_zones_too_large_for_the_filter_are_left_to_multigrid_alone(
     filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
-    monkeypatch.setitem(tangent_solver.DIRECT_LIMIT, 3, 0)
+    monkeypatch.setitem(tangent_solver.FILTER_LIMIT, 3, 0)
     by_cg = _solved(1e4, "iterative")
     assert not filterings
     monkeypatch.undo()

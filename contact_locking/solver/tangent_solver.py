@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from contact_locking.errors import NotConverged
 from contact_locking.solver.filtered_multigrid import FilteredMultigrid
 from contact_locking.solver.linear import (
-    DIRECT_LIMIT,
+    FILTER_LIMIT,
     LINEAR_FAILURE,
     create_ksp,
     destroy_ksp,
@@ -78,7 +78,7 @@ class TangentSolver:
         self._iterations = 0
         self._multigrid: FilteredMultigrid | None = None
         if self._ksp.getPC().getType() == PETSc.PC.Type.PYTHON:
-            self._multigrid = FilteredMultigrid(matrix, DIRECT_LIMIT[dim])
+            self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim])
             self._ksp.getPC().setPythonContext(self._multigrid)
             self._ksp.setErrorIfNotConverged(False)
             self._ksp.setInitialGuessNonzero(True)
