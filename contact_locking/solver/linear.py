@@ -14,8 +14,9 @@ LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most rob
 # By this name a KSP keeps its options.
 _OPTIONS = "inserted_options"
 
-# Above these many unknowns, by dimension, CG takes over; below, the direct solver is as fast, and it
-# never fails.  In 3D they are even at 25 000 on one rank, and at 110 000 CG takes half the time.
+# Above these many unknowns, by dimension, CG takes over; below, the direct solver is as fast or
+# nearly so, and it never fails.  In 3D they are even at 25 000, and at 110 000 CG takes half the
+# time.
 DIRECT_LIMIT = {2: 1_000_000, 3: 50_000}
 # What is factorised beside CG may be larger: without it CG takes very long.
 FILTER_LIMIT = {2: 1_000_000, 3: 150_000}
