@@ -9,9 +9,10 @@ import pytest
 from problems import block
 
 from contact_locking import problem
-from contact_locking.problem import Solution
+from contact_locking.solution import Solution
 from contact_locking.solver import tangent_solver
 from contact_locking.solver.filtered_multigrid import FilteredMultigrid
+from contact_locking.solver.linear import FILTER_LIMIT
 
 _NEVER = 10**6
 
@@ -73,7 +74,7 @@ def test_locked_zones_too_large_for_the_filter_are_left_to_multigrid_alone(
     filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
-    monkeypatch.setitem(tangent_solver.FILTER_LIMIT, 3, 0)
+    monkeypatch.setitem(FILTER_LIMIT, 3, 0)
     by_cg = _solved(1e4, "iterative")
     assert not filterings
     monkeypatch.undo()

@@ -11,9 +11,8 @@ symmetric and positive definite whatever ``G`` misses.  A residual that vanishes
 degrees of freedom keeps doing so, and for it ``B = (I - F A) G``: one exact solve, not two.  So
 solves start from :meth:`FilteredMultigrid.start`.  A variant of doi:10.48550/arXiv.2505.18576.
 
-The memory of an exact solve grows faster than the mesh.  Where there is more to filter than may be
-factorised, ``B`` is a multigrid cycle for ``A`` itself: at n = 1e4 and 100 k unknowns as fast, with
-twenty times the iterations, which grow like the square root of n.
+Without the filter ``B`` is a multigrid cycle for ``A`` itself, which is faster as long as no cell
+is much stiffer than others; the iterations grow like the square root of the contrast.
 """
 
 from __future__ import annotations
@@ -34,10 +33,11 @@ from contact_locking.solver.linear import (
 from contact_locking.solver.options import PREFIX
 from contact_locking.solver.storage import BY_ENTRY, Unblocked
 
-# The zones move but the mesh does not: only values are made anew.
 _MULTIGRID: dict[str, Any] = {
     **MULTIGRID,
+    # The zones move but the mesh does not: only values are made anew.
     "pc_gamg_reuse_interpolation": True,
+    # Relaxation sees the matrix in blocks, Galerkin products its copy without them.
     "pc_use_amat": True,
 }
 
@@ -51,7 +51,6 @@ class FilteredMultigrid:
 
     def __init__(self, matrix: PETSc.Mat, limit: int) -> None:
         self._matrix, self._limit = matrix, limit
-        # Galerkin products know nothing of blocks: they see a copy, relaxation the matrix itself.
         self._unblocked = Unblocked()
         self._smoothed = matrix
         self._begin()
