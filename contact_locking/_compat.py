@@ -6,6 +6,7 @@ PETSc and the libraries around it come with them.
 from __future__ import annotations
 
 import ctypes
+import functools
 import importlib
 from pathlib import Path
 from typing import Any
@@ -77,6 +78,26 @@ def petsc_option_used(name: str) -> bool:
     library = ctypes.CDLL(PETSc.__file__)  # it brings PETSc's own library along
     library.PetscOptionsUsed(None, name.encode(), ctypes.byref(used))
     return bool(used.value)
+
+
+@functools.cache
+def block_jacobi_follows_its_matrix() -> bool:
+    """Whether PETSc inverts the diagonal blocks anew when the matrix changes; 3.25 does not."""
+    matrix = PETSc.Mat().createAIJ((1, 1), nnz=1, comm=PETSc.COMM_SELF)
+    preconditioner = PETSc.PC().create(PETSc.COMM_SELF)
+    preconditioner.setType(PETSc.PC.Type.PBJACOBI)
+    right, inverse = matrix.createVecs()
+    right.set(1.0)
+    for value in (1.0, 2.0):
+        matrix.setValue(0, 0, value)
+        matrix.assemble()
+        preconditioner.setOperators(matrix)
+        preconditioner.setUp()
+        preconditioner.apply(right, inverse)
+    follows = bool(inverse.array_r[0] == 0.5)
+    for item in (preconditioner, matrix, right, inverse):
+        item.destroy()
+    return follows
 
 
 def prepare_communicator(comm: Any) -> None:

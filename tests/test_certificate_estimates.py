@@ -12,7 +12,7 @@ from problems import block, column, with_changes
 
 from contact_locking.certificate import elliptic, indicator
 from contact_locking.parameters import Parameters
-from contact_locking.solver.linear import ITERATIVE
+from contact_locking.solver.linear import iterative_options
 
 # Proved bounds ------------------------------------------------------------------------------------
 
@@ -75,7 +75,7 @@ def test_dual_norm_by_cg_with_rigid_motions_is_that_of_the_direct_solver(
         return float(solved(block(3, 0.25)).summary["bounds"]["displacement_norm"]["bound"])
 
     direct = bound()
-    monkeypatch.setattr(elliptic, "default_options", lambda *_: dict(ITERATIVE))
+    monkeypatch.setattr(elliptic, "default_options", lambda *_: iterative_options())
     assert bound() == pytest.approx(direct, rel=1e-7)
 
 

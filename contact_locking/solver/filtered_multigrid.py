@@ -24,17 +24,16 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from contact_locking.solver.linear import (
-    MULTIGRID,
     configure,
     create_ksp,
     destroy_ksp,
     direct_options,
+    multigrid_options,
 )
 from contact_locking.solver.options import PREFIX
 from contact_locking.solver.storage import BY_ENTRY, Unblocked
 
-_MULTIGRID: dict[str, Any] = {
-    **MULTIGRID,
+_CHANGES: dict[str, Any] = {
     # The zones move but the mesh does not: only values are made anew.
     "pc_gamg_reuse_interpolation": True,
     # Relaxation sees the matrix in blocks, Galerkin products its copy without them.
@@ -135,7 +134,8 @@ class FilteredMultigrid:
         prefix = PREFIX + "multigrid_"
         self._multigrid = PETSc.PC().create(self._matrix.getComm())
         self._multigrid.setOptionsPrefix(prefix)
-        self._options = configure([self._multigrid], _MULTIGRID, prefix=prefix)
+        options = multigrid_options() | _CHANGES
+        self._options = configure([self._multigrid], options, prefix=prefix)
 
     def _end(self) -> None:
         self._options.remove()

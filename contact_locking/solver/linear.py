@@ -7,6 +7,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
+from contact_locking import _compat
 from contact_locking.solver.options import PREFIX, InsertedOptions
 
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
@@ -27,27 +28,32 @@ DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
 _SERIAL_PACKAGE, _PARALLEL_PACKAGE = "cholmod", "mumps"
 # How MUMPS shares its work among ranks depends on their timing: it needs more than it foresees.
 _SPARE_MEMORY = {"mat_mumps_icntl_14": 80}
-# Relaxation node by node: on two ranks with the iterations of one, which SOR, each rank its own
-# rows, has not, and a cycle takes two thirds of its time.  Dropping weak couplings saves no
-# iterations and doubles the set-up.
-MULTIGRID: dict[str, Any] = {
+_MULTIGRID: dict[str, Any] = {
     "pc_type": "gamg",
+    # Dropping weak couplings saves no iterations and doubles the set-up.
     "pc_gamg_threshold": 0.0,
     "mg_levels_ksp_type": "chebyshev",
-    "mg_levels_ksp_max_it": 4,
-    "mg_levels_pc_type": "pbjacobi",
 }
-ITERATIVE: dict[str, Any] = {
-    "ksp_type": "cg",
-    "ksp_rtol": 1e-4,
-    "ksp_max_it": 2000,
-    **MULTIGRID,
-}
+# Node by node: on two ranks with the iterations of one, which SOR, each rank its own rows, has not,
+# and a cycle takes two thirds of its time.
+_BY_NODES: dict[str, Any] = {"mg_levels_ksp_max_it": 4, "mg_levels_pc_type": "pbjacobi"}
+_BY_ROWS: dict[str, Any] = {"mg_levels_ksp_max_it": 2, "mg_levels_pc_type": "sor"}
+_ITERATIVE: dict[str, Any] = {"ksp_type": "cg", "ksp_rtol": 1e-4, "ksp_max_it": 2000}
 
 
 def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, Any]:
     """PETSc options for ``linear`` = direct, iterative, or auto (by dimension and size)."""
-    return direct_options(comm) if is_direct(linear, dim, size) else dict(ITERATIVE)
+    return direct_options(comm) if is_direct(linear, dim, size) else iterative_options()
+
+
+def iterative_options() -> dict[str, Any]:
+    """CG with algebraic multigrid."""
+    return _ITERATIVE | multigrid_options()
+
+
+def multigrid_options() -> dict[str, Any]:
+    """A cycle of algebraic multigrid as a preconditioner."""
+    return _MULTIGRID | (_BY_NODES if _compat.block_jacobi_follows_its_matrix() else _BY_ROWS)
 
 
 def is_direct(linear: str, dim: int, size: int) -> bool:
