@@ -19,7 +19,7 @@ from contact_locking.solver.linear import is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.strain_operator import StrainOperator
-from contact_locking.solver.tangent_solver import TangentSolver, storage
+from contact_locking.solver.tangent_solver import StiffPart, TangentSolver, storage
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
@@ -120,15 +120,13 @@ class ConeSystem:
                 self._set_nodal(function, values)
         self._assemble(self.matrix, *locking[:2])
 
-        def find_stiff() -> npt.NDArray[np.int32]:
-            return self._nodes_of(self._cell_numbers[self._are_stiff(*locking)])
-
-        def assemble_soft(matrix: PETSc.Mat) -> None:
+        def split() -> StiffPart:
             is_stiff = self._are_stiff(*locking)
             a, b = (np.where(is_stiff, 0.0, values) for values in locking[:2])
-            self._assemble(matrix, a, b)
+            nodes = self._nodes_of(self._cell_numbers[is_stiff])
+            return StiffPart(nodes, lambda soft: self._assemble(soft, a, b))
 
-        self._linear.refresh(find_stiff, assemble_soft)
+        self._linear.refresh(split)
         self._step.set(0.0)
 
     def residual_norm(

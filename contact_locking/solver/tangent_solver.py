@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +47,17 @@ _BREAKDOWNS = (
 )
 
 
+class StiffPart(NamedTuple):
+    """What of a matrix is stiff.
+
+    ``nodes`` are the local numbers of its owned nodes; ``assemble_rest`` gives another matrix of
+    the same pattern the values without that stiffness, and is collective.
+    """
+
+    nodes: npt.NDArray[np.int32]
+    assemble_rest: Callable[[PETSc.Mat], None]
+
+
 def storage(comm: Any, settings: Settings, factorises: bool) -> str:
     """PETSc's type of the matrix for :class:`TangentSolver`.
 
@@ -72,12 +83,13 @@ class TangentSolver:
 
     def __init__(self, matrix: PETSc.Mat, dim: int, settings: Settings, factorises: bool) -> None:
         self._matrix, self._dim = matrix, dim
-        if not matrix.getType().endswith(IN_BLOCKS):
+        is_in_blocks = matrix.getType().endswith(IN_BLOCKS)
+        if not is_in_blocks:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._ksp = create_ksp(matrix, _defaults(matrix.getComm(), factorises), settings.petsc)
         self._iterations = 0
         self._multigrid: FilteredMultigrid | None = None
-        if self._ksp.getPC().getType() == PETSc.PC.Type.PYTHON:
+        if is_in_blocks:
             self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim])
             self._ksp.getPC().setPythonContext(self._multigrid)
             self._ksp.setErrorIfNotConverged(False)
@@ -85,21 +97,13 @@ class TangentSolver:
             self._max_iterations = self._ksp.getTolerances()[3]
         self._filters = False
 
-    def refresh(
-        self,
-        find_stiff: Callable[[], npt.NDArray[np.int32]],
-        assemble_soft: Callable[[PETSc.Mat], None],
-    ) -> None:
-        """The matrix has new values; collective.
-
-        ``find_stiff`` tells the local numbers of the owned nodes of what is stiff;
-        ``assemble_soft`` gives a matrix like it the values without that stiffness.
-        """
+    def refresh(self, split: Callable[[], StiffPart]) -> None:
+        """The matrix has new values, ``split`` tells which are stiff; collective."""
         self._ksp.setOperators(self._matrix)
         if self._multigrid is None:
             return
-        self._stiff, self._assemble_soft = find_stiff(), assemble_soft
-        self._can_filter = self._multigrid.can_filter(self._stiff)
+        self._stiff = split()
+        self._can_filter = self._multigrid.can_filter(self._stiff.nodes)
         self._patience = min(_PATIENCE[self._dim], self._max_iterations)
         if self._filters and self._can_filter:
             self._filter(self._multigrid)
@@ -134,8 +138,8 @@ class TangentSolver:
         destroy_ksp(self._ksp)
 
     def _filter(self, multigrid: FilteredMultigrid) -> None:
-        self._assemble_soft(multigrid.soft)
-        multigrid.refresh(self._stiff)
+        self._stiff.assemble_rest(multigrid.soft)
+        multigrid.refresh(self._stiff.nodes)
         self._filters = True
 
     def _solve_by_cg(
