@@ -14,8 +14,8 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking import compiled, forms, foundation
 from contact_locking import domain as domains
-from contact_locking import forms, foundation
 from contact_locking.coefficients import AXES, Material, build_material, evaluate
 from contact_locking.conditions import (
     ComponentCondition,
@@ -262,7 +262,8 @@ def _check_rigid_motions(
     if not free.shape[1]:
         return 0
     motions = free.T @ rigid_motions(space)
-    load = fem.assemble_vector(fem.form(forms.external_work(ufl.TestFunction(space), data))).array
+    work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
+    load = fem.assemble_vector(work_form).array
     work = domain.comm.allreduce(motions @ load)
     normals = None
     if surface is not None and data.contact is not None:

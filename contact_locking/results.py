@@ -12,7 +12,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
-from contact_locking import _compat, forms
+from contact_locking import _compat, compiled, forms
 from contact_locking.coefficients import Material
 from contact_locking.convex import tangential_part
 from contact_locking.domain import Domain
@@ -167,7 +167,7 @@ def body_summary(
 
 def integral(domain: Domain, form: Expr) -> float:
     """The value of a functional; collective."""
-    return float(domain.comm.allreduce(fem.assemble_scalar(fem.form(form))))
+    return float(domain.comm.allreduce(fem.assemble_scalar(compiled.form(form))))
 
 
 def _p0(domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()) -> fem.Function:

@@ -13,7 +13,7 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking import _compat
+from contact_locking import _compat, compiled
 from contact_locking.domain import Domain
 
 FloatArray = npt.NDArray[np.float64]
@@ -84,7 +84,7 @@ class ContactSurface:
         w, v = ufl.TrialFunction(self.scalar_space), ufl.TestFunction(self.scalar_space)
         nu = ufl.FacetNormal(self.domain.mesh)
         grads = [ufl.grad(f) - ufl.dot(ufl.grad(f), nu) * nu for f in (w, v)]
-        full = petsc.assemble_matrix(fem.form(ufl.inner(*grads) * self.ds))
+        full = petsc.assemble_matrix(compiled.form(ufl.inner(*grads) * self.ds))
         full.assemble()
         first = self.scalar_space.dofmap.index_map.local_range[0]
         rows = PETSc.IS().createGeneral(
@@ -96,7 +96,7 @@ class ContactSurface:
         return surface
 
     def _assemble(self, form: Expr) -> FloatArray:
-        vector = fem.assemble_vector(fem.form(form))
+        vector = fem.assemble_vector(compiled.form(form))
         vector.scatter_reverse(la.InsertMode.add)
         return vector.array
 
@@ -109,7 +109,7 @@ class NodalAverage:
         self._vector = integrand.ufl_shape != ()
         space = surface.vector_space if self._vector else surface.scalar_space
         test = ufl.TestFunction(space)
-        self._form = fem.form(ufl.inner(integrand, test) * surface.ds)
+        self._form = compiled.form(ufl.inner(integrand, test) * surface.ds)
         self._work = fem.Function(space)
 
     def __call__(self) -> FloatArray:

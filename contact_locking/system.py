@@ -12,7 +12,7 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from contact_locking import forms
+from contact_locking import compiled, forms
 from contact_locking.conditions import Constraints, rigid_motions
 from contact_locking.smoothing import Smoothing
 from contact_locking.surface import ContactSurface
@@ -108,11 +108,11 @@ class PenalisedSystem:
         self._constraints = constraints
         constraints.apply(u)
         self._held_by_contact = held_by_contact
-        self._elastic = fem.form(forms.elastic_form(u, v, data))
-        self._elastic_energy = fem.form(0.5 * forms.elastic_form(u, u, data))
+        self._elastic = compiled.form(forms.elastic_form(u, v, data))
+        self._elastic_energy = compiled.form(0.5 * forms.elastic_form(u, u, data))
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self._assemble(fem.form(forms.external_work(v, data)))
+        self._assemble(compiled.form(forms.external_work(v, data)))
         # (f, .), owned degrees of freedom, constrained ones included.
         self.load = self._work.x.array[: self._owned].copy()
         self._load_norm = float(la.norm(self._work.x))
@@ -122,7 +122,7 @@ class PenalisedSystem:
     @cached_property
     def _residual(self) -> fem.Form:
         test = ufl.TestFunction(self.u.function_space)
-        return fem.form(forms.residual(self.u, test, self.data))
+        return compiled.form(forms.residual(self.u, test, self.data))
 
     @cached_property
     def _tangent(self) -> fem.Form:
@@ -132,6 +132,7 @@ class PenalisedSystem:
         if self._held_by_contact:
             floor = fem.Constant(space.mesh, self.CONTACT_FLOOR)
             tangent += forms.contact_stiffness(v, du, self.data, floor)
+        # With more than DOLFINx's own flags this takes GCC a minute in 3D, and is as fast.
         return fem.form(tangent)
 
     @property

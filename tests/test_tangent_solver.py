@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from petsc4py import PETSc
 from problems import block
@@ -12,6 +13,7 @@ from problems import block
 from contact_locking import problem
 from contact_locking.solution import Solution
 from contact_locking.solver import tangent_solver
+from contact_locking.solver.cone_system import ConeSystem
 from contact_locking.solver.filtered_multigrid import FilteredMultigrid
 from contact_locking.solver.linear import FILTER_LIMIT
 
@@ -46,7 +48,7 @@ def _agree(one: Solution, other: Solution) -> None:
         assert one.summary[key] == pytest.approx(other.summary[key], rel=1e-9)
 
 
-@pytest.mark.parametrize("patience", [0, 12, _NEVER], ids=["at once", "on the way", "never"])
+@pytest.mark.parametrize("patience", [0, 30, _NEVER], ids=["at once", "on the way", "never"])
 def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,3 +122,13 @@ def test_users_may_factorise_instead() -> None:
 def test_users_may_precondition_otherwise() -> None:
     by_gamg = _solved(1e2, "iterative", pc_type="gamg", ksp_rtol="1e-10")
     _agree(by_gamg, _solved(1e2, "direct"))
+
+
+def test_filtering_what_contact_holds_takes_iterations_away(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
+    held = _solved(math.inf, "iterative").summary["iterations"]["linear"]
+    nothing = np.empty(0, dtype=np.int32)
+    monkeypatch.setattr(ConeSystem, "_are_held", lambda *_: nothing)
+    assert 1.5 * held < _solved(math.inf, "iterative").summary["iterations"]["linear"]

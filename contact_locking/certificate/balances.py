@@ -10,7 +10,7 @@ import ufl
 from dolfinx import fem, la
 from ufl.core.expr import Expr
 
-from contact_locking import forms
+from contact_locking import compiled, forms
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.state import SolvedState
 from contact_locking.material import strain
@@ -118,7 +118,7 @@ def _moments(x: FloatArray, force: FloatArray) -> FloatArray:
 
 def _nodal(form: Expr) -> FloatArray:
     """A linear form as local values, ghosts included; collective."""
-    vector = fem.assemble_vector(fem.form(form))
+    vector = fem.assemble_vector(compiled.form(form))
     vector.scatter_reverse(la.InsertMode.add)
     vector.scatter_forward()
     return vector.array

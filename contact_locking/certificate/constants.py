@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import fem
 from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from contact_locking import compiled
 from contact_locking.certificate.elliptic import (
     NotApplicable,
     elliptic_problem,
@@ -98,7 +98,7 @@ def trace_constant(state: SolvedState) -> float:
     assert data.contact is not None
     conditions = state.problem.constraints.conditions
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
-    surface = petsc.assemble_matrix(fem.form(ufl.inner(w, v) * data.contact.ds))
+    surface = petsc.assemble_matrix(compiled.form(ufl.inner(w, v) * data.contact.ds))
     surface.assemble()
     with elliptic_problem(state, inner_product(space, data.dx), conditions) as problem:
         # Fixed dofs keep a one on the diagonal of the V product and have no trace.

@@ -13,7 +13,7 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking import forms
+from contact_locking import compiled, forms
 from contact_locking.certificate.state import SolvedState
 from contact_locking.convex import normal_part
 from contact_locking.material import strain
@@ -50,7 +50,7 @@ class EllipticProblem:
             dofs = condition.dof_indices()[0]
             fixed.x.array[dofs] = ones.x.array[dofs]
         self.fixed = fixed.x.array > 0.0
-        self.matrix = petsc.assemble_matrix(fem.form(bilinear), bcs=conditions)
+        self.matrix = petsc.assemble_matrix(compiled.form(bilinear), bcs=conditions)
         self.matrix.assemble()
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._nullspace = state.system.near_nullspace()
@@ -69,7 +69,7 @@ class EllipticProblem:
         if values is not None:
             solution.x.array[self.fixed] = values.x.array[self.fixed]
         form = -ufl.action(self._bilinear, solution)
-        vector = fem.assemble_vector(fem.form(form if right is None else right + form))
+        vector = fem.assemble_vector(compiled.form(form if right is None else right + form))
         vector.scatter_reverse(la.InsertMode.add)
         b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
         b.array_w[:] = np.where(self.fixed, 0.0, vector.array)[: self._owned]

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import forms
+from contact_locking import compiled, forms
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.state import SolvedState
@@ -79,7 +79,7 @@ def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[st
     difference.x.array[:] = u.x.array - other.x.array
 
     def total(form: Any) -> float:
-        return float(np.sqrt(comm.allreduce(fem.assemble_scalar(fem.form(form)))))
+        return float(np.sqrt(comm.allreduce(fem.assemble_scalar(compiled.form(form)))))
 
     energy = total(forms.elastic_form(difference, difference, data))
     size = total(forms.elastic_form(u, u, data))

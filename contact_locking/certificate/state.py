@@ -11,7 +11,7 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking import _compat, forms
+from contact_locking import _compat, compiled, forms
 from contact_locking.assembly import Problem
 from contact_locking.material import strain
 from contact_locking.results import BodyFields, ContactFields, integral
@@ -106,7 +106,7 @@ class Cells:
         self._dim = dim
         self._space = fem.functionspace(mesh, ("DG", 0, (dim, dim)))
         scalar = fem.functionspace(mesh, ("DG", 0))
-        ones = fem.form(ufl.TestFunction(scalar) * state.problem.data.dx)
+        ones = compiled.form(ufl.TestFunction(scalar) * state.problem.data.dx)
         self.volumes = self.scalars(fem.assemble_vector(ones).array, scalar)
         self.volume = float(domain.comm.allreduce(float(self.volumes.sum())))
         self.limit = self.scalars(state.problem.material.limit.x.array, scalar)

@@ -45,6 +45,7 @@ class InsertedOptions:
     To be removed only after the last solve: levels of multigrid and factorisations ask for theirs
     when they are set up, and again whenever that is repeated.  What the user already has in the
     database (``-contact_locking_...``) wins over ``overrides``, and those over ``defaults``.
+    ``bare`` are those that PETSc asks for without a prefix.
     """
 
     def __init__(
@@ -52,8 +53,10 @@ class InsertedOptions:
         defaults: Mapping[str, Any],
         overrides: Mapping[str, Any] | None = None,
         prefix: str = PREFIX,
+        bare: Mapping[str, Any] | None = None,
     ) -> None:
         self._prefix, self._ours = prefix, list[str]()
+        self._bare = None if bare is None else InsertedOptions(bare, prefix="")
         self._user = overrides if isinstance(overrides, UserOptions) else UserOptions()
         database = PETSc.Options(prefix)
         for key, value in {**defaults, **(overrides or {})}.items():
@@ -69,6 +72,8 @@ class InsertedOptions:
                 self._user.used.add(key)
             database.delValue(key)
         self._ours = []
+        if self._bare is not None:
+            self._bare.remove()
 
 
 def require_known(names: Iterable[str], section: str | None = None) -> None:

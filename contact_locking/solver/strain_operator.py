@@ -9,6 +9,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
+from contact_locking import compiled
 from contact_locking.material import MANDEL_PAIRS, mandel_vector, strain
 
 FloatArray = npt.NDArray[np.float64]
@@ -28,7 +29,7 @@ class StrainOperator:
         self._rows = len(MANDEL_PAIRS[mesh.topology.dim])
         self._cells = cells
         tensors = fem.functionspace(mesh, ("DG", 0, (self._rows,)))
-        form = fem.form(
+        form = compiled.form(
             ufl.inner(mandel_vector(strain(ufl.TrialFunction(space))), ufl.TestFunction(tensors))
             * dx
         )
@@ -39,7 +40,7 @@ class StrainOperator:
         self._matrix.assemble()
         scalars = fem.functionspace(mesh, ("DG", 0))
         self.volumes: FloatArray = fem.assemble_vector(
-            fem.form(ufl.TestFunction(scalars) * dx)
+            compiled.form(ufl.TestFunction(scalars) * dx)
         ).array[cells]
         self._integrals = self._matrix.createVecLeft()
 
