@@ -41,6 +41,7 @@ def test_a_processor_keeps_its_name() -> None:
     assert compiled.options() == first
 
 
+@pytest.mark.serial  # it starts another MPI program
 @pytest.mark.parametrize("said", [["-O1"], None])
 def test_dolfinx_own_file_of_options_wins(tmp_path: Path, said: list[str] | None) -> None:
     content = {} if said is None else {"cffi_extra_compile_args": said}
