@@ -41,6 +41,13 @@ def test_a_processor_keeps_its_name() -> None:
     assert compiled.options() == first
 
 
+def test_an_unknown_processor_gets_no_instructions_of_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(compiled, "_instructions", list)
+    assert compiled.options() == {}
+
+
 @pytest.mark.serial  # it starts another MPI program
 @pytest.mark.parametrize("said", [["-O1"], None])
 def test_dolfinx_own_file_of_options_wins(tmp_path: Path, said: list[str] | None) -> None:

@@ -124,8 +124,8 @@ class ConeSystem:
         def split() -> StiffPart:
             is_stiff = self._are_stiff(*locking)
             a, b = (np.where(is_stiff, 0.0, values) for values in locking[:2])
-            held = self._are_held(contact, friction)
-            nodes = self._nodes_of(self._cell_numbers[is_stiff], held)
+            nodes = self._nodes_of(self._cell_numbers[is_stiff])
+            nodes = np.union1d(nodes, self._held_nodes(contact, friction))
             return StiffPart(nodes, lambda soft: self._assemble(soft, a, b))
 
         self._linear.refresh(split)
@@ -260,29 +260,23 @@ class ConeSystem:
         least = self.comm.allreduce(float(np.min(stiffness, initial=np.inf)), op=MPI.MIN)
         return np.asarray(stiffness > _STIFF * max(self._stiffness, least))
 
-    def _are_held(
+    def _held_nodes(
         self,
         contact: FloatArray | None,
         friction: tuple[FloatArray, FloatArray, FloatArray] | None,
     ) -> npt.NDArray[np.int32]:
-        """The nodes that contact or friction holds much more stiffly than the material."""
+        """The owned nodes that contact or friction holds much more stiffly than the material."""
         if contact is None:
             return np.empty(0, dtype=np.int32)
         springs = contact if friction is None else np.maximum(contact, friction[0])
         spacing = self.node_weights ** (1.0 / (self.dim - 1))
         return self._blocks[springs * spacing > _STIFF * self._stiffness]
 
-    def _nodes_of(
-        self, cells: npt.NDArray[np.int64], more: npt.NDArray[np.int32]
-    ) -> npt.NDArray[np.int32]:
-        """The owned nodes of owned cells, of all ranks, and ``more``, if anything is free there.
-
-        Collective.
-        """
+    def _nodes_of(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+        """The owned nodes of owned cells, of all ranks, with something free; collective."""
         touched = fem.Function(self.system.u.function_space)
         blocks = touched.function_space.dofmap.list[cells]
-        nodes = touched.x.array.reshape(-1, self.dim)
-        nodes[blocks.reshape(-1)] = nodes[more] = 1.0
+        touched.x.array.reshape(-1, self.dim)[blocks.reshape(-1)] = 1.0
         touched.x.scatter_reverse(la.InsertMode.add)
         is_touched = touched.x.array[: self._owned] * self._free
         return np.flatnonzero(is_touched.reshape(-1, self.dim).any(axis=1)).astype(np.int32)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from petsc4py import PETSc
@@ -38,8 +38,8 @@ _MULTIGRID: dict[str, Any] = {
 # and a cycle takes two thirds of its time.
 _BY_NODES: dict[str, Any] = {"mg_levels_ksp_max_it": 4, "mg_levels_pc_type": "pbjacobi"}
 _BY_ROWS: dict[str, Any] = {"mg_levels_ksp_max_it": 2, "mg_levels_pc_type": "sor"}
-# Galerkin products on one rank, with the transpose written out, take half the time; several ranks
-# have other ways.
+# Galerkin products on one rank, with the transpose written out, take half the time.  Matrices of
+# several ranks refuse this way, and the option is for all matrices of a process.
 _PRODUCTS_ON_ONE_RANK: dict[str, Any] = {"matptap_via": "rap"}
 _ITERATIVE: dict[str, Any] = {"ksp_type": "cg", "ksp_rtol": 1e-4, "ksp_max_it": 2000}
 
@@ -97,13 +97,13 @@ def destroy_ksp(ksp: PETSc.KSP) -> None:
 
 
 def configure(
-    solvers: Sequence[Any],
+    solvers: Iterable[Any],
     defaults: Mapping[str, Any],
     overrides: Mapping[str, Any] | None = None,
     prefix: str = PREFIX,
 ) -> InsertedOptions:
     """Let PETSc's objects take their options, to be removed after their last solve; collective."""
-    bare = _PRODUCTS_ON_ONE_RANK if solvers[0].getComm().size == 1 else None
+    bare = _PRODUCTS_ON_ONE_RANK if PETSc.COMM_WORLD.size == 1 else {}
     options = InsertedOptions(_fitting(defaults, overrides, prefix), overrides, prefix, bare)
     try:
         for solver in solvers:

@@ -56,7 +56,7 @@ class InsertedOptions:
         bare: Mapping[str, Any] | None = None,
     ) -> None:
         self._prefix, self._ours = prefix, list[str]()
-        self._bare = None if bare is None else InsertedOptions(bare, prefix="")
+        self._bare = InsertedOptions(bare, prefix="") if bare else None
         self._user = overrides if isinstance(overrides, UserOptions) else UserOptions()
         database = PETSc.Options(prefix)
         for key, value in {**defaults, **(overrides or {})}.items():
