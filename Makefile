@@ -1,6 +1,9 @@
 # Everything runs through ./in-env, which finds or makes an environment with DOLFINx.
 
 RANKS = 2
+# So many tests on one rank go on at a time, the tests of one file after each other.
+WORKERS = 2
+SEVERAL = -n $(WORKERS) --dist loadfile
 # The time limit ends a deadlock.
 PARALLEL = timeout --kill-after=30 1800 mpirun -n $(RANKS)
 
@@ -26,10 +29,10 @@ lint: ## ruff and mypy only
 	@$(call optional,ruff,ruff check && ruff format --check)
 	@$(call optional,mypy,mypy)
 
-serial: ## the tests on one rank
-	./in-env python3 -m pytest
+serial: ## the tests on one rank, two at a time (WORKERS=2)
+	./in-env python3 -m pytest $(SEVERAL)
 serial-all:
-	./in-env python3 -m pytest -m ""
+	./in-env python3 -m pytest $(SEVERAL) -m ""
 
 parallel: ## the tests under mpirun -n 2 (RANKS=2)
 	./in-env $(PARALLEL) python3 -m pytest -p no:cacheprovider
