@@ -142,6 +142,20 @@ def test_a_small_change_is_no_reason_to_keep_the_old_solution(folder: Path) -> N
         assert agree(restarted, problem.solve(given("auto", **changes)), 1e-9)
 
 
+@pytest.mark.parametrize("changes", [{"load": 1.01}, {"friction__coefficient": 0.33}])
+def test_a_small_change_takes_newton_half_of_the_tangents_at_most(
+    changes: dict[str, Any], folder: Path
+) -> None:
+    # Many cells are at the edge of locking on a mesh as fine as this.
+    fine: dict[str, Any] = {"mesh__h": 1 / 32, "penalty__n": 1e4}
+    problem.solve(given("auto", **fine)).save(folder)
+    changed = given("auto", **fine, **changes)
+    restarted, cold = problem.solve(changed, restart=folder), problem.solve(changed)
+    assert restarted.summary["restart"].startswith("from the state")
+    assert agree(restarted, cold)
+    assert 2 * tangents(restarted) <= tangents(cold)
+
+
 def test_settings_of_the_solver_are_no_reason_to_solve_again(folder: Path) -> None:
     problem.solve(given("auto")).save(folder)
     for settings in ({"method": "newton"}, {"friction": "nested"}, {"linear": "iterative"}):

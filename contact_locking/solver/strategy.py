@@ -164,7 +164,7 @@ def interior_point(
         if is_direct(settings.linear, system.dim, system.size):
             _polish(system, target, settings, report, monitor, _POLISH)
         return _success(report)
-    if _polish(system, target, settings, report, monitor, _RESCUE):
+    if _polish(system, target, settings, report, monitor, _RESCUE, near=False):
         return _success(report)
     _explain(system, target, settings, report)
     return report
@@ -185,7 +185,7 @@ def _newton_from(
         if system.relative_residual() <= _NEAR:
             updates = min(_FEW_UPDATES, settings.max_friction_updates)
             few = dataclasses.replace(settings, max_friction_updates=updates)
-            if _polish(system, target, few, report, monitor, _FEW_STEPS, impatient=True):
+            if _polish(system, target, few, report, monitor, _FEW_STEPS):
                 return True
     _forget(system, report)
     return False
@@ -224,7 +224,7 @@ def _polish(
     report: SolverReport,
     monitor: Monitor,
     steps: int,
-    impatient: bool = False,
+    near: bool = True,
 ) -> bool:
     """Newton from the present state; where it fails, that stays.  Says whether it arrived."""
     if not _has_digits(target):
@@ -233,7 +233,7 @@ def _polish(
     kept = system.u.x.array.copy()
     bound_kept = None if system.bound is None else system.bound.values.copy()
     system.set_penalty(target.n, target.epsilon)
-    newton = NewtonSolver(system, settings, monitor, impatient)
+    newton = NewtonSolver(system, settings, monitor, near)
     try:
         _settle(newton, system, target, settings, report, monitor)
         report.multipliers = None

@@ -1,0 +1,79 @@
+"""Newton's method near a solution: full steps, and tangents that serve more than one bound."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from mpi4py import MPI
+from problems import block
+
+from contact_locking.assembly import assemble
+from contact_locking.errors import NotConverged
+from contact_locking.progress import Monitor
+from contact_locking.solver.newton import NewtonSolver
+from contact_locking.solver.report import Settings, SolverReport
+from contact_locking.system import PenalisedSystem
+
+TOLERANCE = 1e-9
+
+
+@pytest.fixture
+def system() -> PenalisedSystem:
+    """The model case, where n is small enough for a start at zero, solved for its first bound."""
+    made = assemble(block(h=0.1, penalty__n=10.0, penalty__epsilon=0.1), MPI.COMM_WORLD)
+    system = PenalisedSystem(made.data, made.u, made.constraints, made.bound)
+    system.set_penalty(10.0, 0.1)
+    assert system.bound is not None
+    for _ in range(2):
+        newton = NewtonSolver(system, Settings(), Monitor())
+        newton.solve(TOLERANCE, SolverReport())
+        newton.destroy()
+        system.bound.values = system.bound.evaluate()
+    return system
+
+
+@pytest.fixture
+def newton(system: PenalisedSystem) -> Iterator[NewtonSolver]:
+    solver = NewtonSolver(system, Settings(), Monitor(), near=True)
+    yield solver
+    solver.destroy()
+
+
+def test_a_tangent_at_the_end_serves_the_next_friction_bound(
+    system: PenalisedSystem, newton: NewtonSolver
+) -> None:
+    assert system.bound is not None
+    report = SolverReport()
+    newton.solve(TOLERANCE, report, least_steps=1)
+    before = report.tangents
+    assert before > 0
+    system.bound.values = (1.0 + 1e-7) * system.bound.values
+    newton.solve(TOLERANCE, report, least_steps=1)
+    assert report.tangents == before
+    assert system.relative_residual() <= TOLERANCE
+
+
+def test_a_bound_that_is_far_away_gets_tangents_of_its_own(
+    system: PenalisedSystem, newton: NewtonSolver
+) -> None:
+    assert system.bound is not None
+    report = SolverReport()
+    newton.solve(TOLERANCE, report, least_steps=1)
+    before = report.tangents
+    system.bound.values = 1.3 * system.bound.values
+    newton.solve(TOLERANCE, report, least_steps=1)
+    assert report.tangents > before
+    assert system.relative_residual() <= TOLERANCE
+
+
+def test_full_steps_that_lead_away_are_given_up(system: PenalisedSystem) -> None:
+    # With a stiff penalty nothing of the soft one's solution is near.
+    system.set_penalty(1e8, 1e-8)
+    solver, report = NewtonSolver(system, Settings(), Monitor(), near=True), SolverReport()
+    start = system.u.x.array.copy()
+    with pytest.raises(NotConverged):
+        solver.solve(TOLERANCE, report)
+    solver.destroy()
+    assert 0 < report.tangents <= 2
+    assert (system.u.x.array == start).all()
