@@ -67,6 +67,17 @@ def test_a_bound_that_is_far_away_gets_tangents_of_its_own(
     assert system.relative_residual() <= TOLERANCE
 
 
+def test_a_start_that_took_no_step_has_no_tangent_to_keep(
+    system: PenalisedSystem, newton: NewtonSolver
+) -> None:
+    report = SolverReport()
+    newton.solve(1.0, report)
+    assert report.tangents == 0
+    newton.solve(TOLERANCE, report, least_steps=1)
+    assert report.tangents > 0
+    assert system.relative_residual() <= TOLERANCE
+
+
 def test_full_steps_that_lead_away_are_given_up(system: PenalisedSystem) -> None:
     # With a stiff penalty nothing of the soft one's solution is near.
     system.set_penalty(1e8, 1e-8)

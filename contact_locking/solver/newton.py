@@ -34,7 +34,7 @@ class CriticalPointStep:
 
     With ``phi'(t) = -F(x - t y) . y`` the full step is taken if ``phi'(1) <= |phi'(0)|/2``, else
     the root of ``phi'`` in (0, 1) is bracketed until ``|phi'|`` has halved.  ``always_full`` steps
-    are not shortened.  ``keep_tangent`` lets the next step use the tangent of the last.
+    are not shortened.  ``keep_tangent`` lets the next step use the tangent of the last, if any.
     """
 
     SLOPE_SHARE = 0.5
@@ -47,15 +47,17 @@ class CriticalPointStep:
         always_full: bool,
     ) -> None:
         self._counted, self._always_full = counted, always_full
-        self.keep_tangent = False
+        self.keep_tangent = self._has_tangent = False
         self.step = kept(self._step)
 
     def _step(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> None:
-        is_new, self.keep_tangent = not self.keep_tangent, False
+        is_new = not (self.keep_tangent and self._has_tangent)
+        self.keep_tangent = False
         if is_new:
             matrix = snes.getJacobian()[0]
             snes.computeJacobian(x, matrix)
             snes.ksp.setOperators(matrix)
+            self._has_tangent = True
         snes.ksp.solve(f, y)
         self._counted(int(is_new), snes.ksp.getIterationNumber())
         if not self._always_full:
