@@ -23,7 +23,7 @@ from contact_locking.system import PenalisedSystem
 ConvergedReason = PETSc.SNES.ConvergedReason
 
 # A residual this small (relative to the forces) that no longer shrinks may be rounding.
-_NEAR = 1e-4
+_SMALL = 1e-4
 # Full steps that lead to the end leave a residual (relative to the forces) of 50 and of 0.016 at
 # most after the first and the second of them; most of those that do not leave thousands at once.
 _ARRIVES = {1: 100.0, 2: 0.02}
@@ -34,7 +34,7 @@ class CriticalPointStep:
 
     With ``phi'(t) = -F(x - t y) . y`` the full step is taken if ``phi'(1) <= |phi'(0)|/2``, else
     the root of ``phi'`` in (0, 1) is bracketed until ``|phi'|`` has halved.  ``always_full`` steps
-    are not shortened.  ``keep_tangent`` lets the next step use the tangent of the last, if any.
+    are not shortened.  ``keep_tangent`` lets the next step use the tangent of the last.
     """
 
     SLOPE_SHARE = 0.5
@@ -47,17 +47,15 @@ class CriticalPointStep:
         always_full: bool,
     ) -> None:
         self._counted, self._always_full = counted, always_full
-        self.keep_tangent = self._has_tangent = False
+        self.keep_tangent = False
         self.step = kept(self._step)
 
     def _step(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> None:
-        is_new = not (self.keep_tangent and self._has_tangent)
-        self.keep_tangent = False
+        is_new, self.keep_tangent = not self.keep_tangent, False
         if is_new:
             matrix = snes.getJacobian()[0]
             snes.computeJacobian(x, matrix)
             snes.ksp.setOperators(matrix)
-            self._has_tangent = True
         snes.ksp.solve(f, y)
         self._counted(int(is_new), snes.ksp.getIterationNumber())
         if not self._always_full:
@@ -129,7 +127,6 @@ class NewtonSolver:
         self._report = SolverReport()
         self._tolerance, self._last, self._least_steps = settings.tolerance, np.inf, 0
         self._raised: BaseException | None = None
-        self._arrived = False
         self._snes = snes = PETSc.SNES().create(system.comm)
         snes.setOptionsPrefix(PREFIX)
         snes.setFunction(self._kept(lambda _, x, f: system.residual(x, f)), self._f)
@@ -153,8 +150,6 @@ class NewtonSolver:
         """
         self._report, self._tolerance, self._least_steps = report, tolerance, least_steps
         self._raised = None
-        self._step.keep_tangent = self._near and self._arrived
-        self._arrived = False
         self._system.displacement(self._x)
         start = self._x.copy()
         reason = None
@@ -170,7 +165,7 @@ class NewtonSolver:
             start.destroy()
             raise NotConverged(failure)
         start.destroy()
-        self._arrived = True
+        self._step.keep_tangent = self._near and self._snes.getIterationNumber() > 0
         self._system.set_displacement(self._x)
 
     def destroy(self) -> None:
@@ -218,8 +213,7 @@ class NewtonSolver:
         self._system.set_displacement(snes.getSolution())
         scale = self._system.force_scale()
         self._monitor.iteration(iteration, residual / scale if scale > 0.0 else residual)
-        hardly_shrinks = self._last < 2.0 * residual
-        stalls = hardly_shrinks and 2.0 * residual <= _NEAR * scale
+        stalls = self._last < 2.0 * residual <= _SMALL * scale
         self._last = residual if iteration else np.inf
         if residual <= self._tolerance * scale or (stalls and residual <= self._rounding(snes)):
             return ConvergedReason.CONVERGED_FNORM_ABS
