@@ -146,10 +146,8 @@ class PenalisedSystem:
         self.data.epsilon.value = epsilon
 
     def create_matrix(self) -> PETSc.Mat:
-        """A matrix with the tangent's sparsity, declared symmetric positive definite."""
-        matrix = petsc.create_matrix(self._tangent)
-        matrix.setOption(PETSc.Mat.Option.SPD, True)
-        return matrix
+        """A matrix with the tangent's sparsity."""
+        return petsc.create_matrix(self._tangent)
 
     def near_nullspace(self) -> PETSc.NullSpace:
         """The rigid body motions, orthonormalised, for algebraic multigrid; collective."""
@@ -172,11 +170,16 @@ class PenalisedSystem:
         self.assemble_free(self._residual, f)
 
     def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
-        """The tangent at ``x``, rows and columns of constrained dofs replaced by the identity."""
+        """The tangent at ``x``, rows and columns of constrained dofs replaced by the identity.
+
+        It is declared symmetric positive definite, which PETSc forgets with each new value; it
+        would have MUMPS look for pivots.
+        """
         self.set_displacement(x)
         matrix.zeroEntries()
         petsc.assemble_matrix(matrix, self._tangent, bcs=self._constraints.conditions)
         matrix.assemble()
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
 
     @property
     def conditions(self) -> list[fem.DirichletBC]:

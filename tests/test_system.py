@@ -60,6 +60,20 @@ def test_tangent_is_the_derivative_of_the_residual(dim: int, size: float) -> Non
     matrix.destroy()
 
 
+def test_tangents_are_known_to_be_symmetric_after_each_assembly() -> None:
+    made, system = _system(block(2, 0.5, penalty__n=50.0, penalty__epsilon=0.1))
+    matrix = system.create_matrix()
+    x = matrix.createVecRight()
+    for size in (0.0, 0.3):
+        _rough_state(made, size)
+        system.displacement(x)
+        system.tangent(x, matrix)
+        # PETSc tells it of matrices that are declared positive definite; it does not tell that.
+        assert matrix.isSymmetricKnown() == (True, True)
+    x.destroy()
+    matrix.destroy()
+
+
 def test_residual_is_the_derivative_of_the_energy() -> None:
     made, _ = _system(block(penalty__n=50.0, penalty__epsilon=0.1))
     _rough_state(made, 0.1)

@@ -14,7 +14,7 @@ from contact_locking import problem
 from contact_locking.solution import Solution
 from contact_locking.solver import tangent_solver
 from contact_locking.solver.cone_system import ConeSystem
-from contact_locking.solver.filtered_multigrid import FilteredMultigrid
+from contact_locking.solver.filtered_multigrid import Filter, FilteredMultigrid
 from contact_locking.solver.linear import FILTER_LIMIT
 
 _NEVER = 10**6
@@ -29,7 +29,7 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     def counted(self: FilteredMultigrid, filtered: Any = None) -> None:
         refresh(self, filtered)
         if filtered is not None:
-            counts.append(len(filtered))
+            counts.append(len(filtered.nodes))
 
     monkeypatch.setattr(FilteredMultigrid, "refresh", counted)
     return counts
@@ -63,6 +63,38 @@ def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     else:
         assert 2 <= len(filterings) < tangents - 4
     _agree(by_cg, _solved(1e4, "direct"))
+
+
+def test_one_symbolic_factorisation_serves_most_filters(
+    filterings: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Filter] = []
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 30})
+    create = Filter.__init__
+
+    def kept(self: Filter, *given: Any) -> None:
+        create(self, *given)
+        made.append(self)
+
+    monkeypatch.setattr(Filter, "__init__", kept)
+    _solved(math.inf, "iterative")
+    assert 1 <= len(made) <= 2 < 5 <= len(filterings)
+
+
+def test_filters_take_in_all_that_is_stiff(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
+    refresh, filtered = FilteredMultigrid.refresh, 0
+
+    def seen(self: FilteredMultigrid, stiff: Any = None) -> None:
+        nonlocal filtered
+        refresh(self, stiff)
+        if stiff is not None:
+            assert self._filter is not None and self._filter.serves(stiff.nodes)
+            filtered += 1
+
+    monkeypatch.setattr(FilteredMultigrid, "refresh", seen)
+    _solved(math.inf, "iterative")
+    assert filtered
 
 
 def test_the_filter_takes_iterations_away(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from petsc4py import PETSc
 
 from contact_locking import compiled, forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor
+from contact_locking.solver.filtered_multigrid import StiffNodes
 from contact_locking.solver.linear import is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
@@ -27,6 +28,8 @@ FloatArray = npt.NDArray[np.float64]
 # Cells stiffer than the material, and than the softest, by this factor go into the filter, and
 # nodes of Gamma_C that are held as stiffly, which save half of the iterations in the end.
 _STIFF = 10.0
+# What is stiffer than this comes along, as most of it gets stiff later.
+_NEARLY_STIFF = 1.0
 
 
 class ConeSystem:
@@ -122,11 +125,11 @@ class ConeSystem:
         self._assemble(self.matrix, *locking[:2])
 
         def split() -> StiffPart:
-            is_stiff = self._are_stiff(*locking)
+            is_stiff, nodes = self._stiff(_STIFF, locking, contact, friction)
+            _, nearly = self._stiff(_NEARLY_STIFF, locking, contact, friction)
             a, b = (np.where(is_stiff, 0.0, values) for values in locking[:2])
-            nodes = self._nodes_of(self._cell_numbers[is_stiff])
-            nodes = np.union1d(nodes, self._held_nodes(contact, friction))
-            return StiffPart(nodes, lambda soft: self._assemble(soft, a, b))
+            stiff = StiffNodes(nodes, nearly)
+            return StiffPart(stiff, lambda soft: self._assemble(soft, a, b))
 
         self._linear.refresh(split)
         self._step.set(0.0)
@@ -254,23 +257,36 @@ class ConeSystem:
         petsc.assemble_matrix(matrix, self._tangent, bcs=self.system.conditions)
         matrix.assemble()
 
-    def _are_stiff(self, a: FloatArray, b: FloatArray, w: FloatArray) -> npt.NDArray[np.bool_]:
-        """Which cells are much stiffer than the material, and than all others; collective."""
+    def _stiff(
+        self,
+        factor: float,
+        locking: tuple[FloatArray, FloatArray, FloatArray],
+        contact: FloatArray | None,
+        friction: tuple[FloatArray, FloatArray, FloatArray] | None,
+    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int32]]:
+        """Which cells are stiffer than the material, and than the softest, by this factor.
+
+        And the owned nodes of such cells, or held as stiffly on Gamma_C; collective.
+        """
+        a, b, w = locking
         stiffness = a + np.maximum(b, 0.0) * np.sum(w**2, axis=0)
         least = self.comm.allreduce(float(np.min(stiffness, initial=np.inf)), op=MPI.MIN)
-        return np.asarray(stiffness > _STIFF * max(self._stiffness, least))
+        is_stiff = np.asarray(stiffness > factor * max(self._stiffness, least))
+        nodes = self._nodes_of(self._cell_numbers[is_stiff])
+        return is_stiff, np.union1d(nodes, self._held_nodes(factor, contact, friction))
 
     def _held_nodes(
         self,
+        factor: float,
         contact: FloatArray | None,
         friction: tuple[FloatArray, FloatArray, FloatArray] | None,
     ) -> npt.NDArray[np.int32]:
-        """The owned nodes that contact or friction holds much more stiffly than the material."""
+        """The owned nodes that contact or friction holds as much more stiffly than the material."""
         if contact is None:
             return np.empty(0, dtype=np.int32)
         springs = contact if friction is None else np.maximum(contact, friction[0])
         spacing = self.node_weights ** (1.0 / (self.dim - 1))
-        return self._blocks[springs * spacing > _STIFF * self._stiffness]
+        return self._blocks[springs * spacing > factor * self._stiffness]
 
     def _nodes_of(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
         """The owned nodes of owned cells, of all ranks, with something free; collective."""

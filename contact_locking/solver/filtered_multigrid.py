@@ -17,7 +17,7 @@ is much stiffer than others; the iterations grow like the square root of the con
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,7 @@ from contact_locking.solver.linear import (
     multigrid_options,
 )
 from contact_locking.solver.options import PREFIX
-from contact_locking.solver.storage import BY_ENTRY, Unblocked
+from contact_locking.solver.storage import Unblocked
 
 _CHANGES: dict[str, Any] = {
     # The zones move but the mesh does not: only values are made anew.
@@ -39,6 +39,68 @@ _CHANGES: dict[str, Any] = {
     # Relaxation sees the matrix in blocks, Galerkin products its copy without them.
     "pc_use_amat": True,
 }
+
+# A filter that is larger than it need be by this factor is made anew.
+_WASTE = 1.2
+
+
+class StiffNodes(NamedTuple):
+    """Local numbers of owned nodes: what has to be filtered, and what may soon have to be, too."""
+
+    nodes: npt.NDArray[np.int32]
+    nearly: npt.NDArray[np.int32]
+
+
+class Filter:
+    """``F``: the exact solve on the unknowns of some nodes of a matrix in blocks; collective.
+
+    ``nodes`` are the local numbers of owned nodes.  Ordering, symbolic factorisation and memory
+    are those of the first values, and serve all that follow.
+    """
+
+    def __init__(self, matrix: PETSc.Mat, nodes: npt.NDArray[np.int32]) -> None:
+        self._matrix, self._nodes = matrix, nodes
+        self._comm, size = matrix.getComm(), matrix.getBlockSize()
+        first = matrix.getOwnershipRange()[0] // size
+        self._unknowns = (nodes[:, None] * size + np.arange(size)).reshape(-1)
+        numbers = (nodes + first).astype(PETSc.IntType)
+        self._rows = PETSc.IS().createBlock(size, numbers, comm=self._comm)
+        self._unblocked = Unblocked()
+        entries = self._values()
+        self._ksp = create_ksp(entries, direct_options(self._comm), prefix=PREFIX + "filter_")
+        self._right, self._left = entries.createVecs()
+
+    def serves(self, nodes: npt.NDArray[np.int32]) -> bool:
+        """Whether it takes in these nodes, and few others; collective."""
+        comm = self._comm.tompi4py()
+        missing = len(np.setdiff1d(nodes, self._nodes, assume_unique=True))
+        counts = comm.allreduce(np.array([missing, len(nodes), len(self._nodes)]))
+        return bool(counts[0] == 0 and counts[2] <= _WASTE * counts[1])
+
+    def refresh(self) -> None:
+        """Factorise the present values of the matrix; collective."""
+        self._ksp.setOperators(self._values())
+        self._ksp.setUp()
+
+    def add(self, factor: float, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z += factor F r``; collective."""
+        self._right.array_w[:] = r.array_r[self._unknowns]
+        self._ksp.solve(self._right, self._left)
+        z.array_w[self._unknowns] += factor * self._left.array_r
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        destroy_ksp(self._ksp)
+        self._unblocked.destroy()
+        for item in (self._rows, self._right, self._left):
+            item.destroy()
+
+    def _values(self) -> PETSc.Mat:
+        # A matrix of several ranks in blocks refuses to take the same part into the same matrix.
+        block = self._matrix.createSubMatrix(self._rows, self._rows)
+        entries = self._unblocked.of(block)
+        block.destroy()
+        return entries
 
 
 class FilteredMultigrid:
@@ -54,14 +116,14 @@ class FilteredMultigrid:
         self._smoothed = matrix
         self._begin()
         self._product = matrix.createVecLeft()
-        self._direct: PETSc.KSP | None = None
         self._soft: PETSc.Mat | None = None
-        self._inner: list[Any] = []
+        self._filter: Filter | None = None
+        self._filters = False
 
     @property
     def filters(self) -> bool:
         """Whether the filter takes part at present."""
-        return self._direct is not None
+        return self._filters
 
     @property
     def soft(self) -> PETSc.Mat:
@@ -71,19 +133,17 @@ class FilteredMultigrid:
             self._soft.setNearNullSpace(self._matrix.getNearNullSpace())
         return self._soft
 
-    def can_filter(self, filtered: npt.NDArray[np.int32]) -> bool:
+    def can_filter(self, stiff: StiffNodes) -> bool:
         """Whether there are nodes to filter, and not more than the limit; collective."""
-        count = self._matrix.getComm().tompi4py().allreduce(len(filtered))
-        return 0 < count * self._matrix.getBlockSize() <= self._limit
+        return 0 < self._count(stiff.nodes) <= self._limit
 
-    def refresh(self, filtered: npt.NDArray[np.int32] | None = None) -> None:
+    def refresh(self, stiff: StiffNodes | None = None) -> None:
         """Set up for the present values of the matrices; collective.
 
-        ``filtered`` are the local numbers of owned nodes; without them, the multigrid is for the
-        matrix to be solved with, and nothing is filtered.
+        Without ``stiff``, the multigrid is for the matrix to be solved with, and nothing is
+        filtered.
         """
-        self._forget()
-        smoothed = self._matrix if filtered is None else self.soft
+        smoothed = self._matrix if stiff is None else self.soft
         # The residuals of its finest level stay those of the first matrix that it was given.
         if smoothed is not self._smoothed:
             self._end()
@@ -91,35 +151,27 @@ class FilteredMultigrid:
             self._begin()
         self._multigrid.setOperators(smoothed, self._unblocked.of(smoothed))
         self._multigrid.setUp()
-        if filtered is None:
+        self._filters = stiff is not None
+        if stiff is None:
             return
-        comm, size = self._matrix.getComm(), self._matrix.getBlockSize()
-        first = self._matrix.getOwnershipRange()[0] // size
-        self._filtered = (filtered[:, None] * size + np.arange(size)).reshape(-1)
-        nodes = (filtered + first).astype(PETSc.IntType)
-        rows = PETSc.IS().createBlock(size, nodes, comm=comm)
-        block = self._matrix.createSubMatrix(rows, rows)
-        rows.destroy()
-        block.convert(BY_ENTRY)
-        block.setOption(PETSc.Mat.Option.SPD, True)
-        self._direct = create_ksp(block, direct_options(comm), prefix=PREFIX + "filter_")
-        self._direct.setUp()
-        self._right, self._left = block.createVecs()
-        self._inner = [block, self._right, self._left]
+        if self._filter is None or not self._filter.serves(stiff.nodes):
+            self._forget()
+            self._filter = Filter(self._matrix, self._chosen(stiff))
+        self._filter.refresh()
 
     def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""
-        if self._direct is not None:
+        if self._filters and self._filter is not None:
             self._matrix.mult(x, self._product)
             self._product.aypx(-1.0, right)
-            self._add_filtered(1.0, x)
+            self._filter.add(1.0, self._product, x)
 
     def apply(self, _: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` for a residual that vanishes where filtered."""
         self._multigrid.apply(r, z)
-        if self._direct is not None:
+        if self._filters and self._filter is not None:
             self._matrix.mult(z, self._product)
-            self._add_filtered(-1.0, z)
+            self._filter.add(-1.0, self._product, z)
 
     def destroy(self, _: PETSc.PC | None = None) -> None:
         """Free the PETSc objects; collective."""
@@ -129,6 +181,16 @@ class FilteredMultigrid:
             self._soft.destroy()
         self._unblocked.destroy()
         self._product.destroy()
+
+    def _chosen(self, stiff: StiffNodes) -> npt.NDArray[np.int32]:
+        """What gets stiff soon is filtered from now on, if that is not too much; collective."""
+        count, nearly = self._count(stiff.nodes), self._count(stiff.nearly)
+        return stiff.nearly if nearly <= min(_WASTE * count, self._limit) else stiff.nodes
+
+    def _count(self, nodes: npt.NDArray[np.int32]) -> int:
+        """The unknowns of owned nodes; collective."""
+        count: int = self._matrix.getComm().tompi4py().allreduce(len(nodes))
+        return count * self._matrix.getBlockSize()
 
     def _begin(self) -> None:
         prefix = PREFIX + "multigrid_"
@@ -141,16 +203,7 @@ class FilteredMultigrid:
         self._options.remove()
         self._multigrid.destroy()
 
-    def _add_filtered(self, factor: float, z: PETSc.Vec) -> None:
-        """``z += factor F product``."""
-        assert self._direct is not None
-        self._right.array_w[:] = self._product.array_r[self._filtered]
-        self._direct.solve(self._right, self._left)
-        z.array_w[self._filtered] += factor * self._left.array_r
-
     def _forget(self) -> None:
-        if self._direct is not None:
-            destroy_ksp(self._direct)
-        for item in self._inner:
-            item.destroy()
-        self._inner, self._direct = [], None
+        if self._filter is not None:
+            self._filter.destroy()
+        self._filter = None

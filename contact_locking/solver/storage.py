@@ -21,10 +21,12 @@ class Unblocked:
         """The same matrix for all matrices of one pattern, with the values of this; collective."""
         if self._copy is None:
             self._copy = matrix.convert(BY_ENTRY, PETSc.Mat())
-            self._copy.setOption(PETSc.Mat.Option.SPD, True)
             self._copy.setNearNullSpace(matrix.getNearNullSpace())
-            return self._copy
-        return matrix.convert(BY_ENTRY, self._copy)
+        else:
+            matrix.convert(BY_ENTRY, self._copy)
+        # PETSc forgets it with each new value.
+        self._copy.setOption(PETSc.Mat.Option.SPD, True)
+        return self._copy
 
     def destroy(self) -> None:
         """Free the matrix; collective."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
-from contact_locking.solver.filtered_multigrid import FilteredMultigrid
+from contact_locking.solver.filtered_multigrid import FilteredMultigrid, StiffNodes
 from contact_locking.solver.linear import (
     FILTER_LIMIT,
     LINEAR_FAILURE,
@@ -50,11 +48,11 @@ _BREAKDOWNS = (
 class StiffPart(NamedTuple):
     """What of a matrix is stiff.
 
-    ``nodes`` are the local numbers of its owned nodes; ``assemble_rest`` gives another matrix of
-    the same pattern the values without that stiffness, and is collective.
+    ``nodes`` are the nodes of it; ``assemble_rest`` gives another matrix of the same pattern the
+    values without that stiffness, and is collective.
     """
 
-    nodes: npt.NDArray[np.int32]
+    nodes: StiffNodes
     assemble_rest: Callable[[PETSc.Mat], None]
 
 
@@ -84,8 +82,6 @@ class TangentSolver:
     def __init__(self, matrix: PETSc.Mat, dim: int, settings: Settings, factorises: bool) -> None:
         self._matrix, self._dim = matrix, dim
         is_in_blocks = matrix.getType().endswith(IN_BLOCKS)
-        if not is_in_blocks:
-            matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._ksp = create_ksp(matrix, _defaults(matrix.getComm(), factorises), settings.petsc)
         self._iterations = 0
         self._multigrid: FilteredMultigrid | None = None
@@ -101,6 +97,8 @@ class TangentSolver:
         """The matrix has new values, ``split`` tells which are stiff; collective."""
         self._ksp.setOperators(self._matrix)
         if self._multigrid is None:
+            # PETSc forgets it with each new value.
+            self._matrix.setOption(PETSc.Mat.Option.SPD, True)
             return
         self._stiff = split()
         self._can_filter = self._multigrid.can_filter(self._stiff.nodes)
