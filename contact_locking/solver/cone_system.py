@@ -29,7 +29,7 @@ FloatArray = npt.NDArray[np.float64]
 # nodes of Gamma_C that are held as stiffly, which save half of the iterations in the end.
 _STIFF = 10.0
 # What is stiffer than this comes along, as most of it gets stiff later.
-_NEARLY_STIFF = 1.0
+_NEARLY_STIFF = 0.5
 
 
 class ConeSystem:

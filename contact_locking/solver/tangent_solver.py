@@ -32,9 +32,11 @@ _ITERATIVE: dict[str, Any] = {
 _LOOSEST = 1e-2
 # No linear residual gets smaller than this.
 _ROUNDING = 1e-12
-# So many iterations with one tangent, by dimension, take as long as the filter's factorisation: on
-# the block of the benchmarks some 10 in 2D, and in 3D some 70 on one rank and 130 on two.
-_PATIENCE = {2: 10, 3: 100}
+# So many iterations with one tangent, by dimension and for each rank, may be taken instead of the
+# filter's factorisation: iterations get faster with more ranks, which it does not.  On the block of
+# the benchmarks in 3D one rank takes as long with 35 as with 150; two take 46 s with 35, 41 s with
+# 70, 34 s with 100, 27 s with 250 in all (n = 1e4).
+_PATIENCE = {2: 10, 3: 125}
 # Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
 # down on it: it is filtered again, so often at most.
 _RESTARTS = 3
@@ -102,7 +104,8 @@ class TangentSolver:
             return
         self._stiff = split()
         self._can_filter = self._multigrid.can_filter(self._stiff.nodes)
-        self._patience = min(_PATIENCE[self._dim], self._max_iterations)
+        patience = _PATIENCE[self._dim] * self._matrix.getComm().size
+        self._patience = min(patience, self._max_iterations)
         if self._filters and self._can_filter:
             self._filter(self._multigrid)
         else:
