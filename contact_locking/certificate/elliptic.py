@@ -55,10 +55,10 @@ class EllipticProblem:
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._nullspace = state.system.near_nullspace()
         self.matrix.setNearNullSpace(self._nullspace)
-        options = default_options(
-            state.settings.linear, state.dim, state.system.size, state.problem.domain.comm
-        ) | {"ksp_rtol": _RTOL}
-        self.ksp = create_ksp(self.matrix, options, prefix=_PREFIX)
+        comm = state.problem.domain.comm
+        options = default_options(state.settings.linear, state.dim, state.system.size, comm)
+        self.ksp = create_ksp(comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
+        self.ksp.setOperators(self.matrix)
 
     def solve(self, right: Expr | None, values: fem.Function | None = None) -> fem.Function:
         """The z with ``b(z, v) = r(v)`` that equals ``values`` at the fixed dofs; collective.

@@ -19,8 +19,9 @@ from contact_locking.solver.filtered_multigrid import StiffNodes
 from contact_locking.solver.linear import is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
+from contact_locking.solver.storage import IN_BLOCKS
 from contact_locking.solver.strain_operator import StrainOperator
-from contact_locking.solver.tangent_solver import StiffPart, TangentSolver, storage
+from contact_locking.solver.tangent_solver import StiffPart, TangentSolver
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
@@ -76,7 +77,7 @@ class ConeSystem:
         locking = (self._a, self._b, self._w)
         self._tangent = compiled.form(forms.scaled_tangent(v, du, data, locking, contact, slip))
         factorises = is_direct(settings.linear, self.dim, system.size)
-        self.matrix = petsc.create_matrix(self._tangent, storage(self.comm, settings, factorises))
+        self.matrix = petsc.create_matrix(self._tangent, IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
         self._elasticity = petsc.assemble_matrix(compiled.form(forms.elastic_form(du, v, data)))

@@ -18,10 +18,7 @@ FloatArray = npt.NDArray[np.float64]
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """``a . b`` of each column, (k,)."""
-    result = a[0] * b[0]
-    for a_i, b_i in zip(a[1:], b[1:], strict=True):
-        result += a_i * b_i
-    return result
+    return np.einsum("ik,ik->k", a, b)
 
 
 def norm(a: FloatArray) -> FloatArray:

@@ -66,9 +66,9 @@ class Filter:
         numbers = (nodes + first).astype(PETSc.IntType)
         self._rows = PETSc.IS().createBlock(size, numbers, comm=self._comm)
         self._unblocked = Unblocked()
-        entries = self._values()
-        self._ksp = create_ksp(entries, direct_options(self._comm), prefix=PREFIX + "filter_")
-        self._right, self._left = entries.createVecs()
+        self._right, self._left = self._values().createVecs()
+        options = direct_options(self._comm)
+        self._ksp = create_ksp(self._comm, options, prefix=PREFIX + "filter_")
 
     def serves(self, nodes: npt.NDArray[np.int32]) -> bool:
         """Whether it takes in these nodes, and few others; collective."""

@@ -72,18 +72,17 @@ def direct_options(comm: Any) -> dict[str, Any]:
 
 
 def create_ksp(
-    matrix: PETSc.Mat,
+    comm: Any,
     defaults: Mapping[str, Any],
     overrides: Mapping[str, Any] | None = None,
     prefix: str = PREFIX,
 ) -> PETSc.KSP:
-    """A linear solver for ``matrix`` that raises where it does not converge; collective.
+    """A linear solver, yet without a matrix, that raises where it does not converge; collective.
 
     Its options stay in PETSc's database until :func:`destroy_ksp`.
     """
-    ksp = PETSc.KSP().create(matrix.getComm())
+    ksp = PETSc.KSP().create(comm)
     ksp.setOptionsPrefix(prefix)
-    ksp.setOperators(matrix)
     ksp.setErrorIfNotConverged(True)
     ksp.setAttr(_OPTIONS, configure([ksp], defaults, overrides, prefix))
     return ksp

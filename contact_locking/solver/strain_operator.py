@@ -27,17 +27,18 @@ class StrainOperator:
     ) -> None:
         mesh = space.mesh
         self._rows = len(MANDEL_PAIRS[mesh.topology.dim])
-        self._cells = cells
         tensors = fem.functionspace(mesh, ("DG", 0, (self._rows,)))
         form = compiled.form(
             ufl.inner(mandel_vector(strain(ufl.TrialFunction(space))), ufl.TestFunction(tensors))
             * dx
         )
-        self._matrix = petsc.create_matrix(form)
+        by_cell = petsc.create_matrix(form)
         # Half of the entries, at least, are zero: a normal strain knows one component only.
-        self._matrix.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)
-        petsc.assemble_matrix(self._matrix, form)
-        self._matrix.assemble()
+        by_cell.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)
+        petsc.assemble_matrix(by_cell, form)
+        by_cell.assemble()
+        self._matrix = self._by_component(by_cell, cells)
+        by_cell.destroy()
         scalars = fem.functionspace(mesh, ("DG", 0))
         self.volumes: FloatArray = fem.assemble_vector(
             compiled.form(ufl.TestFunction(scalars) * dx)
@@ -47,17 +48,27 @@ class StrainOperator:
     def strains(self, displacement: PETSc.Vec) -> FloatArray:
         """The strains (m, k); collective."""
         self._matrix.mult(displacement, self._integrals)
-        integrals = self._integrals.array_r.reshape(-1, self._rows)[self._cells]
-        return np.ascontiguousarray(integrals.T) / self.volumes
+        return self._integrals.array_r.reshape(self._rows, -1) / self.volumes
 
     def add_forces(self, stress: FloatArray, forces: PETSc.Vec) -> None:
         """``forces += int Z : eps(.)``; collective."""
-        integrals = self._integrals.array_w.reshape(-1, self._rows)
-        integrals[:] = 0.0
-        integrals[self._cells] = stress.T
+        self._integrals.array_w[:] = stress.reshape(-1)
         self._matrix.multTransposeAdd(self._integrals, forces, forces)
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._matrix.destroy()
         self._integrals.destroy()
+
+    def _by_component(self, by_cell: PETSc.Mat, cells: npt.NDArray[np.int32]) -> PETSc.Mat:
+        """The rows of the chosen cells, those of one component after those of another."""
+        starts, columns, values = by_cell.getValuesCSR()
+        rows = (np.arange(self._rows)[:, None] + self._rows * cells).reshape(-1)
+        counts = np.diff(starts)[rows]
+        ends = np.cumsum(counts)
+        taken = np.arange(counts.sum()) + np.repeat(starts[rows] - ends + counts, counts)
+        return PETSc.Mat().createAIJ(
+            ((len(rows), None), by_cell.getSizes()[1]),
+            csr=(np.append(0, ends).astype(PETSc.IntType), columns[taken], values[taken]),
+            comm=by_cell.getComm(),
+        )

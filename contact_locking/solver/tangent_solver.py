@@ -18,7 +18,7 @@ from contact_locking.solver.linear import (
     preconditioner,
 )
 from contact_locking.solver.report import Settings
-from contact_locking.solver.storage import BY_ENTRY, IN_BLOCKS
+from contact_locking.solver.storage import Unblocked
 
 # CG with the filtered multigrid.  The norm is that of the equilibrium residual, which is what is
 # left of an inexact solve.
@@ -58,19 +58,6 @@ class StiffPart(NamedTuple):
     assemble_rest: Callable[[PETSc.Mat], None]
 
 
-def storage(comm: Any, settings: Settings, factorises: bool) -> str:
-    """PETSc's type of the matrix for :class:`TangentSolver`.
-
-    In blocks where its own multigrid, which can do with them, has not been replaced by the user.
-    """
-    chosen = preconditioner(_defaults(comm, factorises), settings.petsc)
-    return IN_BLOCKS if chosen == PETSc.PC.Type.PYTHON else BY_ENTRY
-
-
-def _defaults(comm: Any, factorises: bool) -> dict[str, Any]:
-    return direct_options(comm) if factorises else _ITERATIVE
-
-
 class TangentSolver:
     """Solves with a matrix whose values change.
 
@@ -78,16 +65,18 @@ class TangentSolver:
     Where a tangent takes more iterations than the filter would cost, it is filtered from there on,
     and so are all that follow.  Options of the user may replace all of this.
 
-    The matrix is stored as :func:`storage` says and has its near-nullspace.
+    The matrix is stored in blocks and has its near-nullspace.
     """
 
     def __init__(self, matrix: PETSc.Mat, dim: int, settings: Settings, factorises: bool) -> None:
         self._matrix, self._dim = matrix, dim
-        is_in_blocks = matrix.getType().endswith(IN_BLOCKS)
-        self._ksp = create_ksp(matrix, _defaults(matrix.getComm(), factorises), settings.petsc)
+        defaults = direct_options(matrix.getComm()) if factorises else _ITERATIVE
+        self._ksp = create_ksp(matrix.getComm(), defaults, settings.petsc)
         self._iterations = 0
+        self._unblocked = Unblocked()
         self._multigrid: FilteredMultigrid | None = None
-        if is_in_blocks:
+        # Its own multigrid, if the user has not replaced it, can do with blocks.
+        if preconditioner(defaults, settings.petsc) == PETSc.PC.Type.PYTHON:
             self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim])
             self._ksp.getPC().setPythonContext(self._multigrid)
             self._ksp.setErrorIfNotConverged(False)
@@ -97,11 +86,10 @@ class TangentSolver:
 
     def refresh(self, split: Callable[[], StiffPart]) -> None:
         """The matrix has new values, ``split`` tells which are stiff; collective."""
-        self._ksp.setOperators(self._matrix)
         if self._multigrid is None:
-            # PETSc forgets it with each new value.
-            self._matrix.setOption(PETSc.Mat.Option.SPD, True)
+            self._ksp.setOperators(self._unblocked.of(self._matrix))
             return
+        self._ksp.setOperators(self._matrix)
         self._stiff = split()
         self._can_filter = self._multigrid.can_filter(self._stiff.nodes)
         patience = _PATIENCE[self._dim] * self._matrix.getComm().size
@@ -136,6 +124,7 @@ class TangentSolver:
         """Free the PETSc objects; collective."""
         if self._multigrid is not None:
             self._multigrid.destroy()
+        self._unblocked.destroy()
         destroy_ksp(self._ksp)
 
     def _filter(self, multigrid: FilteredMultigrid) -> None:
