@@ -26,7 +26,14 @@ from contact_locking import plotting, report, study_file
 from contact_locking.domain import on_root
 from contact_locking.errors import ContactLockingError, not_written
 from contact_locking.plotting import PICTURE, SNAPSHOT
-from contact_locking.result_files import CONTACT, FACETS, FIELDS, PARAMETERS, SUMMARY
+from contact_locking.result_files import (
+    CONTACT,
+    FACETS,
+    FIELDS,
+    NOT_WRITABLE,
+    PARAMETERS,
+    SUMMARY,
+)
 from contact_locking.solution import STATE_NAMES, Solution
 
 T = TypeVar("T")
@@ -36,7 +43,6 @@ KEY = "output.directory"
 _ORDER = (PARAMETERS, CONTACT, FACETS, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
 _AXES = "xyz"
 
-_WHAT = "results cannot be written to {}"
 # More than a summary, parameters and some hundred points of contact take.
 _TEXTS_BYTES = 65_536
 # Some file systems cannot reserve room.
@@ -185,7 +191,7 @@ def _write_fields(solution: Solution, target: Path, path: Path) -> None:
         if comm.size > 1:
             # The other ranks may be waiting inside ADIOS2, and cannot be told.
             raise refusal from error
-        raise not_written(_WHAT.format(target), refusal, target, KEY) from error
+        raise not_written(NOT_WRITABLE.format(target), refusal, target, KEY) from error
 
 
 def _vtx_bytes(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
@@ -311,7 +317,7 @@ def _on_root(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
         try:
             return work()
         except OSError as error:
-            raise not_written(_WHAT.format(directory), error, directory, KEY) from error
+            raise not_written(NOT_WRITABLE.format(directory), error, directory, KEY) from error
 
     return on_root(comm, attempt)
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from contact_locking import study_file
 from contact_locking.errors import not_written
-from contact_locking.result_files import PARAMETERS
+from contact_locking.result_files import NOT_WRITABLE, PARAMETERS
 from contact_locking.study_file import StudyFile
 
 from . import table
@@ -187,9 +187,8 @@ def _writing(directory: Path) -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        what = f"results cannot be written to {directory}"
         more = "What is finished is kept; make room, and the same command does the others."
-        raise not_written(what, error, directory, KEY, more) from error
+        raise not_written(NOT_WRITABLE.format(directory), error, directory, KEY, more) from error
 
 
 def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:
