@@ -74,8 +74,9 @@ class LorentzBlock:
         ``lambda o (W^-1 dx + W dz) = target e - lambda o lambda - correction`` leads to it, where
         ``W^-1 lambda = z`` and ``W^-1 lambda^-1 = x^-1``.
         """
-        b = target * cones.inverse(self.x) if target > 0.0 else np.zeros_like(self.z)
-        b -= self.z
+        b = -self.z
+        if target > 0.0:
+            b += target * self._scaling.x.inverse
         if correction is not None:
             b -= self._scaling.apply_inverse(cones.divide(correction, self._scaling.point))
         self._b = b
@@ -126,10 +127,11 @@ class LockingBlock(LorentzBlock):
 
     def step(self, d_strain: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Primal and dual step for the strain's step (m, k)."""
-        d_x1 = d_strain + self._gap[1:]
-        dz = self._multiplier_step(d_x1)
-        d_q = self.compliance * dz[0] + self._gap[0]
-        return np.vstack([d_q, d_x1]), dz
+        dx = np.empty_like(self.x)
+        np.add(d_strain, self._gap[1:], out=dx[1:])
+        dz = self._multiplier_step(dx[1:])
+        dx[0] = self.compliance * dz[0] + self._gap[0]
+        return dx, dz
 
     def _multiplier_step(self, d_x1: FloatArray) -> FloatArray:
         """``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated."""
@@ -140,8 +142,10 @@ class LockingBlock(LorentzBlock):
         dz[0] *= self._share
         d_x0 = self.compliance * dz[0] + self._gap[0]
         along = 2.0 * (w_dx1 - w_0 * d_x0)
-        for i in range(1, len(dz)):
-            dz[i] = self._b[i] - self._stiffness * (d_x1[i - 1] + along * w_1[i - 1])
+        rest = np.multiply(along, w_1, out=dz[1:])
+        rest += d_x1
+        rest *= -self._stiffness
+        rest += self._b[1:]
         return dz
 
 

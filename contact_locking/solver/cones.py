@@ -9,6 +9,7 @@ the scaling: Nesterov and Todd (1997), doi:10.1287/moor.22.1.1.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -72,13 +73,19 @@ class Unit:
         size = np.sqrt(det(x))
         return cls(size, x / size)
 
+    @cached_property
+    def inverse(self) -> FloatArray:
+        """``x^-1 = J x/det x``."""
+        return reflect(self.direction) / self.size
+
     def longest_step(self, step: FloatArray) -> float:
         """The largest t with ``x + t step`` in every cone, inf if there is no limit."""
         if not step.shape[1]:
             return np.inf
         e = self.direction
         along = e[0] * step[0] - dot(e[1:], step[1:])
-        across = step[1:] - ((along + step[0]) / (e[0] + 1.0)) * e[1:]
+        across = ((along + step[0]) / (e[0] + 1.0)) * e[1:]
+        across -= step[1:]
         speed = np.max((norm(across) - along) / self.size)
         # NaN is no direction to go in.
         return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
@@ -130,6 +137,6 @@ class Scaling:
         along = 2.0 * (self.v[0] * y[0] - dot(self.v[1:], y[1:]))
         result = along * self.v
         result[0] -= y[0]
-        result[1:] = y[1:] - result[1:]
+        np.subtract(y[1:], result[1:], out=result[1:])
         result /= self.eta
         return result
