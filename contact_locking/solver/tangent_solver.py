@@ -34,8 +34,8 @@ _LOOSEST = 1e-2
 _ROUNDING = 1e-12
 # So many iterations with one tangent, by dimension and for each rank, may be taken instead of the
 # filter's factorisation: iterations get faster with more ranks, which it does not.  On the block of
-# the benchmarks in 3D one rank takes as long with 35 as with 150; two take 46 s with 35, 41 s with
-# 70, 34 s with 100, 27 s with 250 in all (n = 1e4).
+# the benchmarks in 3D (n = 1e4) one rank takes as long with 35 as with 150; two take 46, 41, 34 and
+# 27 s where together they may take 35, 70, 100 and 250.
 _PATIENCE = {2: 10, 3: 125}
 # Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
 # down on it: it is filtered again, so often at most.
@@ -50,7 +50,7 @@ _BREAKDOWNS = (
 class StiffPart(NamedTuple):
     """What of a matrix is stiff.
 
-    ``nodes`` are the nodes of it; ``assemble_rest`` gives another matrix of the same pattern the
+    ``nodes`` are its nodes; ``assemble_rest`` gives another matrix of the same pattern the
     values without that stiffness, and is collective.
     """
 
