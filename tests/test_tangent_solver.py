@@ -90,6 +90,7 @@ def test_filters_take_in_all_that_is_stiff(monkeypatch: pytest.MonkeyPatch) -> N
         refresh(self, stiff)
         if stiff is not None:
             assert self._filter is not None and self._filter.serves(stiff.nodes)
+            assert np.isin(stiff.nodes, self._filter._nodes).all()
             filtered += 1
 
     monkeypatch.setattr(FilteredMultigrid, "refresh", seen)

@@ -15,13 +15,13 @@ from petsc4py import PETSc
 
 from contact_locking import compiled, forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor
-from contact_locking.solver.filtered_multigrid import StiffNodes
+from contact_locking.solver.filtered_multigrid import StiffPart
 from contact_locking.solver.linear import is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.storage import IN_BLOCKS
 from contact_locking.solver.strain_operator import StrainOperator
-from contact_locking.solver.tangent_solver import StiffPart, TangentSolver
+from contact_locking.solver.tangent_solver import TangentSolver
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
@@ -126,11 +126,18 @@ class ConeSystem:
         self._assemble(self.matrix, *locking[:2])
 
         def split() -> StiffPart:
-            is_stiff, nodes = self._stiff(_STIFF, locking, contact, friction)
-            _, nearly = self._stiff(_NEARLY_STIFF, locking, contact, friction)
-            a, b = (np.where(is_stiff, 0.0, values) for values in locking[:2])
-            stiff = StiffNodes(nodes, nearly)
-            return StiffPart(stiff, lambda soft: self._assemble(soft, a, b))
+            stiffness = self._relative_stiffness(*locking)
+            a, b = (np.where(stiffness > _STIFF, 0.0, values) for values in locking[:2])
+
+            def nodes(factor: float) -> npt.NDArray[np.int32]:
+                of_cells = self._nodes_of(self._cell_numbers[stiffness > factor])
+                return np.union1d(of_cells, self._held_nodes(factor, contact, friction))
+
+            return StiffPart(
+                nodes(_STIFF),
+                lambda: nodes(_NEARLY_STIFF),
+                lambda soft: self._assemble(soft, a, b),
+            )
 
         self._linear.refresh(split)
         self._step.set(0.0)
@@ -258,23 +265,11 @@ class ConeSystem:
         petsc.assemble_matrix(matrix, self._tangent, bcs=self.system.conditions)
         matrix.assemble()
 
-    def _stiff(
-        self,
-        factor: float,
-        locking: tuple[FloatArray, FloatArray, FloatArray],
-        contact: FloatArray | None,
-        friction: tuple[FloatArray, FloatArray, FloatArray] | None,
-    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int32]]:
-        """Which cells are stiffer than the material, and than the softest, by this factor.
-
-        And the owned nodes of such cells, or held as stiffly on Gamma_C; collective.
-        """
-        a, b, w = locking
+    def _relative_stiffness(self, a: FloatArray, b: FloatArray, w: FloatArray) -> FloatArray:
+        """How much stiffer cells are than the material, and than the softest; collective."""
         stiffness = a + np.maximum(b, 0.0) * np.sum(w**2, axis=0)
         least = self.comm.allreduce(float(np.min(stiffness, initial=np.inf)), op=MPI.MIN)
-        is_stiff = np.asarray(stiffness > factor * max(self._stiffness, least))
-        nodes = self._nodes_of(self._cell_numbers[is_stiff])
-        return is_stiff, np.union1d(nodes, self._held_nodes(factor, contact, friction))
+        return np.asarray(stiffness / max(self._stiffness, least))
 
     def _held_nodes(
         self,

@@ -58,7 +58,7 @@ def divide(d: FloatArray, x: FloatArray) -> FloatArray:
 
 def inverse(x: FloatArray) -> FloatArray:
     """``x^-1 = J x/det x``, so that ``x o x^-1 = e``."""
-    return reflect(x) / det(x)
+    return Unit.of(x).inverse
 
 
 @dataclass(frozen=True)

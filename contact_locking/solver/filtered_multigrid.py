@@ -17,6 +17,7 @@ is much stiffer than others; the iterations grow like the square root of the con
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,11 +45,17 @@ _CHANGES: dict[str, Any] = {
 _WASTE = 1.2
 
 
-class StiffNodes(NamedTuple):
-    """Local numbers of owned nodes: what has to be filtered, and what may soon have to be, too."""
+class StiffPart(NamedTuple):
+    """What of a matrix is stiff.
+
+    ``nodes`` are the local numbers of its owned nodes; ``find_nearly`` finds them together with
+    those that may soon be stiff, too; ``assemble_rest`` gives another matrix of the same pattern
+    the values without the stiffness of ``nodes``.  Both are collective.
+    """
 
     nodes: npt.NDArray[np.int32]
-    nearly: npt.NDArray[np.int32]
+    find_nearly: Callable[[], npt.NDArray[np.int32]]
+    assemble_rest: Callable[[PETSc.Mat], None]
 
 
 class Filter:
@@ -66,7 +73,10 @@ class Filter:
         numbers = (nodes + first).astype(PETSc.IntType)
         self._rows = PETSc.IS().createBlock(size, numbers, comm=self._comm)
         self._unblocked = Unblocked()
-        self._right, self._left = self._values().createVecs()
+        self._right = PETSc.Vec().create(self._comm)
+        self._right.setSizes((len(self._unknowns), None))
+        self._right.setUp()
+        self._left = self._right.duplicate()
         options = direct_options(self._comm)
         self._ksp = create_ksp(self._comm, options, prefix=PREFIX + "filter_")
 
@@ -79,7 +89,10 @@ class Filter:
 
     def refresh(self) -> None:
         """Factorise the present values of the matrix; collective."""
-        self._ksp.setOperators(self._values())
+        # A matrix of several ranks in blocks refuses to take the same part into the same matrix.
+        block = self._matrix.createSubMatrix(self._rows, self._rows)
+        self._ksp.setOperators(self._unblocked.of(block))
+        block.destroy()
         self._ksp.setUp()
 
     def add(self, factor: float, r: PETSc.Vec, z: PETSc.Vec) -> None:
@@ -94,13 +107,6 @@ class Filter:
         self._unblocked.destroy()
         for item in (self._rows, self._right, self._left):
             item.destroy()
-
-    def _values(self) -> PETSc.Mat:
-        # A matrix of several ranks in blocks refuses to take the same part into the same matrix.
-        block = self._matrix.createSubMatrix(self._rows, self._rows)
-        entries = self._unblocked.of(block)
-        block.destroy()
-        return entries
 
 
 class FilteredMultigrid:
@@ -117,33 +123,26 @@ class FilteredMultigrid:
         self._begin()
         self._product = matrix.createVecLeft()
         self._soft: PETSc.Mat | None = None
+        # The last filter that was made, and the same if it takes part at present.
+        self._made: Filter | None = None
         self._filter: Filter | None = None
-        self._filters = False
 
     @property
     def filters(self) -> bool:
         """Whether the filter takes part at present."""
-        return self._filters
+        return self._filter is not None
 
-    @property
-    def soft(self) -> PETSc.Mat:
-        """A matrix for the values without the stiffness of what is filtered; collective."""
-        if self._soft is None:
-            self._soft = self._matrix.duplicate()
-            self._soft.setNearNullSpace(self._matrix.getNearNullSpace())
-        return self._soft
-
-    def can_filter(self, stiff: StiffNodes) -> bool:
+    def can_filter(self, stiff: StiffPart) -> bool:
         """Whether there are nodes to filter, and not more than the limit; collective."""
         return 0 < self._count(stiff.nodes) <= self._limit
 
-    def refresh(self, stiff: StiffNodes | None = None) -> None:
-        """Set up for the present values of the matrices; collective.
+    def refresh(self, stiff: StiffPart | None = None) -> None:
+        """Set up for the present values of the matrix; collective.
 
         Without ``stiff``, the multigrid is for the matrix to be solved with, and nothing is
         filtered.
         """
-        smoothed = self._matrix if stiff is None else self.soft
+        smoothed = self._matrix if stiff is None else self._without(stiff)
         # The residuals of its finest level stay those of the first matrix that it was given.
         if smoothed is not self._smoothed:
             self._end()
@@ -151,17 +150,11 @@ class FilteredMultigrid:
             self._begin()
         self._multigrid.setOperators(smoothed, self._unblocked.of(smoothed))
         self._multigrid.setUp()
-        self._filters = stiff is not None
-        if stiff is None:
-            return
-        if self._filter is None or not self._filter.serves(stiff.nodes):
-            self._forget()
-            self._filter = Filter(self._matrix, self._chosen(stiff))
-        self._filter.refresh()
+        self._filter = None if stiff is None else self._filter_of(stiff)
 
     def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""
-        if self._filters and self._filter is not None:
+        if self._filter is not None:
             self._matrix.mult(x, self._product)
             self._product.aypx(-1.0, right)
             self._filter.add(1.0, self._product, x)
@@ -169,7 +162,7 @@ class FilteredMultigrid:
     def apply(self, _: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` for a residual that vanishes where filtered."""
         self._multigrid.apply(r, z)
-        if self._filters and self._filter is not None:
+        if self._filter is not None:
             self._matrix.mult(z, self._product)
             self._filter.add(-1.0, self._product, z)
 
@@ -182,10 +175,27 @@ class FilteredMultigrid:
         self._unblocked.destroy()
         self._product.destroy()
 
-    def _chosen(self, stiff: StiffNodes) -> npt.NDArray[np.int32]:
+    def _without(self, stiff: StiffPart) -> PETSc.Mat:
+        """The matrix without the stiffness of what is filtered; collective."""
+        if self._soft is None:
+            self._soft = self._matrix.duplicate()
+            self._soft.setNearNullSpace(self._matrix.getNearNullSpace())
+        stiff.assemble_rest(self._soft)
+        return self._soft
+
+    def _filter_of(self, stiff: StiffPart) -> Filter:
+        """The filter that was made last, if it serves, or a new one; collective."""
+        if self._made is None or not self._made.serves(stiff.nodes):
+            self._forget()
+            self._made = Filter(self._matrix, self._chosen(stiff))
+        self._made.refresh()
+        return self._made
+
+    def _chosen(self, stiff: StiffPart) -> npt.NDArray[np.int32]:
         """What gets stiff soon is filtered from now on, if that is not too much; collective."""
-        count, nearly = self._count(stiff.nodes), self._count(stiff.nearly)
-        return stiff.nearly if nearly <= min(_WASTE * count, self._limit) else stiff.nodes
+        nearly = stiff.find_nearly()
+        most = min(_WASTE * self._count(stiff.nodes), self._limit)
+        return nearly if self._count(nearly) <= most else stiff.nodes
 
     def _count(self, nodes: npt.NDArray[np.int32]) -> int:
         """The unknowns of owned nodes; collective."""
@@ -204,6 +214,6 @@ class FilteredMultigrid:
         self._multigrid.destroy()
 
     def _forget(self) -> None:
-        if self._filter is not None:
-            self._filter.destroy()
-        self._filter = None
+        if self._made is not None:
+            self._made.destroy()
+        self._made = self._filter = None

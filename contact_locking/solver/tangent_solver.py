@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
-from contact_locking.solver.filtered_multigrid import FilteredMultigrid, StiffNodes
+from contact_locking.solver.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear import (
     FILTER_LIMIT,
     LINEAR_FAILURE,
@@ -47,17 +47,6 @@ _BREAKDOWNS = (
 )
 
 
-class StiffPart(NamedTuple):
-    """What of a matrix is stiff.
-
-    ``nodes`` are its nodes; ``assemble_rest`` gives another matrix of the same pattern the
-    values without that stiffness, and is collective.
-    """
-
-    nodes: StiffNodes
-    assemble_rest: Callable[[PETSc.Mat], None]
-
-
 class TangentSolver:
     """Solves with a matrix whose values change.
 
@@ -91,7 +80,7 @@ class TangentSolver:
             return
         self._ksp.setOperators(self._matrix)
         self._stiff = split()
-        self._can_filter = self._multigrid.can_filter(self._stiff.nodes)
+        self._can_filter = self._multigrid.can_filter(self._stiff)
         patience = _PATIENCE[self._dim] * self._matrix.getComm().size
         self._patience = min(patience, self._max_iterations)
         if self._filters and self._can_filter:
@@ -128,8 +117,7 @@ class TangentSolver:
         destroy_ksp(self._ksp)
 
     def _filter(self, multigrid: FilteredMultigrid) -> None:
-        self._stiff.assemble_rest(multigrid.soft)
-        multigrid.refresh(self._stiff.nodes)
+        multigrid.refresh(self._stiff)
         self._filters = True
 
     def _solve_by_cg(
