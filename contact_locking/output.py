@@ -6,6 +6,7 @@ import contextlib
 import csv
 import ctypes
 import errno
+import gc
 import json
 import math
 import os
@@ -224,7 +225,9 @@ def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
         return None
     except ContactLockingError as error:
         reason = str(error).splitlines()[0]
-    # Now that nothing of the error is left, ADIOS2 has closed its files, and the room is free.
+    # ADIOS2 closes its files, and the room gets free, when nothing of the error is left; frames may
+    # hold each other.
+    gc.collect()
     comm = solution.domain.comm
     _on_root(comm, target, lambda: shutil.rmtree(staging / checkpoints.NAME, ignore_errors=True))
     return reason
