@@ -1,4 +1,4 @@
-"""Which flags forms are compiled with, and that processors with one cache do not share code."""
+"""Which flags are compiled with, what is kept, and that processors with one cache share no code."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import cffi
 import pytest
+from mpi4py import MPI
 
 from contact_locking import compiled
 
@@ -58,3 +60,35 @@ def test_dolfinx_own_file_of_options_wins(tmp_path: Path, said: list[str] | None
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert printed.stdout.strip() == str(said is not None)
+
+
+DOUBLED = ("double doubled(double x);", "double doubled(double x) { return 2.0 * x; }")
+TRIPLED = ("double tripled(double x);", "double tripled(double x) { return 3.0 * x; }")
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    found = {"cache_dir": tmp_path / "fenics", "cffi_extra_compile_args": ["-O1"]}
+    monkeypatch.setattr("dolfinx.jit.get_options", lambda *_: found)
+    compiled._library.cache_clear()
+    return tmp_path / "fenics"
+
+
+def test_functions_of_c_are_compiled_once(cache: Path) -> None:
+    def doubled(x: float) -> float:
+        compiled._library.cache_clear()
+        return float(compiled.library("numbers", *DOUBLED, MPI.COMM_SELF)[0].doubled(x))
+
+    assert doubled(1.5) == 3.0
+    (kept,) = cache.iterdir()
+    when = kept.stat().st_mtime_ns
+    assert doubled(2.0) == 4.0
+    assert [path.stat().st_mtime_ns for path in cache.iterdir()] == [when]
+    assert compiled.library("numbers", *TRIPLED, MPI.COMM_SELF)[0].tripled(1.0) == 3.0
+    assert len(list(cache.iterdir())) == 2
+
+
+def test_functions_that_do_not_compile_leave_nothing_in_the_cache(cache: Path) -> None:
+    with pytest.raises(cffi.VerificationError):
+        compiled.library("numbers", DOUBLED[0], "double doubled(double x) {", MPI.COMM_SELF)
+    assert list(cache.iterdir()) == []

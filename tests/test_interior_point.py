@@ -8,72 +8,31 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from lorentz import inside, product, scaled, unit
 from mpi4py import MPI
 from problems import block, column
 
 from contact_locking import problem
 from contact_locking.parameters import Parameters
 from contact_locking.solution import OPEN
-from contact_locking.solver import cones
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
+from contact_locking.solver.cones import Lorentz, Scaling
 
 
-def _inside(random: np.random.Generator, count: int = 5, size: int = 4) -> npt.NDArray[np.float64]:
-    x = random.standard_normal((size, count))
-    x[0] = np.linalg.norm(x[1:], axis=0) + random.uniform(1e-6, 2.0, count)
-    return x
-
-
-@settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_the_scaling_maps_both_points_to_the_same_one(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    x, z = _inside(random), _inside(random)
-    scaling = cones.Scaling.of(x, z)
-    np.testing.assert_allclose(scaling.apply(z), scaling.point, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(scaling.apply_inverse(x), scaling.point, rtol=1e-6, atol=1e-9)
-    y = random.standard_normal(x.shape)
-    np.testing.assert_allclose(scaling.apply_inverse(scaling.apply(y)), y, rtol=1e-5, atol=1e-6)
-
-
-@settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_division_undoes_the_jordan_product_and_the_inverse_gives_the_unit(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    x, d = _inside(random), random.standard_normal((4, 5))
-    np.testing.assert_allclose(cones.product(x, cones.divide(d, x)), d, rtol=1e-6, atol=1e-8)
-    unit = cones.product(x, cones.inverse(x))
-    np.testing.assert_allclose(unit, np.eye(4)[:, [0] * 5], atol=1e-8)
-
-
-@settings(max_examples=50, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_the_longest_step_ends_on_the_boundary_of_a_cone(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    x, step = _inside(random), random.standard_normal((4, 5))
-    t = cones.Unit.of(x).longest_step(step)
-    if math.isinf(t):
-        assert np.all(cones.det(x + 1e6 * step) > 0.0)
-        return
-    end = x + t * step
-    slack = end[0] - np.linalg.norm(end[1:], axis=0)
-    assert slack.min() == pytest.approx(0.0, abs=1e-7 * (1.0 + np.abs(end).max()))
-
-
-def test_a_direction_that_is_no_number_allows_no_step() -> None:
-    x = np.array([[1.0], [0.0]])
-    assert cones.Unit.of(x).longest_step(np.full((2, 1), np.nan)) == 0.0
+@pytest.fixture(scope="module")
+def lorentz() -> Lorentz:
+    return Lorentz(MPI.COMM_SELF)
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.3])
-def test_eliminated_steps_satisfy_the_full_newton_system(compliance: float) -> None:
+def test_eliminated_steps_satisfy_the_full_newton_system(
+    lorentz: Lorentz, compliance: float
+) -> None:
     random = np.random.default_rng(3)
     eps = 0.3 * random.standard_normal((3, 6))
-    locking = LockingBlock(eps, np.full(6, 1.0), np.ones(6), compliance)
+    locking = LockingBlock(lorentz, eps, np.full(6, 1.0), np.ones(6), compliance)
     locking.x[0] += 0.3
-    locking.z = _inside(random, 6, 4)
+    locking.z = inside(random, 4, 6)
     a, b, w = locking.linearise(eps + 0.01)
     resting = locking.aim(0.2)
     d_eps = random.standard_normal((3, 6))
@@ -86,18 +45,19 @@ def test_eliminated_steps_satisfy_the_full_newton_system(compliance: float) -> N
     np.testing.assert_allclose((locking.x + dx)[0], limit, atol=1e-10)
     np.testing.assert_allclose((locking.x + dx)[1:], eps + 0.01 + d_eps, atol=1e-10)
     # ... and the linearised complementarity reaches its target.
-    scaling = cones.Scaling.of(locking.x, locking.z)
-    reached = cones.product(scaling.point, scaling.point) + cones.product(
-        scaling.point, scaling.apply_inverse(dx) + scaling.apply(dz)
-    )
-    np.testing.assert_allclose(reached, 0.2 * np.eye(4)[:, [0] * 6], atol=1e-8)
+    scaling = Scaling.of(lorentz, locking.x, locking.z)
+    moved = scaled(scaling, dx, -1) + scaled(scaling, dz, 1)
+    reached = product(scaling.point, scaling.point + moved)
+    np.testing.assert_allclose(reached, 0.2 * unit(4, 6), atol=1e-8)
 
 
 @pytest.mark.parametrize("epsilon", [0.0, 0.2])
-def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(epsilon: float) -> None:
+def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(
+    lorentz: Lorentz, epsilon: float
+) -> None:
     random = np.random.default_rng(5)
     slip = random.standard_normal((2, 4))
-    friction = FrictionBlock(slip, np.ones(4), epsilon, np.full(4, 2.0), 0.5)
+    friction = FrictionBlock(lorentz, slip, np.ones(4), epsilon, np.full(4, 2.0), 0.5)
     friction.z[1:] = 0.3 * random.standard_normal(friction.z[1:].shape)
     a, b, w = friction.linearise(slip)
     resting = friction.aim(0.1)

@@ -14,8 +14,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.solver import cones
-from contact_locking.solver.cones import Scaling, dot
+from contact_locking.solver.cones import Lorentz, Pair, Scaling, dot, norm
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -24,10 +23,8 @@ FloatArray = npt.NDArray[np.float64]
 _BAND = (0.1, 10.0)
 
 
-def _into_band(products: FloatArray, target: float) -> FloatArray:
-    """The change that takes products into the band around the target, limited from below."""
-    low, high = (factor * target for factor in _BAND)
-    return np.maximum(np.clip(products, low, high) - products, -high)
+def _band(target: float) -> tuple[float, float]:
+    return _BAND[0] * target, _BAND[1] * target
 
 
 class LorentzBlock:
@@ -36,50 +33,29 @@ class LorentzBlock:
     x: FloatArray
     z: FloatArray
     weights: FloatArray
+    _lorentz: Lorentz
     _scaling: Scaling
     _b: FloatArray
 
-    def products(self) -> FloatArray:
-        """``x . z`` of each pair."""
-        return dot(self.x, self.z)
+    def total(self, t: float = 0.0, step: Pair | None = None) -> float:
+        """The products ``x . z`` after a step of length t, weighted, in all."""
+        pair = self.x, self.z
+        return self._lorentz.total(self.weights, pair, t, step or pair)
 
     def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
         """The second-order term of a step, in scaled coordinates."""
-        return cones.product(self._scaling.apply_inverse(dx), self._scaling.apply(dz))
+        return self._scaling.correction(dx, dz)
 
     def recentring(self, t: float, dx: FloatArray, dz: FloatArray, target: float) -> FloatArray:
-        """What brings the scaled products after a step of length t back to ``target``, roughly.
-
-        Their eigenvalues ``v_0 +- |v_1|`` are clipped to a band around the target (Gondzio,
-        doi:10.1007/BF00249643); the difference is what a correction has to aim at beside it.
-        """
-        x, z = self.x + t * dx, self.z + t * dz
-        v = cones.product(self._scaling.apply_inverse(x), self._scaling.apply(z))
-        norm = cones.norm(v[1:])
-        low, high = _into_band(v[0] - norm, target), _into_band(v[0] + norm, target)
-        change = (0.5 * (high - low) / np.where(norm > 0.0, norm, 1.0)) * v
-        change[0] = 0.5 * (high + low)
-        return change
+        """What brings the scaled products after a step of length t back to ``target``, roughly."""
+        return self._scaling.recentring(t, dx, dz, _band(target))
 
     def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
-        return min(self._scaling.x.longest_step(dx), self._scaling.z.longest_step(dz))
+        return self._scaling.longest_step(dx, dz)
 
     def advance(self, t: float, dx: FloatArray, dz: FloatArray) -> None:
         self.x += t * dx
         self.z += t * dz
-
-    def _aim(self, target: float, correction: FloatArray | None) -> None:
-        """The b of ``dz = b - W^-2 dx`` that drives the scaled products to ``target e``.
-
-        ``lambda o (W^-1 dx + W dz) = target e - lambda o lambda - correction`` leads to it, where
-        ``W^-1 lambda = z`` and ``W^-1 lambda^-1 = x^-1``.
-        """
-        b = -self.z
-        if target > 0.0:
-            b += target * self._scaling.x.inverse
-        if correction is not None:
-            b -= self._scaling.apply_inverse(cones.divide(correction, self._scaling.point))
-        self._b = b
 
 
 class LockingBlock(LorentzBlock):
@@ -90,15 +66,21 @@ class LockingBlock(LorentzBlock):
     """
 
     def __init__(
-        self, strain: FloatArray, limit: FloatArray, weights: FloatArray, compliance: float
+        self,
+        lorentz: Lorentz,
+        strain: FloatArray,
+        limit: FloatArray,
+        weights: FloatArray,
+        compliance: float,
     ) -> None:
+        self._lorentz = lorentz
         self.limit, self.weights, self.compliance = limit, weights, compliance
-        self.x = np.vstack([np.maximum(limit, 1.5 * cones.norm(strain)), strain])
+        self.x = np.vstack([np.maximum(limit, 1.5 * norm(strain)), strain])
         self.z = np.zeros_like(self.x)
 
     def start(self, target: float) -> None:
         """Put the multiplier on the central path: ``x o z = target e``."""
-        self.z = target * cones.inverse(self.x)
+        self.z = target * self._lorentz.inverse(self.x)
 
     @property
     def stress(self) -> FloatArray:
@@ -112,41 +94,28 @@ class LockingBlock(LorentzBlock):
     def linearise(self, strain: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``D = a I + b w w^T``: a (k,), b (k,), w (m, k); remembers the primal residual."""
         self._gap = self.primal_residual(strain)
-        scaling = self._scaling = Scaling.of(self.x, self.z)
+        scaling = self._scaling = Scaling.of(self._lorentz, self.x, self.z)
         square, w_0, kappa = scaling.eta**2, scaling.w[0], self.compliance
-        self._stiffness = np.reciprocal(square)
-        self._h_00 = (2.0 * w_0**2 - 1.0) * self._stiffness
-        self._share = np.reciprocal(1.0 + kappa * self._h_00)
-        factor = 2.0 * (square - kappa) * self._stiffness**2 * self._share
-        return self._stiffness, factor, scaling.w[1:]
+        stiffness = np.reciprocal(square)
+        share = np.reciprocal(1.0 + kappa * (2.0 * w_0**2 - 1.0) * stiffness)
+        return stiffness, 2.0 * (square - kappa) * stiffness**2 * share, scaling.w[1:]
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         """The locking stress (m, k) that the step leads to if the displacement stands still."""
-        self._aim(target, correction)
-        return -self.z[1:] - self._multiplier_step(self._gap[1:])[1:]
+        self._b = self._scaling.aim(target, correction)
+        return -(self.z + self.step(None)[1])[1:]
 
-    def step(self, d_strain: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Primal and dual step for the strain's step (m, k)."""
-        dx = np.empty_like(self.x)
-        np.add(d_strain, self._gap[1:], out=dx[1:])
-        dz = self._multiplier_step(dx[1:])
-        dx[0] = self.compliance * dz[0] + self._gap[0]
+    def step(self, d_strain: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Primal and dual step for the strain's step (m, k), None for none.
+
+        ``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated.
+        """
+        dx, dz = np.empty_like(self.x), np.empty_like(self.x)
+        scaling, given = self._scaling, (self._b, self._gap, d_strain)
+        self._lorentz.call(
+            "locking_step", *dx.shape, self.compliance, scaling.eta, scaling.w, *given, dx, dz
+        )
         return dx, dz
-
-    def _multiplier_step(self, d_x1: FloatArray) -> FloatArray:
-        """``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated."""
-        w_0, w_1 = self._scaling.w[0], self._scaling.w[1:]
-        w_dx1 = dot(w_1, d_x1)
-        dz = np.empty_like(self.z)
-        dz[0] = self._b[0] - self._h_00 * self._gap[0] + 2.0 * self._stiffness * w_0 * w_dx1
-        dz[0] *= self._share
-        d_x0 = self.compliance * dz[0] + self._gap[0]
-        along = 2.0 * (w_dx1 - w_0 * d_x0)
-        rest = np.multiply(along, w_1, out=dz[1:])
-        rest += d_x1
-        rest *= -self._stiffness
-        rest += self._b[1:]
-        return dz
 
 
 class ContactBlock:
@@ -165,8 +134,9 @@ class ContactBlock:
     def start(self, target: float) -> None:
         self.z = target / self.x
 
-    def products(self) -> FloatArray:
-        return self.x * self.z
+    def total(self, t: float = 0.0, step: Pair | None = None) -> float:
+        dx, dz = step or (0.0, 0.0)
+        return float(self.weights @ ((self.x + t * dx) * (self.z + t * dz)))
 
     def primal_residual(self, opening: FloatArray) -> FloatArray:
         """``gap + eps p - u_nu - c``, where ``opening`` is ``gap - u_nu``."""
@@ -192,7 +162,9 @@ class ContactBlock:
         return dx * dz
 
     def recentring(self, t: float, dx: FloatArray, dz: FloatArray, target: float) -> FloatArray:
-        return _into_band((self.x + t * dx) * (self.z + t * dz), target)
+        low, high = _band(target)
+        products = (self.x + t * dx) * (self.z + t * dz)
+        return np.maximum(np.clip(products, low, high) - products, -high)
 
     def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
         speed = np.max([-dx / self.x, -dz / self.z], initial=0.0)
@@ -214,8 +186,15 @@ class FrictionBlock(LorentzBlock):
     """
 
     def __init__(
-        self, slip: FloatArray, weights: FloatArray, epsilon: float, bound: FloatArray, least: float
+        self,
+        lorentz: Lorentz,
+        slip: FloatArray,
+        weights: FloatArray,
+        epsilon: float,
+        bound: FloatArray,
+        least: float,
     ) -> None:
+        self._lorentz = lorentz
         self.weights, self.epsilon = weights, epsilon
         rest = self._fixed_rows(slip)
         self.x = np.vstack([np.sqrt(dot(rest, rest) + least**2), rest])
@@ -241,14 +220,14 @@ class FrictionBlock(LorentzBlock):
     def linearise(self, slip: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``D = a I - b w w^T``: a (k,), b (k,), w (d, k); remembers the primal residual."""
         self._gap = self._fixed_rows(slip) - self.x[1:]
-        scaling = self._scaling = Scaling.of(self.x, self.z)
+        scaling = self._scaling = Scaling.of(self._lorentz, self.x, self.z)
         square, w_0 = scaling.eta**2, scaling.w[0]
         factor = 2.0 * np.reciprocal((2.0 * w_0**2 - 1.0) * square)
         return np.reciprocal(square), factor, scaling.w[1 : 1 + self._dim]
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         """``-sigma_tau`` (d, k) that the step leads to if the displacement stands still."""
-        self._aim(target, correction)
+        self._b = self._scaling.aim(target, correction)
         dz = self._steps(self._gap)[1]
         return -(self.z + dz)[1 : 1 + self._dim]
 

@@ -107,8 +107,7 @@ class ConePoint:
 
     def total_product(self) -> float:
         """The duality gap: all complementarity products, integrated; collective."""
-        local = sum(float(block.weights @ block.products()) for block in self._blocks)
-        return float(self._cones.comm.allreduce(local))
+        return float(self._cones.comm.allreduce(sum(block.total() for block in self._blocks)))
 
     def mean_product(self) -> float:
         """The mean over all cones; collective."""
@@ -116,11 +115,8 @@ class ConePoint:
 
     def mean_product_after(self, t: float, direction: Direction) -> float:
         """The mean after a step of length t; collective."""
-        local = 0.0
-        for block, (dx, dz) in zip(self._blocks, direction[1], strict=True):
-            product = (block.x + t * dx) * (block.z + t * dz)
-            products = product if product.ndim == 1 else product.sum(axis=0)
-            local += float(block.weights @ products)
+        pairs = zip(self._blocks, direction[1], strict=True)
+        local = sum(block.total(t, step) for block, step in pairs)
         return float(self._cones.comm.allreduce(local)) / self._measure
 
     def primal_residual(self) -> float:

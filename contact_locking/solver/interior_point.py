@@ -24,7 +24,7 @@ from contact_locking.progress import Monitor
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
 from contact_locking.solver.cone_point import ConePoint, Direction
 from contact_locking.solver.cone_system import ConeSystem
-from contact_locking.solver.cones import norm
+from contact_locking.solver.cones import Lorentz, norm
 from contact_locking.solver.linear import LINEAR_FAILURE
 from contact_locking.solver.measures import Measures, mean
 from contact_locking.solver.multipliers import Multipliers
@@ -98,6 +98,7 @@ class InteriorPoint:
         self._bound_moves = bound_moves
         self._system, self._target = system, target
         self._settings, self._monitor = settings, monitor
+        self._lorentz = Lorentz(system.comm)
         self._cones = cones = ConeSystem(system, settings, target.stiffness)
         self._unstrained = np.zeros((len(MANDEL_PAIRS[cones.dim]), len(cones.limit)))
         self._point = ConePoint(cones, target.length, self._locking_block(self._unstrained))
@@ -188,11 +189,13 @@ class InteriorPoint:
         if bound.norm(bound.values) == 0.0:
             return None
         slips, values = cones.slips(self._system.u.x.array), bound.values[cones.active]
-        return FrictionBlock(slips, cones.node_weights, self._target.epsilon, values, least)
+        epsilon = self._target.epsilon
+        return FrictionBlock(self._lorentz, slips, cones.node_weights, epsilon, values, least)
 
     def _locking_block(self, strain: FloatArray) -> LockingBlock:
         cones = self._cones
-        return LockingBlock(strain, cones.limit, cones.volumes, 0.5 / self._target.n)
+        compliance = 0.5 / self._target.n
+        return LockingBlock(self._lorentz, strain, cones.limit, cones.volumes, compliance)
 
     def _iterate(self, report: SolverReport) -> None:
         point = self._point

@@ -1,0 +1,153 @@
+"""The compiled algebra of Lorentz cones, beside its definitions written out cone by cone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lorentz import inside, product, scaled, unit
+from mpi4py import MPI
+
+from contact_locking.solver.cones import Lorentz, Scaling
+
+FloatArray = npt.NDArray[np.float64]
+
+seeds = st.integers(0, 2**32 - 1)
+sizes = st.integers(2, 7)
+# Loops take 128 cones at a time.
+counts = st.sampled_from([0, 1, 5, 127, 128, 129, 300])
+
+
+@pytest.fixture(scope="module")
+def lorentz() -> Lorentz:
+    return Lorentz(MPI.COMM_SELF)
+
+
+def assert_close(a: FloatArray, b: FloatArray) -> None:
+    """To ten digits of the largest: W of a point near the boundary has a large condition."""
+    np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-10 * (1.0 + np.abs(b).max(initial=0.0)))
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, sizes, counts)
+def test_the_scaling_maps_both_points_to_the_same_one(
+    lorentz: Lorentz, seed: int, size: int, count: int
+) -> None:
+    random = np.random.default_rng(seed)
+    x, z = inside(random, size, count), inside(random, size, count)
+    scaling = Scaling.of(lorentz, x, z)
+    assert_close(scaled(scaling, z, 1), scaling.point)
+    assert_close(scaled(scaling, scaling.point, 1), x)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, sizes, counts)
+def test_the_inverse_gives_the_unit(lorentz: Lorentz, seed: int, size: int, count: int) -> None:
+    x = inside(np.random.default_rng(seed), size, count)
+    np.testing.assert_allclose(product(x, lorentz.inverse(x)), unit(size, count), atol=1e-8)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, sizes, counts, st.sampled_from([0.0, 0.7]), st.booleans())
+def test_what_is_aimed_at_is_reached(
+    lorentz: Lorentz, seed: int, size: int, count: int, target: float, corrects: bool
+) -> None:
+    random = np.random.default_rng(seed)
+    x, z = 0.5 + inside(random, size, count), 0.5 + inside(random, size, count)
+    x[0], z[0] = (1.0 + np.linalg.norm(p[1:], axis=0) for p in (x, z))
+    correction = random.standard_normal((size, count)) if corrects else None
+    scaling = Scaling.of(lorentz, x, z)
+    b = scaling.aim(target, correction)
+    # dz = b where dx = 0: lambda o W dz = target e - lambda o lambda - correction.
+    reached = product(scaling.point, scaling.point + scaled(scaling, b, 1))
+    wanted = target * unit(size, count) - (0.0 if correction is None else correction)
+    assert_close(reached, wanted)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, sizes, counts)
+def test_correction_and_total_are_those_of_the_step(
+    lorentz: Lorentz, seed: int, size: int, count: int
+) -> None:
+    random = np.random.default_rng(seed)
+    x, z = inside(random, size, count), inside(random, size, count)
+    dx, dz = random.standard_normal((2, size, count))
+    scaling = Scaling.of(lorentz, x, z)
+    expected = product(scaled(scaling, dx, -1), scaled(scaling, dz, 1))
+    assert_close(scaling.correction(dx, dz), expected)
+    weights = random.uniform(0.0, 1.0, count)
+    total = np.sum(weights * (x + 0.3 * dx) * (z + 0.3 * dz))
+    assert lorentz.total(weights, (x, z), 0.3, (dx, dz)) == pytest.approx(total, abs=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, sizes, counts)
+def test_recentring_clips_the_eigenvalues_of_the_products_into_the_band(
+    lorentz: Lorentz, seed: int, size: int, count: int
+) -> None:
+    random = np.random.default_rng(seed)
+    x, z = inside(random, size, count), inside(random, size, count)
+    dx, dz = random.standard_normal((2, size, count))
+    low, high = 0.3, 1.5
+    scaling = Scaling.of(lorentz, x, z)
+    v = product(scaled(scaling, x + 0.8 * dx, -1), scaled(scaling, z + 0.8 * dz, 1))
+    after = v + scaling.recentring(0.8, dx, dz, (low, high))
+    for sign in (-1.0, 1.0):
+        before = v[0] + sign * np.linalg.norm(v[1:], axis=0)
+        expected = np.maximum(np.clip(before, low, high), before - high)
+        # The direction of v stays, and with it the frame of the eigenvalues.
+        along = np.sum(after[1:] * v[1:], axis=0) / np.linalg.norm(v[1:], axis=0)
+        assert_close(after[0] + sign * along, expected)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seeds, sizes, counts)
+def test_the_longest_step_ends_on_the_boundary_of_a_cone(
+    lorentz: Lorentz, seed: int, size: int, count: int
+) -> None:
+    random = np.random.default_rng(seed)
+    points = inside(random, size, count), inside(random, size, count)
+    steps = random.standard_normal((2, size, count))
+    # As long as no cone is left, there is no limit.
+    steps[:, 0] += 3.0 * random.integers(0, 2)
+    t = Scaling.of(lorentz, *points).longest_step(*steps)
+
+    def slack(t: float) -> float:
+        ends = [point + t * step for point, step in zip(points, steps, strict=True)]
+        least = [np.min(y[0] - np.linalg.norm(y[1:], axis=0), initial=math.inf) for y in ends]
+        return float(min(least))
+
+    if math.isinf(t):
+        assert slack(1e6) > 0.0
+    else:
+        assert slack(t) == pytest.approx(0.0, abs=1e-7 * (1.0 + t * np.abs(steps).max()))
+        assert slack(0.99 * t) > 0.0
+
+
+@pytest.mark.parametrize("place", [0, 130, 199])
+def test_a_direction_that_is_no_number_allows_no_step(lorentz: Lorentz, place: int) -> None:
+    x = np.repeat([[1.0], [0.0]], 200, axis=1)
+    step = np.zeros((2, 200))
+    scaling = Scaling.of(lorentz, x, x.copy())
+    assert scaling.longest_step(step, step) == math.inf
+    broken = step.copy()
+    broken[1, place] = math.nan
+    assert scaling.longest_step(step, broken) == scaling.longest_step(broken, step) == 0.0
+
+
+def test_size_keeps_its_digits_near_the_boundary(lorentz: Lorentz) -> None:
+    x_0 = np.linspace(1.1, 1.9, 50)
+    x_1 = x_0 - 4.0 * np.spacing(x_0)
+    # Both factors are exact, as none of the squares would be.
+    exact = np.sqrt((x_0 - x_1) * (x_0 + x_1))
+    np.testing.assert_allclose(lorentz.size(np.array([x_0, x_1])), exact, rtol=1e-14)
+
+
+@pytest.mark.parametrize("bad", [np.zeros((3, 4)).T, np.zeros((3, 8))[:, ::2]])
+def test_arrays_that_are_not_contiguous_are_refused(lorentz: Lorentz, bad: FloatArray) -> None:
+    with pytest.raises(ValueError, match="contiguous"):
+        lorentz.size(bad)
