@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 from problems import block
 
 from contact_locking.assembly import assemble
@@ -13,6 +14,8 @@ from contact_locking.errors import NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.report import Settings, SolverReport
+from contact_locking.solver.strategy import solve
+from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
 TOLERANCE = 1e-9
@@ -87,3 +90,23 @@ def test_full_steps_that_lead_away_are_given_up(
         newton.solve(TOLERANCE, report)
     assert 0 < report.tangents <= 2
     assert (system.u.x.array == start).all()
+
+
+def test_the_last_steps_need_no_symbolic_factorisation_of_their_own(
+    system: PenalisedSystem,
+) -> None:
+    PETSc.Log.begin()
+    events = {name: PETSc.Log.Event(name) for name in ("MatCholFctrSym", "MatCholFctrNum")}
+
+    def counts() -> dict[str, int]:
+        return {name: event.getPerfInfo()["count"] for name, event in events.items()}
+
+    before = counts()
+    system.clear()
+    target = Target(10.0, 0.1, 1.0, 1.0)
+    report = solve("interior_point", system, target, Settings(), Monitor())
+    # Newton was the last to solve: the multipliers are those of the penalty laws.
+    assert report.converged and report.multipliers is None
+    assert system.relative_residual() <= Settings().tolerance
+    assert counts()["MatCholFctrSym"] - before["MatCholFctrSym"] == 1
+    assert counts()["MatCholFctrNum"] - before["MatCholFctrNum"] == report.tangents

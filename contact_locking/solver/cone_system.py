@@ -16,7 +16,7 @@ from petsc4py import PETSc
 from contact_locking import compiled, forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor
 from contact_locking.solver.filtered_multigrid import StiffPart
-from contact_locking.solver.linear import is_direct
+from contact_locking.solver.linear import DirectSolver, is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.storage import IN_BLOCKS
@@ -173,6 +173,11 @@ class ConeSystem:
         """Add ``t step`` (owned values) to the system's displacement; collective."""
         self.system.u.x.array[: self._owned] += t * step
         self.system.u.x.scatter_forward()
+
+    @property
+    def direct(self) -> DirectSolver | None:
+        """What factorises the tangents, for others, until this is destroyed."""
+        return self._linear.direct
 
     def take_iterations(self) -> int:
         """The Krylov iterations since the last call."""

@@ -14,7 +14,7 @@ from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.feasibility import judge
 from contact_locking.solver.friction import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint
-from contact_locking.solver.linear import is_direct
+from contact_locking.solver.linear import DirectSolver, is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.saved import SavedState
@@ -153,17 +153,17 @@ def interior_point(
             fixed_point(bound, solve, settings, report, monitor, least, evaluate)
         else:
             solve()
+        report.stages.append(_stage_of(target, report))
+        # Newton's last steps want a linear solver as sharp as they are.
+        if solver.direct is not None:
+            _polish(system, target, settings, report, monitor, _POLISH, solver.direct)
+        return _success(report)
     except NotConverged as failure:
         report.multipliers = report.multipliers or solver.multipliers()
         report.reason = str(failure)
     finally:
         solver.destroy()
     report.stages.append(_stage_of(target, report))
-    if not report.reason:
-        # Newton's last steps want a linear solver as sharp as they are.
-        if is_direct(settings.linear, system.dim, system.size):
-            _polish(system, target, settings, report, monitor, _POLISH)
-        return _success(report)
     if _polish(system, target, settings, report, monitor, _RESCUE, near=False):
         return _success(report)
     _explain(system, target, settings, report)
@@ -224,6 +224,7 @@ def _polish(
     report: SolverReport,
     monitor: Monitor,
     steps: int,
+    direct: DirectSolver | None = None,
     near: bool = True,
 ) -> bool:
     """Newton from the present state; where it fails, that stays.  Says whether it arrived."""
@@ -233,7 +234,7 @@ def _polish(
     kept = system.u.x.array.copy()
     bound_kept = None if system.bound is None else system.bound.values.copy()
     system.set_penalty(target.n, target.epsilon)
-    newton = NewtonSolver(system, settings, monitor, near)
+    newton = NewtonSolver(system, settings, monitor, near, direct)
     try:
         _settle(newton, system, target, settings, report, monitor)
         report.multipliers = None

@@ -12,6 +12,7 @@ from contact_locking.solver.filtered_multigrid import FilteredMultigrid, StiffPa
 from contact_locking.solver.linear import (
     FILTER_LIMIT,
     LINEAR_FAILURE,
+    DirectSolver,
     create_ksp,
     destroy_ksp,
     direct_options,
@@ -61,6 +62,7 @@ class TangentSolver:
         self._matrix, self._dim = matrix, dim
         defaults = direct_options(matrix.getComm()) if factorises else _ITERATIVE
         self._ksp = create_ksp(matrix.getComm(), defaults, settings.petsc)
+        self._factorises = factorises
         self._iterations = 0
         self._unblocked = Unblocked()
         self._multigrid: FilteredMultigrid | None = None
@@ -103,6 +105,12 @@ class TangentSolver:
         is_done = self._ksp.getConvergedReason() > 0
         if not (is_done or self._ksp.getResidualNorm() <= _LOOSEST * size):
             raise NotConverged(LINEAR_FAILURE)
+
+    @property
+    def direct(self) -> DirectSolver | None:
+        """What factorises, for other tangents, until this is destroyed."""
+        matrix = self._unblocked.latest
+        return DirectSolver(self._ksp, matrix) if self._factorises and matrix else None
 
     def take_iterations(self) -> int:
         """The Krylov iterations since the last call."""
