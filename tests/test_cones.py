@@ -151,3 +151,12 @@ def test_size_keeps_its_digits_near_the_boundary(lorentz: Lorentz) -> None:
 def test_arrays_that_are_not_contiguous_are_refused(lorentz: Lorentz, bad: FloatArray) -> None:
     with pytest.raises(ValueError, match="contiguous"):
         lorentz.size(bad)
+
+
+@pytest.mark.parametrize("bad", [np.zeros((3, 7)), np.zeros((3, 8), dtype=np.float32)])
+def test_arrays_that_c_would_read_beyond_are_refused(lorentz: Lorentz, bad: FloatArray) -> None:
+    x = np.repeat([[1.0], [0.0], [0.0]], 8, axis=1)
+    scaling = Scaling.of(lorentz, x, x.copy())
+    for steps in ((x, bad), (bad, x)):
+        with pytest.raises(ValueError, match="lorentz_product"):
+            scaling.correction(*steps)

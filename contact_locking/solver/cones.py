@@ -60,17 +60,23 @@ class Lorentz:
         """``sum weights (x + t dx) . (z + t dz)``."""
         return float(self.call("lorentz_total", *pair[0].shape, t, weights, *pair, *step))
 
-    def call(self, name: str, *arguments: FloatArray | float | None) -> Any:
-        """A function of cones.c; arrays are contiguous, None is NULL."""
-        given = (
-            self._ffi.from_buffer("double[]", value)
-            if isinstance(value, np.ndarray)
-            else self._ffi.NULL
-            if value is None
-            else value
-            for value in arguments
-        )
-        return getattr(self._library, name)(*given)
+    def call(self, name: str, rows: int, count: int, *arguments: FloatArray | float | None) -> Any:
+        """A function of cones.c for points (rows, count); None is NULL.
+
+        Raises ValueError for an array that is none of such points, since C would read beyond it.
+        """
+        sizes = {count, (rows - 1) * count, rows * count}
+
+        def given(value: FloatArray | float | None) -> Any:
+            if value is None:
+                return self._ffi.NULL
+            if not isinstance(value, np.ndarray):
+                return value
+            if value.dtype != np.float64 or value.size not in sizes:
+                raise ValueError(f"{name}: {value.dtype} {value.shape} for points {rows, count}")
+            return self._ffi.from_buffer("double[]", value)
+
+        return getattr(self._library, name)(rows, count, *map(given, arguments))
 
 
 @dataclass(frozen=True)
