@@ -41,7 +41,7 @@ def _library(name: str, header: str, source: str) -> tuple[Any, Any]:
     found = jit.get_options(options())
     arguments = [*found[_ARGUMENTS], *_FOR_LIBRARIES]
     cache = Path(found["cache_dir"])
-    made_of = "\n".join([header, source, *arguments, *importlib.machinery.EXTENSION_SUFFIXES])
+    made_of = "\n".join([header, source, *arguments])
     module = f"libcontact_locking_{name}_{hashlib.sha256(made_of.encode()).hexdigest()[:32]}"
     path = cache / (module + importlib.machinery.EXTENSION_SUFFIXES[0])
     if not path.exists():

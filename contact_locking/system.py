@@ -146,8 +146,11 @@ class PenalisedSystem:
         self.data.epsilon.value = epsilon
 
     def create_matrix(self) -> PETSc.Mat:
-        """A matrix with the tangent's sparsity."""
-        return petsc.create_matrix(self._tangent)
+        """A matrix with the tangent's sparsity and its near-nullspace; collective."""
+        matrix, near_nullspace = petsc.create_matrix(self._tangent), self.near_nullspace()
+        matrix.setNearNullSpace(near_nullspace)
+        near_nullspace.destroy()
+        return matrix
 
     def near_nullspace(self) -> PETSc.NullSpace:
         """The rigid body motions, orthonormalised, for algebraic multigrid; collective."""

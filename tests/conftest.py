@@ -12,6 +12,8 @@ import pytest
 from mpi4py import MPI
 from verification_table import Row, table_text
 
+from contact_locking.solver.cones import Lorentz
+
 RANK, SIZE = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
 
 # Ranks must draw the same examples and not judge them by their clocks; what decides whether a
@@ -44,6 +46,12 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 @pytest.fixture
 def comm() -> MPI.Intracomm:
     return MPI.COMM_WORLD
+
+
+@pytest.fixture(scope="session")
+def lorentz() -> Lorentz:
+    """The algebra of cones, which is compiled when first made."""
+    return Lorentz(MPI.COMM_SELF)
 
 
 @pytest.fixture(autouse=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -10,21 +11,28 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lorentz import inside, product, scaled, unit
-from mpi4py import MPI
 
 from contact_locking.solver.cones import Lorentz, Scaling
 
 FloatArray = npt.NDArray[np.float64]
 
-seeds = st.integers(0, 2**32 - 1)
-sizes = st.integers(2, 7)
-# Loops take 128 cones at a time.
-counts = st.sampled_from([0, 1, 5, 127, 128, 129, 300])
+
+class Case(NamedTuple):
+    """Points inside their cones, and any steps."""
+
+    x: FloatArray
+    z: FloatArray
+    dx: FloatArray
+    dz: FloatArray
 
 
-@pytest.fixture(scope="module")
-def lorentz() -> Lorentz:
-    return Lorentz(MPI.COMM_SELF)
+@st.composite
+def cases(draw: st.DrawFn) -> Case:
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    # Loops take 128 cones at a time.
+    shape = draw(st.integers(2, 7)), draw(st.sampled_from([0, 1, 5, 127, 128, 129, 300]))
+    steps = random.standard_normal((2, *shape))
+    return Case(inside(random, *shape), inside(random, *shape), *steps)
 
 
 def assert_close(a: FloatArray, b: FloatArray) -> None:
@@ -33,65 +41,54 @@ def assert_close(a: FloatArray, b: FloatArray) -> None:
 
 
 @settings(max_examples=30, deadline=None)
-@given(seeds, sizes, counts)
-def test_the_scaling_maps_both_points_to_the_same_one(
-    lorentz: Lorentz, seed: int, size: int, count: int
-) -> None:
-    random = np.random.default_rng(seed)
-    x, z = inside(random, size, count), inside(random, size, count)
-    scaling = Scaling.of(lorentz, x, z)
-    assert_close(scaled(scaling, z, 1), scaling.point)
-    assert_close(scaled(scaling, scaling.point, 1), x)
+@given(cases())
+def test_the_scaling_maps_both_points_to_the_same_one(lorentz: Lorentz, case: Case) -> None:
+    scaling = Scaling.of(lorentz, case.x, case.z)
+    assert_close(scaled(scaling, case.z, 1), scaling.point)
+    assert_close(scaled(scaling, scaling.point, 1), case.x)
 
 
 @settings(max_examples=30, deadline=None)
-@given(seeds, sizes, counts)
-def test_the_inverse_gives_the_unit(lorentz: Lorentz, seed: int, size: int, count: int) -> None:
-    x = inside(np.random.default_rng(seed), size, count)
-    np.testing.assert_allclose(product(x, lorentz.inverse(x)), unit(size, count), atol=1e-8)
+@given(cases())
+def test_the_inverse_gives_the_unit(lorentz: Lorentz, case: Case) -> None:
+    reached = product(case.x, lorentz.inverse(case.x))
+    np.testing.assert_allclose(reached, unit(*case.x.shape), atol=1e-8)
 
 
 @settings(max_examples=30, deadline=None)
-@given(seeds, sizes, counts, st.sampled_from([0.0, 0.7]), st.booleans())
+@given(cases(), st.sampled_from([0.0, 0.7]), st.booleans())
 def test_what_is_aimed_at_is_reached(
-    lorentz: Lorentz, seed: int, size: int, count: int, target: float, corrects: bool
+    lorentz: Lorentz, case: Case, target: float, corrects: bool
 ) -> None:
-    random = np.random.default_rng(seed)
-    x, z = 0.5 + inside(random, size, count), 0.5 + inside(random, size, count)
-    x[0], z[0] = (1.0 + np.linalg.norm(p[1:], axis=0) for p in (x, z))
-    correction = random.standard_normal((size, count)) if corrects else None
-    scaling = Scaling.of(lorentz, x, z)
+    for point in (case.x, case.z):
+        point[0] = 1.0 + np.linalg.norm(point[1:], axis=0)
+    correction = case.dx if corrects else None
+    scaling = Scaling.of(lorentz, case.x, case.z)
     b = scaling.aim(target, correction)
     # dz = b where dx = 0: lambda o W dz = target e - lambda o lambda - correction.
     reached = product(scaling.point, scaling.point + scaled(scaling, b, 1))
-    wanted = target * unit(size, count) - (0.0 if correction is None else correction)
+    wanted = target * unit(*case.x.shape) - (0.0 if correction is None else correction)
     assert_close(reached, wanted)
 
 
 @settings(max_examples=30, deadline=None)
-@given(seeds, sizes, counts)
-def test_correction_and_total_are_those_of_the_step(
-    lorentz: Lorentz, seed: int, size: int, count: int
-) -> None:
-    random = np.random.default_rng(seed)
-    x, z = inside(random, size, count), inside(random, size, count)
-    dx, dz = random.standard_normal((2, size, count))
+@given(cases())
+def test_correction_and_total_are_those_of_the_step(lorentz: Lorentz, case: Case) -> None:
+    x, z, dx, dz = case
     scaling = Scaling.of(lorentz, x, z)
     expected = product(scaled(scaling, dx, -1), scaled(scaling, dz, 1))
     assert_close(scaling.correction(dx, dz), expected)
-    weights = random.uniform(0.0, 1.0, count)
+    weights = np.abs(dx[0])
     total = np.sum(weights * (x + 0.3 * dx) * (z + 0.3 * dz))
     assert lorentz.total(weights, (x, z), 0.3, (dx, dz)) == pytest.approx(total, abs=1e-9)
 
 
 @settings(max_examples=30, deadline=None)
-@given(seeds, sizes, counts)
+@given(cases())
 def test_recentring_clips_the_eigenvalues_of_the_products_into_the_band(
-    lorentz: Lorentz, seed: int, size: int, count: int
+    lorentz: Lorentz, case: Case
 ) -> None:
-    random = np.random.default_rng(seed)
-    x, z = inside(random, size, count), inside(random, size, count)
-    dx, dz = random.standard_normal((2, size, count))
+    x, z, dx, dz = case
     low, high = 0.3, 1.5
     scaling = Scaling.of(lorentz, x, z)
     v = product(scaled(scaling, x + 0.8 * dx, -1), scaled(scaling, z + 0.8 * dz, 1))
@@ -105,15 +102,13 @@ def test_recentring_clips_the_eigenvalues_of_the_products_into_the_band(
 
 
 @settings(max_examples=50, deadline=None)
-@given(seeds, sizes, counts)
+@given(cases(), st.sampled_from([0.0, 3.0]))
 def test_the_longest_step_ends_on_the_boundary_of_a_cone(
-    lorentz: Lorentz, seed: int, size: int, count: int
+    lorentz: Lorentz, case: Case, inwards: float
 ) -> None:
-    random = np.random.default_rng(seed)
-    points = inside(random, size, count), inside(random, size, count)
-    steps = random.standard_normal((2, size, count))
+    points, steps = case[:2], np.array(case[2:])
     # As long as no cone is left, there is no limit.
-    steps[:, 0] += 3.0 * random.integers(0, 2)
+    steps[:, 0] += inwards
     t = Scaling.of(lorentz, *points).longest_step(*steps)
 
     def slack(t: float) -> float:

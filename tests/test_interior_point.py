@@ -19,11 +19,6 @@ from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBl
 from contact_locking.solver.cones import Lorentz, Scaling
 
 
-@pytest.fixture(scope="module")
-def lorentz() -> Lorentz:
-    return Lorentz(MPI.COMM_SELF)
-
-
 @pytest.mark.parametrize("compliance", [0.0, 0.3])
 def test_eliminated_steps_satisfy_the_full_newton_system(
     lorentz: Lorentz, compliance: float

@@ -103,7 +103,7 @@ class LockingBlock(LorentzBlock):
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         """The locking stress (m, k) that the step leads to if the displacement stands still."""
         self._b = self._scaling.aim(target, correction)
-        return -(self.z + self.step(None)[1])[1:]
+        return -(self.z[1:] + self.step(None)[1][1:])
 
     def step(self, d_strain: FloatArray | None) -> tuple[FloatArray, FloatArray]:
         """Primal and dual step for the strain's step (m, k), None for none.

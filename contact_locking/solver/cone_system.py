@@ -16,7 +16,7 @@ from petsc4py import PETSc
 from contact_locking import compiled, forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor
 from contact_locking.solver.filtered_multigrid import StiffPart
-from contact_locking.solver.linear import DirectSolver, is_direct
+from contact_locking.solver.linear import is_direct
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.storage import IN_BLOCKS
@@ -175,7 +175,7 @@ class ConeSystem:
         self.system.u.x.scatter_forward()
 
     @property
-    def direct(self) -> DirectSolver | None:
+    def direct(self) -> PETSc.KSP | None:
         """What factorises the tangents, for others, until this is destroyed."""
         return self._linear.direct
 

@@ -25,7 +25,7 @@ from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBl
 from contact_locking.solver.cone_point import ConePoint, Direction
 from contact_locking.solver.cone_system import ConeSystem
 from contact_locking.solver.cones import Lorentz, norm
-from contact_locking.solver.linear import LINEAR_FAILURE, DirectSolver
+from contact_locking.solver.linear import LINEAR_FAILURE
 from contact_locking.solver.measures import Measures, mean
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings, SolverReport
@@ -141,7 +141,7 @@ class InteriorPoint:
         return self.multipliers()
 
     @property
-    def direct(self) -> DirectSolver | None:
+    def direct(self) -> PETSc.KSP | None:
         """What factorised the tangents, for those of Newton's method, until this is destroyed."""
         return self._cones.direct
 

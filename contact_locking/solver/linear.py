@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -42,16 +42,6 @@ _BY_ROWS: dict[str, Any] = {"mg_levels_ksp_max_it": 2, "mg_levels_pc_type": "sor
 # several ranks refuse this way, and the option is for all matrices of a process.
 _PRODUCTS_ON_ONE_RANK: dict[str, Any] = {"matptap_via": "rap"}
 _ITERATIVE: dict[str, Any] = {"ksp_type": "cg", "ksp_rtol": 1e-4, "ksp_max_it": 2000}
-
-
-class DirectSolver(NamedTuple):
-    """A linear solver by factorisation, and the matrix it was set up with.
-
-    What is assembled into that matrix needs no ordering and no symbolic factorisation of its own.
-    """
-
-    ksp: PETSc.KSP
-    matrix: PETSc.Mat
 
 
 def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, Any]:

@@ -15,12 +15,7 @@ from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
 from contact_locking.progress import Monitor
-from contact_locking.solver.linear import (
-    LINEAR_FAILURE,
-    DirectSolver,
-    configure,
-    default_options,
-)
+from contact_locking.solver.linear import LINEAR_FAILURE, configure, default_options
 from contact_locking.solver.options import PREFIX
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.system import PenalisedSystem
@@ -115,7 +110,8 @@ class NewtonSolver:
     them right.  Where they do not, it gives up.  Where they do, the tangent at the end is good
     enough for the first step after a change of the friction bound.
 
-    A ``direct`` solver that another method leaves behind is used, and left to that.
+    A ``direct`` solver that another method leaves behind is used with its matrix, which has a
+    symbolic factorisation.
     """
 
     def __init__(
@@ -124,12 +120,11 @@ class NewtonSolver:
         settings: Settings,
         monitor: Monitor,
         near: bool = False,
-        direct: DirectSolver | None = None,
+        direct: PETSc.KSP | None = None,
     ) -> None:
         self._system, self._settings, self._monitor = system, settings, monitor
         self._near = near
-        self._owned: list[Any] = []
-        self._matrix = self._create_matrix() if direct is None else direct.matrix
+        self._matrix = system.create_matrix() if direct is None else direct.getOperators()[0]
         self._x, self._f = self._matrix.createVecRight(), self._matrix.createVecLeft()
         self._report = SolverReport()
         self._tolerance, self._last, self._least_steps = settings.tolerance, np.inf, 0
@@ -142,7 +137,7 @@ class NewtonSolver:
         self._step = CriticalPointStep(self._count, self._kept, near)
         snes.setPythonContext(self._step)
         if direct is not None:
-            snes.setKSP(direct.ksp)
+            snes.setKSP(direct)
         snes.ksp.setErrorIfNotConverged(True)
         defaults = default_options(settings.linear, system.dim, system.size, system.comm)
         # SNES's own divergence test takes the growth of the residual norm for divergence.
@@ -180,14 +175,8 @@ class NewtonSolver:
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._options.remove()
-        for item in (self._snes, *self._owned, self._x, self._f):
+        for item in (self._snes, self._matrix, self._x, self._f):
             item.destroy()
-
-    def _create_matrix(self) -> PETSc.Mat:
-        matrix, near_nullspace = self._system.create_matrix(), self._system.near_nullspace()
-        matrix.setNearNullSpace(near_nullspace)
-        self._owned = [matrix, near_nullspace]
-        return matrix
 
     def _kept(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         """The callback, with what it raises kept: PETSc passes on an error code only."""

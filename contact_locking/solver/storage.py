@@ -28,11 +28,6 @@ class Unblocked:
         self._copy.setOption(PETSc.Mat.Option.SPD, True)
         return self._copy
 
-    @property
-    def latest(self) -> PETSc.Mat | None:
-        """What `of` returned, if it was ever asked."""
-        return self._copy
-
     def destroy(self) -> None:
         """Free the matrix; collective."""
         if self._copy is not None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import numpy.typing as npt
+from petsc4py import PETSc
 
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.progress import Monitor
@@ -14,12 +15,12 @@ from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.feasibility import judge
 from contact_locking.solver.friction import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint
-from contact_locking.solver.linear import DirectSolver, is_direct
+from contact_locking.solver.linear import is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.saved import SavedState
 from contact_locking.solver.target import Target
-from contact_locking.system import PenalisedSystem
+from contact_locking.system import FrictionBound, PenalisedSystem
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2
@@ -133,41 +134,52 @@ def interior_point(
         return _success(report)
     bound = system.bound
     nested = settings.nested and bound is not None and not bound.frictionless
-    start = system.u.x.array.copy()
     solver = InteriorPoint(system, target, settings, monitor, bound_moves=not nested)
+    try:
+        _solve_by(solver, bound if nested else None, system, target, settings, report, monitor)
+        report.stages.append(_stage_of(target, report))
+        if not report.reason:
+            # Newton's last steps want a linear solver as sharp as they are.
+            if solver.direct is not None:
+                _polish(system, target, settings, report, monitor, _POLISH, solver.direct)
+            return _success(report)
+    finally:
+        solver.destroy()
+    if _polish(system, target, settings, report, monitor, _RESCUE, near=False):
+        return _success(report)
+    _explain(system, target, settings, report)
+    return report
+
+
+def _solve_by(
+    solver: InteriorPoint,
+    nested: FrictionBound | None,
+    system: PenalisedSystem,
+    target: Target,
+    settings: Settings,
+    report: SolverReport,
+    monitor: Monitor,
+) -> None:
+    """Once, or for each value of a ``nested`` bound; why it failed is left in the report."""
+    start = system.u.x.array.copy()
 
     def solve() -> None:
         system.u.x.array[:] = start
         report.multipliers = solver.solve(report)
 
     def evaluate() -> npt.NDArray[np.float64]:
-        assert bound is not None and report.multipliers is not None
-        return bound.evaluate(report.multipliers.pressure)
+        assert nested is not None and report.multipliers is not None
+        return nested.evaluate(report.multipliers.pressure)
 
     try:
-        if nested:
-            assert bound is not None
-            solve()
-            bound.values = evaluate()
+        solve()
+        if nested is not None:
+            nested.values = evaluate()
             least = _least_bound(system, target)
-            fixed_point(bound, solve, settings, report, monitor, least, evaluate)
-        else:
-            solve()
-        report.stages.append(_stage_of(target, report))
-        # Newton's last steps want a linear solver as sharp as they are.
-        if solver.direct is not None:
-            _polish(system, target, settings, report, monitor, _POLISH, solver.direct)
-        return _success(report)
+            fixed_point(nested, solve, settings, report, monitor, least, evaluate)
     except NotConverged as failure:
         report.multipliers = report.multipliers or solver.multipliers()
         report.reason = str(failure)
-    finally:
-        solver.destroy()
-    report.stages.append(_stage_of(target, report))
-    if _polish(system, target, settings, report, monitor, _RESCUE, near=False):
-        return _success(report)
-    _explain(system, target, settings, report)
-    return report
 
 
 def _newton_from(
@@ -224,7 +236,7 @@ def _polish(
     report: SolverReport,
     monitor: Monitor,
     steps: int,
-    direct: DirectSolver | None = None,
+    direct: PETSc.KSP | None = None,
     near: bool = True,
 ) -> bool:
     """Newton from the present state; where it fails, that stays.  Says whether it arrived."""

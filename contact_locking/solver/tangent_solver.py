@@ -12,7 +12,6 @@ from contact_locking.solver.filtered_multigrid import FilteredMultigrid, StiffPa
 from contact_locking.solver.linear import (
     FILTER_LIMIT,
     LINEAR_FAILURE,
-    DirectSolver,
     create_ksp,
     destroy_ksp,
     direct_options,
@@ -107,10 +106,12 @@ class TangentSolver:
             raise NotConverged(LINEAR_FAILURE)
 
     @property
-    def direct(self) -> DirectSolver | None:
-        """What factorises, for other tangents, until this is destroyed."""
-        matrix = self._unblocked.latest
-        return DirectSolver(self._ksp, matrix) if self._factorises and matrix else None
+    def direct(self) -> PETSc.KSP | None:
+        """What factorises, if anything, until this is destroyed.
+
+        Other tangents that are assembled into its matrix need no symbolic factorisation.
+        """
+        return self._ksp if self._factorises else None
 
     def take_iterations(self) -> int:
         """The Krylov iterations since the last call."""
