@@ -9,9 +9,10 @@ import functools
 import hashlib
 import importlib.machinery
 import importlib.util
+import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cffi
 from dolfinx import fem, jit
@@ -22,26 +23,56 @@ _ARGUMENTS = "cffi_extra_compile_args"
 _FOR_LIBRARIES = ("-std=c17", "-fno-math-errno")
 
 
+class Installed(NamedTuple):
+    """A library of C that has been found: its name, where it is installed, and its header."""
+
+    name: str
+    prefix: Path
+    header: Path
+
+
 def form(integrals: Any) -> fem.Form:
     """A UFL form, compiled."""
     return fem.form(integrals, jit_options=options())
 
 
-def library(name: str, header: str, source: str, comm: MPI.Intracomm) -> tuple[Any, Any]:
+def library(
+    name: str,
+    header: str,
+    source: str,
+    comm: MPI.Intracomm,
+    uses: Installed | None = None,
+) -> tuple[Any, Any]:
     """Functions of C, as CFFI's ``lib``, and its ``ffi``; collective.
 
     ``header`` declares them.  They are kept in the cache of the forms, under a name that depends on
     all that they are made of, and compiled with the same options.
     """
-    return jit.mpi_jit_decorator(_library)(comm, name, header, source)
+    return jit.mpi_jit_decorator(_library)(comm, name, header, source, uses)
+
+
+def installed(name: str, header: str) -> Installed | None:
+    """The library whose header stands at ``include/header``, if there is one."""
+    for prefix in dict.fromkeys(map(Path, (sys.prefix, sys.base_prefix, "/usr"))):
+        path = prefix / "include" / header
+        if path.is_file():
+            return Installed(name, prefix, path)
+    return None
 
 
 @functools.cache
-def _library(name: str, header: str, source: str) -> tuple[Any, Any]:
+def _library(name: str, header: str, source: str, uses: Installed | None) -> tuple[Any, Any]:
     found = jit.get_options(options())
     arguments = [*found[_ARGUMENTS], *_FOR_LIBRARIES]
     cache = Path(found["cache_dir"])
+    linked: dict[str, Any] = {}
     made_of = "\n".join([header, source, *arguments])
+    if uses is not None:
+        linked["libraries"] = [uses.name]
+        linked["include_dirs"] = [str(uses.prefix / "include")]
+        linked["library_dirs"] = [str(uses.prefix / "lib")]
+        # Another version may lay out its data in another way.
+        made_of += f"{linked}\n{uses.header.read_text(encoding='utf-8')}"
     module = f"libcontact_locking_{name}_{hashlib.sha256(made_of.encode()).hexdigest()[:32]}"
     path = cache / (module + importlib.machinery.EXTENSION_SUFFIXES[0])
     if not path.exists():
@@ -50,7 +81,7 @@ def _library(name: str, header: str, source: str) -> tuple[Any, Any]:
         with tempfile.TemporaryDirectory(prefix=module, dir=cache) as folder:
             builder = cffi.FFI()
             builder.cdef(header)
-            builder.set_source(module, header + source, extra_compile_args=arguments)
+            builder.set_source(module, header + source, extra_compile_args=arguments, **linked)
             Path(builder.compile(tmpdir=folder)).replace(path)
     spec = importlib.util.spec_from_file_location(module, path)
     assert spec is not None and spec.loader is not None

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 from contact_locking import _compat
 from contact_locking.solver.options import PREFIX, InsertedOptions
+from contact_locking.solver.substructuring import SPARE_MEMORY, Substructuring
 
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
 
@@ -27,7 +28,14 @@ DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
 # analysis.
 _SERIAL_PACKAGE, _PARALLEL_PACKAGE = "cholmod", "mumps"
 # How MUMPS shares its work among ranks depends on their timing: it needs more than it foresees.
-_SPARE_MEMORY = {"mat_mumps_icntl_14": 80}
+_BY_MUMPS: dict[str, Any] = {
+    **DIRECT,
+    "pc_factor_mat_solver_type": _PARALLEL_PACKAGE,
+    "mat_mumps_icntl_14": SPARE_MEMORY,
+}
+# On several ranks each has CHOLMOD factorise its part, unless the user says anything of packages.
+_IN_PIECES: dict[str, Any] = {**DIRECT, "pc_type": "python"}
+_OF_PACKAGES = ("pc_factor_", "mat_")
 _MULTIGRID: dict[str, Any] = {
     "pc_type": "gamg",
     # Dropping weak couplings saves no iterations and doubles the set-up.
@@ -68,7 +76,7 @@ def direct_options(comm: Any) -> dict[str, Any]:
     """A Cholesky factorisation by the package that suits the communicator (of mpi4py or PETSc)."""
     if comm.size == 1 and PETSc.Sys.hasExternalPackage(_SERIAL_PACKAGE):
         return {**DIRECT, "pc_factor_mat_solver_type": _SERIAL_PACKAGE}
-    return {**DIRECT, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE, **_SPARE_MEMORY}
+    return dict(_BY_MUMPS if comm.size == 1 else _IN_PIECES)
 
 
 def create_ksp(
@@ -103,14 +111,23 @@ def configure(
 ) -> InsertedOptions:
     """Let PETSc's objects take their options, to be removed after their last solve; collective."""
     bare = _PRODUCTS_ON_ONE_RANK if PETSc.COMM_WORLD.size == 1 else {}
-    options = InsertedOptions(_fitting(defaults, overrides, prefix), overrides, prefix, bare)
+    fitting = _fitting(defaults, overrides, prefix)
+    options = InsertedOptions(fitting, overrides, prefix, bare)
     try:
         for solver in solvers:
             solver.setFromOptions()
+            if fitting.items() >= _IN_PIECES.items() and isinstance(solver, PETSc.KSP):
+                _complete(solver.getPC())
     except PETSc.Error:
         options.remove()
         raise
     return options
+
+
+def _complete(pc: PETSc.PC) -> None:
+    """What is of type python needs a context, unless it has one from before."""
+    if pc.getType() == PETSc.PC.Type.PYTHON and pc.getPythonContext() is None:
+        pc.setPythonContext(Substructuring())
 
 
 def preconditioner(
@@ -128,11 +145,15 @@ def preconditioner(
 def _fitting(
     defaults: Mapping[str, Any], overrides: Mapping[str, Any] | None, prefix: str
 ) -> dict[str, Any]:
-    """The defaults, without CHOLMOD if the user wants another preconditioner.
+    """The defaults, with the package that suits what the user wants.
 
-    CHOLMOD has nothing but Cholesky's factorisation.
+    CHOLMOD has nothing but Cholesky's factorisation, and pieces take no options.
     """
     is_other = preconditioner(defaults, overrides, prefix) != defaults.get("pc_type")
     if is_other and defaults.get("pc_factor_mat_solver_type") == _SERIAL_PACKAGE:
         return {**defaults, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE}
+    names = {**PETSc.Options(prefix).getAll(), **(overrides or {})}
+    is_of_package = any(name.startswith(_OF_PACKAGES) for name in names)
+    if defaults.items() >= _IN_PIECES.items() and (is_other or is_of_package):
+        return {**defaults, **_BY_MUMPS}
     return dict(defaults)

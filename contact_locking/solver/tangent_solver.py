@@ -66,7 +66,8 @@ class TangentSolver:
         self._unblocked = Unblocked()
         self._multigrid: FilteredMultigrid | None = None
         # Its own multigrid, if the user has not replaced it, can do with blocks.
-        if preconditioner(defaults, settings.petsc) == PETSc.PC.Type.PYTHON:
+        is_replaced = preconditioner(defaults, settings.petsc) != PETSc.PC.Type.PYTHON
+        if not (factorises or is_replaced):
             self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim])
             self._ksp.getPC().setPythonContext(self._multigrid)
             self._ksp.setErrorIfNotConverged(False)

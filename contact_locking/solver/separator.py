@@ -1,0 +1,82 @@
+"""Nodes without which the graph of a matrix falls into one part for each rank."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from contact_locking.solver.options import PREFIX, InsertedOptions
+
+IntArray = npt.NDArray[np.int32]
+
+_PREFIX = PREFIX + "separator_"
+
+
+class Separator:
+    """Its unknowns ``shared``, in ascending order, the same on every rank.
+
+    ``interior`` are the unknowns of this rank's part without them; ``mine`` are the positions in
+    ``shared`` of those that count to it.  No entry of the matrix is between two interiors.
+    ``divides`` tells whether every rank has a part.
+    Collective to make.
+    """
+
+    def __init__(self, matrix: PETSc.Mat) -> None:
+        comm, size = matrix.getComm().tompi4py(), matrix.getBlockSize()
+        counts, neighbours = (np.concatenate(comm.allgather(a)) for a in _graph(matrix))
+        # Scotch takes longer on several ranks, and has another result on each.
+        parts = comm.bcast(_partition(counts, neighbours, comm.size) if comm.rank == 0 else None)
+        nodes = np.repeat(np.arange(len(counts)), counts)
+        ends = parts[nodes], parts[neighbours]
+        # One side of every cut edge is enough: that of the lower part, or that of the higher.
+        sides = (np.unique(nodes[cut]) for cut in (ends[0] < ends[1], ends[0] > ends[1]))
+        separates = np.zeros(len(counts), dtype=bool)
+        separates[min(sides, key=len)] = True
+        # PETSc may have nothing that partitions.
+        self.divides = len(np.unique(parts)) == comm.size
+        is_mine = parts == comm.rank
+        self.shared = _unknowns(separates, size)
+        self.interior = _unknowns(is_mine & ~separates, size)
+        self.mine = np.flatnonzero(np.repeat(is_mine[separates], size)).astype(np.int32)
+
+
+def _unknowns(chosen: npt.NDArray[np.bool_], size: int) -> IntArray:
+    nodes = np.flatnonzero(chosen)[:, None]
+    return (nodes * size + np.arange(size)).reshape(-1).astype(np.int32)
+
+
+def _graph(matrix: PETSc.Mat) -> tuple[IntArray, IntArray]:
+    """How many neighbours each owned node has, and their global numbers, node by node.
+
+    Every node has all the entries of its block, so that its first row tells its neighbours.
+    """
+    size = matrix.getBlockSize()
+    starts, columns, _ = matrix.getValuesCSR()
+    is_first = np.arange(len(starts) - 1) % size == 0
+    lengths = np.diff(starts)
+    kept = np.repeat(is_first, lengths) & (columns % size == 0)
+    return lengths[is_first] // size, columns[kept] // size
+
+
+def _partition(counts: IntArray, neighbours: IntArray, parts: int) -> IntArray:
+    """The part of each node, all of about one size, with few edges between them."""
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(PETSc.IntType)
+    edges = PETSc.Mat().createAIJ(
+        (len(counts), len(counts)),
+        csr=(starts, neighbours.astype(PETSc.IntType), np.ones(len(neighbours))),
+        comm=PETSc.COMM_SELF,
+    )
+    graph = edges.convert("mpiadj", PETSc.Mat())
+    partitioning = PETSc.MatPartitioning().create(PETSc.COMM_SELF)
+    partitioning.setOptionsPrefix(_PREFIX)
+    partitioning.setAdjacency(graph)
+    options = InsertedOptions({"mat_partitioning_nparts": parts}, prefix=_PREFIX)
+    partitioning.setFromOptions()
+    result = PETSc.IS()
+    partitioning.apply(result)
+    options.remove()
+    found = result.getIndices().astype(np.int32)
+    for item in (result, partitioning, graph, edges):
+        item.destroy()
+    return found

@@ -1,0 +1,89 @@
+"""One substructure: an interior that CHOLMOD eliminates, and a corner that others share."""
+
+from __future__ import annotations
+
+import functools
+from importlib import resources
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.linalg import blas, lapack
+
+from contact_locking import compiled
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+
+class Substructure:
+    """``P A P^T = L L^T`` with the interior first; collective to make.
+
+    The corner of L is kept with its rows and columns in reverse order, as an upper triangle U.
+    ``order`` are the interior's numbers in the order of elimination, then those of the corner.
+    """
+
+    def __init__(
+        self, matrix: PETSc.Mat, interior: IntArray, corner: IntArray, comm: MPI.Intracomm
+    ) -> None:
+        self._library, self._ffi = _library(comm)
+        starts, columns, _ = matrix.getValuesCSR()
+        self.order = np.concatenate([interior, corner]).astype(np.int32)
+        # CHOLMOD keeps no copy of the pattern.
+        self._pattern = [self._ints(starts), self._ints(columns)]
+        sizes = len(self.order), *self._pattern, len(interior)
+        made = self._library.substructure_new(*sizes, self._ints(self.order))
+        if not made:
+            raise MemoryError("no memory for a factorisation")
+        self._made = self._ffi.gc(made, self._library.substructure_free)
+        self._corner = np.empty((len(corner), len(corner)), order="F")
+        self._vector = np.empty(len(self.order))
+        self._inside = self._vector[: len(interior)]
+        self._reversed = self._vector[len(interior) :][::-1]
+
+    def factorise(self, values: FloatArray) -> bool:
+        """Whether a matrix with these values is positive definite, and L exists."""
+        corner = self._ffi.from_buffer("double[]", self._corner.reshape(-1, order="F"))
+        return not self._library.substructure_factorise(self._made, self._doubles(values), corner)
+
+    def complement(self) -> FloatArray:
+        """``U U^T``, its upper triangle: the Schur complement of the interior."""
+        product, _ = lapack.dlauum(self._corner)
+        return np.asarray(product)
+
+    def forward(self, interior: FloatArray) -> FloatArray:
+        """``-A_GI A_I^-1 b`` for a right-hand side b inside; to be followed by ``backward``."""
+        self._vector[:] = 0.0
+        self._inside[:] = interior
+        self._library.substructure_forward(self._made, self._doubles(self._vector))
+        return np.asarray(blas.dtrmv(self._corner, self._reversed))
+
+    def backward(self, corner: FloatArray) -> FloatArray:
+        """The solution inside for the solution in the corner."""
+        self._reversed[:] = blas.dtrmv(self._corner, corner, trans=1)
+        self._library.substructure_backward(self._made, self._doubles(self._vector))
+        return self._inside
+
+    def _ints(self, array: npt.NDArray[Any]) -> Any:
+        return self._ffi.from_buffer("int[]", np.ascontiguousarray(array, dtype=np.int32))
+
+    def _doubles(self, array: FloatArray) -> Any:
+        return self._ffi.from_buffer("double[]", array)
+
+
+def can_compile(comm: MPI.Intracomm) -> bool:
+    """Whether all ranks have CHOLMOD and its header; collective."""
+    return bool(comm.allreduce(_cholmod() is not None, op=MPI.LAND))
+
+
+@functools.cache
+def _cholmod() -> compiled.Installed | None:
+    return compiled.installed("cholmod", "suitesparse/cholmod.h")
+
+
+def _library(comm: MPI.Intracomm) -> tuple[Any, Any]:
+    folder = resources.files(__package__)
+    header, source = (folder.joinpath(f"substructure.{kind}").read_text("utf-8") for kind in "hc")
+    return compiled.library("substructure", header, source, comm, _cholmod())

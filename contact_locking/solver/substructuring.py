@@ -1,0 +1,204 @@
+"""A direct solver on several ranks: each factorises its part, and a dense matrix joins them.
+
+With the interiors of the parts, ``A_r``, and the separator G between them, a matrix is
+
+    [ A_1        A_1G ]
+    [       A_2  A_2G ]      S = A_GG - sum_r A_Gr A_r^-1 A_rG.
+    [ A_G1  A_G2 A_GG ]
+
+Rank r has CHOLMOD factorise ``A_r`` together with ``A_GG``.  The corner of that factor is
+``L_r L_r^T = A_GG - A_Gr A_r^-1 A_rG``, so that the Schur complement S takes no solves; it is
+factorised as a dense matrix, on every rank.  This is one step of nested dissection (George,
+doi:10.1137/0710032), for few ranks, as the separator has to be small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.linalg import blas, lapack
+
+from contact_locking.solver.separator import Separator
+from contact_locking.solver.substructure import Substructure, can_compile
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+# A dense matrix on every rank: no more unknowns than these, and no larger share of all.
+_LARGEST, _LARGEST_SHARE = 5000, 1.0 / 16.0
+# How MUMPS shares its work among ranks depends on their timing: by so many per cent it may need
+# more memory than it foresees.
+SPARE_MEMORY = 80
+# PETSc's number of the error that a matrix is not positive definite.
+_NOT_DEFINITE = 71
+
+
+class Substructuring:
+    """The context of a PETSc preconditioner of type python that solves with its matrix.
+
+    MUMPS takes over where the separator is too large, and where there is nothing to compile with.
+    """
+
+    def __init__(self) -> None:
+        self._handle: int | None = None
+        self._solver: Pieces | PETSc.PC | None = None
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether each rank factorises a part of its own."""
+        return isinstance(self._solver, Pieces)
+
+    def setUp(self, pc: PETSc.PC) -> None:  # noqa: N802
+        """Factorise the present values of the matrix; collective."""
+        matrix = pc.getOperators()[1]
+        if matrix.handle != self._handle:
+            self.destroy()
+            self._solver, self._handle = _analysed(pc, matrix), matrix.handle
+        assert self._solver is not None
+        if not self.in_pieces:
+            self._solver.setOperators(matrix)
+        self._solver.setUp()
+
+    def apply(self, _: PETSc.PC, right: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """``A^-1 b``; collective."""
+        assert self._solver is not None
+        self._solver.apply(right, solution)
+
+    def destroy(self, _: PETSc.PC | None = None) -> None:
+        """Free what it keeps; collective."""
+        if self._solver is not None:
+            self._solver.destroy()
+        self._solver = self._handle = None
+
+
+def _analysed(pc: PETSc.PC, matrix: PETSc.Mat) -> Pieces | PETSc.PC:
+    comm = matrix.getComm().tompi4py()
+    if comm.size > 1 and can_compile(comm):
+        separator = Separator(matrix)
+        limit = min(_LARGEST, _LARGEST_SHARE * matrix.getSize()[0])
+        if separator.divides and len(separator.shared) <= limit:
+            return Pieces(matrix, separator)
+    whole = PETSc.PC().create(matrix.getComm())
+    whole.setOptionsPrefix(pc.getOptionsPrefix())
+    whole.setType(PETSc.PC.Type.CHOLESKY)
+    whole.setFactorSolverType("mumps")
+    whole.setOperators(matrix)
+    whole.setFactorSetUpSolverType()
+    whole.getFactorMatrix().setMumpsIcntl(14, SPARE_MEMORY)
+    return whole
+
+
+class Pieces:
+    """The substructures of one matrix, one for each rank; collective.
+
+    Corners have their unknowns in reverse order, in which their factors are upper triangular, and
+    so has the separator.
+    """
+
+    def __init__(self, matrix: PETSc.Mat, separator: Separator) -> None:
+        self._matrix, self._comm = matrix, matrix.getComm().tompi4py()
+        shared, interior = separator.shared, separator.interior
+        self._touched = self._find_touched(separator)
+        corner = shared[self._touched]
+        numbers = np.union1d(interior, corner)
+        self._rows = [_index_set(numbers), _index_set(shared)]
+        self._own, self._joint = matrix.createSubMatrices(self._rows)
+        self._find_entries()
+        self._piece = Substructure(
+            self._own,
+            np.searchsorted(numbers, interior).astype(np.int32),
+            np.searchsorted(numbers, corner).astype(np.int32),
+            self._comm,
+        )
+        self._place = len(shared) - 1 - self._touched[::-1]
+        self._schur = np.zeros((len(shared), len(shared)), order="F")
+        self._find_scatters(numbers[self._piece.order[: len(interior)]], shared, separator.mine)
+
+    def setUp(self) -> None:  # noqa: N802
+        """Factorise the present values of the matrix; raises PETSc's error; collective."""
+        self._matrix.createSubMatrices(self._rows, submats=[self._own, self._joint])
+        is_definite = self._piece.factorise(self._own.getValuesCSR()[2])
+        # Otherwise the others would wait for this rank's part of the sum.
+        self._raise_unless(is_definite)
+        complement = self._piece.complement()
+        if len(self._place) == len(self._schur):
+            self._schur[:] = complement
+        else:
+            self._schur[:] = 0.0
+            self._schur[np.ix_(self._place, self._place)] = complement
+        self._comm.Allreduce(MPI.IN_PLACE, self._schur)
+        # Each rank's complement has what it shares with others of A_GG: it is needed once.
+        values = self._joint.getValuesCSR()[2][self._kept]
+        self._schur.reshape(-1, order="F")[self._entries] += self._missing * values
+        self._schur, info = lapack.dpotrf(self._schur, lower=0, clean=0, overwrite_a=1)
+        self._raise_unless(info == 0)
+
+    def apply(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """``A^-1 b``; collective."""
+        count = len(self._local.array_r) - len(self._schur)
+        self._gather.scatter(right, self._local)
+        local = self._local.array
+        part, at_separator = local[:count], local[count:]
+        force = np.zeros(len(at_separator))
+        force[self._place] = self._piece.forward(part)
+        self._comm.Allreduce(MPI.IN_PLACE, force)
+        force += at_separator
+        for transposed in (1, 0):
+            force = blas.dtrsv(self._schur, force, trans=transposed, overwrite_x=1)
+        part[:] = self._piece.backward(force[self._place])
+        at_separator[:] = force
+        self._return.scatter(self._local, solution)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for item in (*self._rows, self._own, self._joint, self._gather, self._return, self._local):
+            item.destroy()
+
+    def _find_touched(self, separator: Separator) -> npt.NDArray[np.int64]:
+        """Positions on the separator of what the interior has entries with."""
+        shared, interior = separator.shared, separator.interior
+        numbers = np.union1d(interior, shared)
+        rows = _index_set(numbers)
+        (matrix,) = self._matrix.createSubMatrices([rows])
+        starts, columns, _ = matrix.getValuesCSR()
+        is_interior = np.isin(numbers, interior)
+        ends = columns[np.repeat(is_interior, np.diff(starts))]
+        touched = np.unique(ends[~is_interior[ends]])
+        rows.destroy()
+        matrix.destroy()
+        return np.searchsorted(shared, numbers[touched])
+
+    def _find_entries(self) -> None:
+        """The entries of ``A_GG`` above the diagonal, and how often complements miss them."""
+        starts, columns, _ = self._joint.getValuesCSR()
+        size = len(starts) - 1
+        rows = np.repeat(np.arange(size), np.diff(starts))
+        self._kept = np.flatnonzero(rows >= columns)
+        rows, columns = rows[self._kept], columns[self._kept]
+        self._entries = (size - 1 - rows) + size * (size - 1 - columns.astype(np.int64))
+        touched = np.zeros(size, dtype=bool)
+        touched[self._touched] = True
+        self._missing = 1.0 - self._comm.allreduce((touched[rows] & touched[columns]).astype(float))
+
+    def _find_scatters(self, interior: IntArray, shared: IntArray, mine: IntArray) -> None:
+        """Between vectors and this rank's part of them: its interior, then the separator."""
+        everywhere = self._matrix.createVecRight()
+        numbers = np.concatenate([interior, shared[::-1]])
+        self._local = PETSc.Vec().createSeq(len(numbers), comm=PETSc.COMM_SELF)
+        returned = np.arange(len(interior)), len(numbers) - 1 - mine
+        kept = np.concatenate(returned)
+        sets = [_index_set(chosen) for chosen in (numbers, kept, numbers[kept])]
+        self._gather = PETSc.Scatter().create(everywhere, sets[0], self._local, None)
+        self._return = PETSc.Scatter().create(self._local, sets[1], everywhere, sets[2])
+        for item in (everywhere, *sets):
+            item.destroy()
+
+    def _raise_unless(self, is_definite: bool) -> None:
+        if not self._comm.allreduce(bool(is_definite), op=MPI.LAND):
+            raise PETSc.Error(_NOT_DEFINITE)
+
+
+def _index_set(numbers: npt.NDArray[np.integer]) -> PETSc.IS:
+    return PETSc.IS().createGeneral(numbers.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
