@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 from petsc4py import PETSc
 
 from contact_locking.solver.options import PREFIX, InsertedOptions
@@ -17,7 +18,8 @@ class Separator:
     """Its unknowns ``shared``, in ascending order, the same on every rank.
 
     ``interior`` are the unknowns of this rank's part without them; ``mine`` are the positions in
-    ``shared`` of those that count to it.  No entry of the matrix is between two interiors.
+    ``shared`` of those that count to it.  No entry of the matrix is between two interiors, and
+    ``shared`` is never empty.
     ``divides`` tells whether every rank has a part.
     Collective to make.
     """
@@ -33,6 +35,8 @@ class Separator:
         sides = (np.unique(nodes[cut]) for cut in (ends[0] < ends[1], ends[0] > ends[1]))
         separates = np.zeros(len(counts), dtype=bool)
         separates[min(sides, key=len)] = True
+        # A graph that is in parts already would need none.
+        separates[0] |= not separates.any()
         # PETSc may have nothing that partitions.
         self.divides = len(np.unique(parts)) == comm.size
         is_mine = parts == comm.rank
@@ -47,16 +51,16 @@ def _unknowns(chosen: npt.NDArray[np.bool_], size: int) -> IntArray:
 
 
 def _graph(matrix: PETSc.Mat) -> tuple[IntArray, IntArray]:
-    """How many neighbours each owned node has, and their global numbers, node by node.
-
-    Every node has all the entries of its block, so that its first row tells its neighbours.
-    """
+    """How many neighbours each owned node has, and their global numbers, node by node."""
     size = matrix.getBlockSize()
     starts, columns, _ = matrix.getValuesCSR()
-    is_first = np.arange(len(starts) - 1) % size == 0
-    lengths = np.diff(starts)
-    kept = np.repeat(is_first, lengths) & (columns % size == 0)
-    return lengths[is_first] // size, columns[kept] // size
+    nodes = matrix.getSize()[1] // size
+    pattern = sp.csr_matrix(
+        (np.ones(len(columns), dtype=bool), columns // size, starts[::size]),
+        shape=((len(starts) - 1) // size, nodes),
+    )
+    pattern.sum_duplicates()
+    return np.diff(pattern.indptr).astype(np.int32), pattern.indices.astype(np.int32)
 
 
 def _partition(counts: IntArray, neighbours: IntArray, parts: int) -> IntArray:
@@ -72,11 +76,15 @@ def _partition(counts: IntArray, neighbours: IntArray, parts: int) -> IntArray:
     partitioning.setOptionsPrefix(_PREFIX)
     partitioning.setAdjacency(graph)
     options = InsertedOptions({"mat_partitioning_nparts": parts}, prefix=_PREFIX)
-    partitioning.setFromOptions()
     result = PETSc.IS()
-    partitioning.apply(result)
+    try:
+        partitioning.setFromOptions()
+        partitioning.apply(result)
+        found = result.getIndices().astype(np.int32)
+    except PETSc.Error:
+        # The other ranks wait; they get the one part that is not divided.
+        found = np.zeros(len(counts), dtype=np.int32)
     options.remove()
-    found = result.getIndices().astype(np.int32)
     for item in (result, partitioning, graph, edges):
         item.destroy()
     return found

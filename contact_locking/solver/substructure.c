@@ -3,141 +3,147 @@
 #include <suitesparse/cholmod.h>
 
 struct substructure {
-    int n, interior;
-    cholmod_sparse matrix;
-    cholmod_common common;
-    cholmod_factor *factor;
-    /* Workspace of the solves, which CHOLMOD allocates once. */
-    cholmod_dense *solution, *y, *e;
+  int n, interior;
+  cholmod_sparse matrix;
+  cholmod_common common;
+  cholmod_factor *factor;
+  /* Workspace of the solves, which CHOLMOD allocates once. */
+  cholmod_dense *solution, *y, *e;
 };
 
 /* Rows of a symmetric matrix are its columns, and CHOLMOD passes over the upper triangle. */
 static cholmod_sparse lower(int n, const int *starts, const int *columns)
 {
-    cholmod_sparse a;
-    memset(&a, 0, sizeof a);
-    a.nrow = a.ncol = n;
-    a.nzmax = starts[n];
-    a.p = (void *)starts;
-    a.i = (void *)columns;
-    a.stype = -1;
-    a.itype = CHOLMOD_INT;
-    a.xtype = CHOLMOD_PATTERN;
-    a.dtype = CHOLMOD_DOUBLE;
-    a.sorted = a.packed = 1;
-    return a;
+  cholmod_sparse a;
+  memset(&a, 0, sizeof a);
+  a.nrow = a.ncol = n;
+  a.nzmax = starts[n];
+  a.p = (void *)starts;
+  a.i = (void *)columns;
+  a.stype = -1;
+  a.itype = CHOLMOD_INT;
+  a.xtype = CHOLMOD_PATTERN;
+  a.dtype = CHOLMOD_DOUBLE;
+  a.sorted = a.packed = 1;
+  return a;
 }
 
 /* Puts the interior in an order that causes little fill.  Minimum degree does not foresee how much
    of it the corner brings: it takes twice the operations of nested dissection. */
 static int find_order(cholmod_sparse *matrix, int interior, int *order, cholmod_common *common)
 {
-    /* Parts are only taken of matrices with both triangles. */
-    cholmod_sparse *whole = cholmod_copy(matrix, 0, 0, common);
-    cholmod_sparse *both = cholmod_submatrix(whole, order, interior, order, interior, 0, 1, common);
-    cholmod_sparse *part = cholmod_copy(both, -1, 0, common);
-    common->nmethods = 1;
-    common->method[0].ordering = CHOLMOD_NESDIS;
-    cholmod_factor *factor = cholmod_analyze(part, common);
-    const int failed = common->status < CHOLMOD_OK;
-    if (!failed) {
-        const int *found = factor->Perm;
-        int *old = malloc((interior + 1) * sizeof *old);
-        memcpy(old, order, interior * sizeof *old);
-        for (int k = 0; k < interior; k++)
-            order[k] = old[found[k]];
-        free(old);
-    }
-    cholmod_free_factor(&factor, common);
-    cholmod_free_sparse(&part, common);
-    cholmod_free_sparse(&both, common);
-    cholmod_free_sparse(&whole, common);
-    return failed;
+  /* Parts are only taken of matrices with both triangles. */
+  cholmod_sparse *whole = cholmod_copy(matrix, 0, 0, common);
+  cholmod_sparse *both = cholmod_submatrix(whole, order, interior, order, interior, 0, 1, common);
+  cholmod_sparse *part = cholmod_copy(both, -1, 0, common);
+  common->nmethods = 1;
+  common->method[0].ordering = CHOLMOD_NESDIS;
+  cholmod_factor *factor = cholmod_analyze(part, common);
+  if (!factor) {
+    /* CHOLMOD may have been built without. */
+    common->nmethods = 0;
+    factor = cholmod_analyze(part, common);
+  }
+  if (factor) {
+    const int *found = factor->Perm;
+    int *old = cholmod_malloc(interior, sizeof *old, common);
+    memcpy(old, order, interior * sizeof *old);
+    for (int k = 0; k < interior; k++)
+      order[k] = old[found[k]];
+    cholmod_free(interior, sizeof *old, old, common);
+  }
+  const int failed = !factor;
+  cholmod_free_factor(&factor, common);
+  cholmod_free_sparse(&part, common);
+  cholmod_free_sparse(&both, common);
+  cholmod_free_sparse(&whole, common);
+  return failed;
 }
 
 void substructure_free(substructure *s)
 {
-    cholmod_common *common = &s->common;
-    cholmod_free_factor(&s->factor, common);
-    cholmod_free_dense(&s->solution, common);
-    cholmod_free_dense(&s->y, common);
-    cholmod_free_dense(&s->e, common);
-    cholmod_finish(common);
-    free(s);
+  cholmod_common *common = &s->common;
+  cholmod_free_factor(&s->factor, common);
+  cholmod_free_dense(&s->solution, common);
+  cholmod_free_dense(&s->y, common);
+  cholmod_free_dense(&s->e, common);
+  cholmod_finish(common);
+  free(s);
 }
 
 substructure *substructure_new(int n, const int *starts, const int *columns, int interior,
                                int *order)
 {
-    substructure *s = calloc(1, sizeof *s);
-    if (!s)
-        return NULL;
-    cholmod_common *common = &s->common;
-    cholmod_start(common);
-    common->print = 0;
-    common->supernodal = CHOLMOD_SUPERNODAL;
-    s->n = n;
-    s->interior = interior;
-    s->matrix = lower(n, starts, columns);
-    int failed = find_order(&s->matrix, interior, order, common);
-    if (!failed) {
-        /* A postorder could bring the corner forward. */
-        common->method[0].ordering = CHOLMOD_GIVEN;
-        common->postorder = 0;
-        s->factor = cholmod_analyze_p(&s->matrix, order, NULL, 0, common);
-        failed = common->status < CHOLMOD_OK;
-    }
-    if (failed) {
-        substructure_free(s);
-        return NULL;
-    }
-    return s;
+  substructure *s = calloc(1, sizeof *s);
+  if (!s)
+    return NULL;
+  cholmod_common *common = &s->common;
+  cholmod_start(common);
+  common->print = 0;
+  common->supernodal = CHOLMOD_SUPERNODAL;
+  s->n = n;
+  s->interior = interior;
+  s->matrix = lower(n, starts, columns);
+  int failed = find_order(&s->matrix, interior, order, common);
+  if (!failed) {
+    /* A postorder could bring the corner forward. */
+    common->nmethods = 1;
+    common->method[0].ordering = CHOLMOD_GIVEN;
+    common->postorder = 0;
+    s->factor = cholmod_analyze_p(&s->matrix, order, NULL, 0, common);
+    failed = !s->factor;
+  }
+  if (failed) {
+    substructure_free(s);
+    return NULL;
+  }
+  return s;
 }
 
 int substructure_factorise(substructure *s, const double *values, double *corner)
 {
-    s->matrix.x = (void *)values;
-    s->matrix.xtype = CHOLMOD_REAL;
-    cholmod_factor *factor = s->factor;
-    if (!cholmod_factorize(&s->matrix, factor, &s->common) || factor->minor < (size_t)s->n)
-        return 1;
-    const int n = s->n, interior = s->interior;
-    const size_t m = n - interior;
-    const int *super = factor->super, *starts = factor->pi, *at = factor->px, *rows = factor->s;
-    memset(corner, 0, m * m * sizeof *corner);
-    for (size_t k = 0; k < factor->nsuper; k++) {
-        const int first = super[k], height = starts[k + 1] - starts[k];
-        for (int j = first < interior ? interior : first; j < super[k + 1]; j++) {
-            const double *column = (const double *)factor->x + at[k] + (size_t)(j - first) * height;
-            for (int i = j - first; i < height; i++)
-                corner[(n - 1 - j) * m + (n - 1 - rows[starts[k] + i])] = column[i];
-        }
+  s->matrix.x = (void *)values;
+  s->matrix.xtype = CHOLMOD_REAL;
+  cholmod_factor *factor = s->factor;
+  if (!cholmod_factorize(&s->matrix, factor, &s->common) || factor->minor < (size_t)s->n)
+    return 1;
+  const int n = s->n, interior = s->interior;
+  const size_t m = n - interior;
+  const int *super = factor->super, *starts = factor->pi, *at = factor->px, *rows = factor->s;
+  memset(corner, 0, m * m * sizeof *corner);
+  for (size_t k = 0; k < factor->nsuper; k++) {
+    const int first = super[k], height = starts[k + 1] - starts[k];
+    for (int j = first < interior ? interior : first; j < super[k + 1]; j++) {
+      const double *column = (const double *)factor->x + at[k] + (size_t)(j - first) * height;
+      for (int i = j - first; i < height; i++)
+        corner[(n - 1 - j) * m + (n - 1 - rows[starts[k] + i])] = column[i];
     }
-    return 0;
+  }
+  return 0;
 }
 
 static int solve(substructure *s, int system, double *b)
 {
-    cholmod_dense right;
-    memset(&right, 0, sizeof right);
-    right.nrow = right.nzmax = right.d = s->n;
-    right.ncol = 1;
-    right.x = b;
-    right.xtype = CHOLMOD_REAL;
-    right.dtype = CHOLMOD_DOUBLE;
-    if (!cholmod_solve2(system, s->factor, &right, NULL, &s->solution, NULL, &s->y, &s->e,
-                        &s->common))
-        return 1;
-    memcpy(b, s->solution->x, s->n * sizeof *b);
-    return 0;
+  cholmod_dense right;
+  memset(&right, 0, sizeof right);
+  right.nrow = right.nzmax = right.d = s->n;
+  right.ncol = 1;
+  right.x = b;
+  right.xtype = CHOLMOD_REAL;
+  right.dtype = CHOLMOD_DOUBLE;
+  if (!cholmod_solve2(system, s->factor, &right, NULL, &s->solution, NULL, &s->y, &s->e,
+            &s->common))
+    return 1;
+  memcpy(b, s->solution->x, s->n * sizeof *b);
+  return 0;
 }
 
 int substructure_forward(substructure *s, double *b)
 {
-    return solve(s, CHOLMOD_L, b);
+  return solve(s, CHOLMOD_L, b);
 }
 
 int substructure_backward(substructure *s, double *b)
 {
-    return solve(s, CHOLMOD_Lt, b);
+  return solve(s, CHOLMOD_Lt, b);
 }

@@ -15,18 +15,19 @@ from scipy.linalg import blas, lapack
 from contact_locking import compiled
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
+Numbers = npt.NDArray[np.integer]
 
 
 class Substructure:
     """``P A P^T = L L^T`` with the interior first; collective to make.
 
     The corner of L is kept with its rows and columns in reverse order, as an upper triangle U.
-    ``order`` are the interior's numbers in the order of elimination, then those of the corner.
+    ``order`` are the interior's numbers in the order of elimination, then those of the corner, of
+    which there is one at least.
     """
 
     def __init__(
-        self, matrix: PETSc.Mat, interior: IntArray, corner: IntArray, comm: MPI.Intracomm
+        self, matrix: PETSc.Mat, interior: Numbers, corner: Numbers, comm: MPI.Intracomm
     ) -> None:
         self._library, self._ffi = _library(comm)
         starts, columns, _ = matrix.getValuesCSR()
@@ -35,9 +36,8 @@ class Substructure:
         self._pattern = [self._ints(starts), self._ints(columns)]
         sizes = len(self.order), *self._pattern, len(interior)
         made = self._library.substructure_new(*sizes, self._ints(self.order))
-        if not made:
-            raise MemoryError("no memory for a factorisation")
-        self._made = self._ffi.gc(made, self._library.substructure_free)
+        self.has_memory = bool(made)
+        self._made = self._ffi.gc(made, self._library.substructure_free) if made else made
         self._corner = np.empty((len(corner), len(corner)), order="F")
         self._vector = np.empty(len(self.order))
         self._inside = self._vector[: len(interior)]

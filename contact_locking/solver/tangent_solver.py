@@ -32,11 +32,11 @@ _ITERATIVE: dict[str, Any] = {
 _LOOSEST = 1e-2
 # No linear residual gets smaller than this.
 _ROUNDING = 1e-12
-# So many iterations with one tangent, by dimension and for each rank, may be taken instead of the
-# filter's factorisation: iterations get faster with more ranks, which it does not.  On the block of
-# the benchmarks in 3D (n = 1e4) one rank takes as long with 35 as with 150; two take 46, 41, 34 and
-# 27 s where together they may take 35, 70, 100 and 250.
-_PATIENCE = {2: 10, 3: 125}
+# So many iterations with one tangent, by dimension, may be taken instead of the filter's
+# factorisation.  On the block of the benchmarks in 3D one rank takes 37, 41 and 46 s (n = 1e4), and
+# 45, 43 and 44 s (inf), with 30, 60 and 125; two take 24 s and 29 s with 60 and 26 s and 30 s with
+# 125.
+_PATIENCE = {2: 10, 3: 60}
 # Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
 # down on it: it is filtered again, so often at most.
 _RESTARTS = 3
@@ -83,8 +83,7 @@ class TangentSolver:
         self._ksp.setOperators(self._matrix)
         self._stiff = split()
         self._can_filter = self._multigrid.can_filter(self._stiff)
-        patience = _PATIENCE[self._dim] * self._matrix.getComm().size
-        self._patience = min(patience, self._max_iterations)
+        self._patience = min(_PATIENCE[self._dim], self._max_iterations)
         if self._filters and self._can_filter:
             self._filter(self._multigrid)
         else:
