@@ -44,15 +44,15 @@ static int find_order(cholmod_sparse *matrix, int interior, int *order, cholmod_
     common->nmethods = 0;
     factor = cholmod_analyze(part, common);
   }
-  if (factor) {
+  int *old = factor ? cholmod_malloc(interior, sizeof *old, common) : NULL;
+  if (old) {
     const int *found = factor->Perm;
-    int *old = cholmod_malloc(interior, sizeof *old, common);
     memcpy(old, order, interior * sizeof *old);
     for (int k = 0; k < interior; k++)
       order[k] = old[found[k]];
-    cholmod_free(interior, sizeof *old, old, common);
   }
-  const int failed = !factor;
+  const int failed = !old;
+  cholmod_free(interior, sizeof *old, old, common);
   cholmod_free_factor(&factor, common);
   cholmod_free_sparse(&part, common);
   cholmod_free_sparse(&both, common);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from importlib import resources
 from typing import Any
 
@@ -57,14 +58,18 @@ class Substructure:
         """``-A_GI A_I^-1 b`` for a right-hand side b inside; to be followed by ``backward``."""
         self._vector[:] = 0.0
         self._inside[:] = interior
-        self._library.substructure_forward(self._made, self._doubles(self._vector))
+        self._solve(self._library.substructure_forward)
         return np.asarray(blas.dtrmv(self._corner, self._reversed))
 
     def backward(self, corner: FloatArray) -> FloatArray:
         """The solution inside for the solution in the corner."""
         self._reversed[:] = blas.dtrmv(self._corner, corner, trans=1)
-        self._library.substructure_backward(self._made, self._doubles(self._vector))
+        self._solve(self._library.substructure_backward)
         return self._inside
+
+    def _solve(self, triangle: Callable[[Any, Any], int]) -> None:
+        if triangle(self._made, self._doubles(self._vector)):
+            raise MemoryError("CHOLMOD has no workspace for a solve")
 
     def _ints(self, array: npt.NDArray[Any]) -> Any:
         return self._ffi.from_buffer("int[]", np.ascontiguousarray(array, dtype=np.int32))
