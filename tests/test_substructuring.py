@@ -16,19 +16,20 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from contact_locking.compiled import installed
 from contact_locking.solver import substructuring
 from contact_locking.solver.linear import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.options import PREFIX, InsertedOptions
 from contact_locking.solver.separator import Separator
-from contact_locking.solver.substructure import Substructure, can_compile
+from contact_locking.solver.substructure import Substructure, is_available
 
 FloatArray = npt.NDArray[np.float64]
 
 SIDE = 40
 SEVERAL = MPI.COMM_WORLD.size > 1
-IN_PIECES = SEVERAL and can_compile(MPI.COMM_WORLD)
+IN_PIECES = SEVERAL and is_available(MPI.COMM_WORLD)
 needs_cholmod = pytest.mark.skipif(
-    not can_compile(MPI.COMM_WORLD), reason="CHOLMOD's header is not installed"
+    not is_available(MPI.COMM_WORLD), reason="CHOLMOD is not installed, or has no header"
 )
 
 
@@ -106,6 +107,10 @@ def test_no_entry_is_between_the_interiors(
     sizes = [len(interior) for interior in interiors]
     assert max(sizes) <= 1.1 * whole.shape[0] / comm.size
     assert separator.divides and len(separator.shared) <= max(2.5 * SIDE * (comm.size - 1), 2)
+
+
+def test_where_cholmod_has_a_header_it_is_used(comm: MPI.Intracomm) -> None:
+    assert is_available(comm) == (installed("cholmod", "suitesparse/cholmod.h") is not None)
 
 
 @needs_cholmod
@@ -239,7 +244,7 @@ def test_mumps_takes_over_for(
     if reason == "a large separator":
         monkeypatch.setattr(substructuring, "_LARGEST", 10)
     elif reason == "no header":
-        monkeypatch.setattr(substructuring, "can_compile", lambda _: False)
+        monkeypatch.setattr(substructuring, "is_available", lambda _: False)
     elif reason == "no such partitioner":
         named = {"mat_partitioning_type": "nonsense"}
         options = InsertedOptions(named, prefix=PREFIX + "separator_")

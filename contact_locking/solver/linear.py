@@ -73,7 +73,7 @@ def is_direct(linear: str, dim: int, size: int) -> bool:
 
 
 def direct_options(comm: Any) -> dict[str, Any]:
-    """A Cholesky factorisation by the package that suits the communicator (of mpi4py or PETSc)."""
+    """A Cholesky factorisation by what suits the communicator (of mpi4py or PETSc)."""
     if comm.size == 1 and PETSc.Sys.hasExternalPackage(_SERIAL_PACKAGE):
         return {**DIRECT, "pc_factor_mat_solver_type": _SERIAL_PACKAGE}
     return dict(_BY_MUMPS if comm.size == 1 else _IN_PIECES)

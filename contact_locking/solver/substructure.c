@@ -11,6 +11,11 @@ struct substructure {
   cholmod_dense *solution, *y, *e;
 };
 
+int substructure_has_its_library(void)
+{
+  return cholmod_version(NULL) == CHOLMOD_VERSION;
+}
+
 /* Rows of a symmetric matrix are its columns, and CHOLMOD passes over the upper triangle. */
 static cholmod_sparse lower(int n, const int *starts, const int *columns)
 {

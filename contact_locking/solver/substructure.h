@@ -4,6 +4,9 @@
 
 typedef struct substructure substructure;
 
+/* Whether the CHOLMOD at hand is that of the header; a process may have loaded another before. */
+int substructure_has_its_library(void);
+
 /* A symmetric matrix by rows: those of row k begin at starts[k], in ascending columns.  NULL where
    there is no memory.  order (n) holds the numbers of the interior, then those of the corner; the
    former are put in the order in which they are eliminated. */

@@ -78,9 +78,16 @@ class Substructure:
         return self._ffi.from_buffer("double[]", array)
 
 
-def can_compile(comm: MPI.Intracomm) -> bool:
-    """Whether all ranks have CHOLMOD and its header; collective."""
-    return bool(comm.allreduce(_cholmod() is not None, op=MPI.LAND))
+def is_available(comm: MPI.Intracomm) -> bool:
+    """Whether all ranks have CHOLMOD and its header, of one version; collective."""
+    if not comm.allreduce(_cholmod() is not None, op=MPI.LAND):
+        return False
+    try:
+        library, _ = _library(comm)
+    except RuntimeError:
+        # It did not compile, which DOLFINx tells all ranks.
+        return False
+    return bool(comm.allreduce(library.substructure_has_its_library(), op=MPI.LAND))
 
 
 @functools.cache

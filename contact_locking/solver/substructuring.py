@@ -21,7 +21,7 @@ from petsc4py import PETSc
 from scipy.linalg import blas, lapack
 
 from contact_locking.solver.separator import Separator
-from contact_locking.solver.substructure import Substructure, can_compile
+from contact_locking.solver.substructure import Substructure, is_available
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -74,7 +74,7 @@ class Substructuring:
 
 def _analysed(matrix: PETSc.Mat, prefix: str) -> Pieces | Whole:
     comm = matrix.getComm().tompi4py()
-    if comm.size > 1 and can_compile(comm):
+    if comm.size > 1 and is_available(comm):
         separator = Separator(matrix)
         limit = min(_LARGEST, _LARGEST_SHARE * matrix.getSize()[0])
         if separator.divides and len(separator.shared) <= limit:
