@@ -6,10 +6,11 @@ import argparse
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from contact_locking import __version__
 from contact_locking.errors import InputError
+from contact_locking.terminal import is_root
 
 _DESCRIPTION = "Frictional contact of locking materials: solves what a study file describes."
 _EXIT_CODES = "exit codes: 0 converged, 1 unexpected error, 2 bad input, 3 not converged"
@@ -124,3 +125,8 @@ def _positive(text: str) -> int:
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message}\n{self.format_usage().rstrip()}")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        # Help and version, which argparse would print on every rank.
+        if is_root():
+            super()._print_message(message, file)

@@ -57,6 +57,14 @@ def test_a_converged_run_returns_0_and_only_rank_0_prints_its_table(
         assert output == ""
 
 
+@pytest.mark.parametrize("words", [["--version"], ["run", "--help"]], ids=" ".join)
+def test_only_rank_0_prints_version_and_help(
+    words: list[str], comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(words) == 0
+    assert bool(capsys.readouterr().out) == (comm.rank == 0)
+
+
 def test_a_quiet_run_prints_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(folder, "--quiet") == 0
     assert capsys.readouterr() == ("", "")
