@@ -74,6 +74,11 @@ def test_nothing_is_refused_where_the_library_cannot_be_read(
     require_known(MISSPELT)
 
 
+def test_options_of_the_user_have_no_prefix_yet() -> None:
+    with pytest.raises(InputError, match="leave out contact_locking_, which is put before"):
+        require_known(["contact_locking_pc_type"], "solver.petsc")
+
+
 def test_a_misspelt_option_is_found_before_the_mesh_is_made(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

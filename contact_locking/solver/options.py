@@ -77,20 +77,20 @@ class InsertedOptions:
 
 
 def require_known(names: Iterable[str], section: str | None = None) -> None:
-    """Raise InputError for the first name that no object of PETSc can ask for.
+    """Raise InputError for the first name that no object of PETSc can ask for, or has our prefix.
 
     PETSc ignores what it does not know, so that a misspelt option would have no effect unseen.  It
     has no list of its options, but its library holds each as text; objects inside others put their
-    prefixes before it, as in ``mg_levels_ksp_type``.  Where the library cannot be read nothing is
+    prefixes before it, as in ``mg_levels_ksp_type``.  Where the library cannot be read no other is
     refused.  ``section`` is the key of the study file that holds the names.
     """
     known = _library()
-    if not known:
-        return
     for name in names:
-        if not _is_known(name.lower(), known):
-            key = None if section is None else f"{section}.{name}"
-            shown = "" if section else f"-{name}: "
+        key = None if section is None else f"{section}.{name}"
+        shown = "" if section else f"-{name}: "
+        if name.startswith(PREFIX):
+            raise InputError(f"{shown}leave out {PREFIX}, which is put before it anyway", key)
+        if known and not _is_known(name.lower(), known):
             raise InputError(f"{shown}PETSc has no such option{_guess(name, known)}", key)
 
 
