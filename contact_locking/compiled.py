@@ -11,6 +11,7 @@ import importlib.machinery
 import importlib.util
 import sys
 import tempfile
+from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,6 +50,16 @@ def library(
     all that they are made of, and compiled with the same options.
     """
     return jit.mpi_jit_decorator(_library)(comm, name, header, source, uses)
+
+
+def library_of(
+    package: str | None, name: str, comm: MPI.Intracomm, uses: Installed | None = None
+) -> tuple[Any, Any]:
+    """The same for ``name.h`` and ``name.c`` beside the modules of a package; collective."""
+    assert package is not None
+    folder = resources.files(package)
+    header, source = (folder.joinpath(f"{name}.{kind}").read_text("utf-8") for kind in "hc")
+    return library(name, header, source, comm, uses)
 
 
 def installed(name: str, header: str) -> Installed | None:

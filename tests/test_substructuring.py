@@ -104,6 +104,9 @@ def test_no_entry_is_between_the_interiors(
     for one in range(comm.size):
         for other in range(one):
             assert whole[interiors[one]][:, interiors[other]].nnz == 0
+    untouched = np.delete(separator.shared, separator.touched)
+    assert len(separator.touched) > 0
+    assert whole[separator.interior][:, untouched].nnz == 0
     sizes = [len(interior) for interior in interiors]
     assert max(sizes) <= 1.1 * whole.shape[0] / comm.size
     assert separator.divides and len(separator.shared) <= max(2.5 * SIDE * (comm.size - 1), 2)

@@ -12,7 +12,6 @@ of one for each operation of NumPy, which took a seventh of a solve in 2D.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import resources
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -40,9 +39,7 @@ class Lorentz:
     """The compiled algebra; collective to make."""
 
     def __init__(self, comm: MPI.Intracomm) -> None:
-        folder = resources.files(__package__)
-        header, source = (folder.joinpath(f"cones.{kind}").read_text("utf-8") for kind in "hc")
-        self._library, self._ffi = compiled.library("cones", header, source, comm)
+        self._library, self._ffi = compiled.library_of(__package__, "cones", comm)
 
     def size(self, x: FloatArray) -> FloatArray:
         """``sqrt(det x)`` (k,) of points inside the cone."""

@@ -23,18 +23,18 @@ DIRECT_LIMIT = {2: 1_000_000, 3: 50_000}
 # What is factorised beside CG may be larger: without it CG takes very long.
 FILTER_LIMIT = {2: 1_000_000, 3: 150_000}
 
-DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
+_DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
 # On one rank CHOLMOD factorises in 60 (3D) to 80 % (2D) of MUMPS's time, after a fifth of its
 # analysis.
 _SERIAL_PACKAGE, _PARALLEL_PACKAGE = "cholmod", "mumps"
 # How MUMPS shares its work among ranks depends on their timing: it needs more than it foresees.
 _BY_MUMPS: dict[str, Any] = {
-    **DIRECT,
+    **_DIRECT,
     "pc_factor_mat_solver_type": _PARALLEL_PACKAGE,
     "mat_mumps_icntl_14": SPARE_MEMORY,
 }
 # On several ranks each has CHOLMOD factorise its part, unless the user says anything of packages.
-_IN_PIECES: dict[str, Any] = {**DIRECT, "pc_type": "python"}
+_IN_PIECES: dict[str, Any] = {**_DIRECT, "pc_type": "python"}
 _OF_PACKAGES = ("pc_factor_", "mat_")
 _MULTIGRID: dict[str, Any] = {
     "pc_type": "gamg",
@@ -75,7 +75,7 @@ def is_direct(linear: str, dim: int, size: int) -> bool:
 def direct_options(comm: Any) -> dict[str, Any]:
     """A Cholesky factorisation by what suits the communicator (of mpi4py or PETSc)."""
     if comm.size == 1 and PETSc.Sys.hasExternalPackage(_SERIAL_PACKAGE):
-        return {**DIRECT, "pc_factor_mat_solver_type": _SERIAL_PACKAGE}
+        return {**_DIRECT, "pc_factor_mat_solver_type": _SERIAL_PACKAGE}
     return dict(_BY_MUMPS if comm.size == 1 else _IN_PIECES)
 
 

@@ -18,8 +18,8 @@ class Separator:
     """Its unknowns ``shared``, in ascending order, the same on every rank.
 
     ``interior`` are the unknowns of this rank's part without them; ``mine`` are the positions in
-    ``shared`` of those that count to it.  No entry of the matrix is between two interiors, and
-    ``shared`` is never empty.
+    ``shared`` of those that count to it, and ``touched`` of those that the interior has entries
+    with, one at least.  No entry of the matrix is between two interiors.
     ``divides`` tells whether every rank has a part.
     Collective to make.
     """
@@ -40,9 +40,14 @@ class Separator:
         # PETSc may have nothing that partitions.
         self.divides = len(np.unique(parts)) == comm.size
         is_mine = parts == comm.rank
+        is_interior = is_mine & ~separates
+        touches = np.zeros(len(counts), dtype=bool)
+        touches[nodes[is_interior[neighbours]]] = True
+        touches[np.argmax(separates)] |= not (touches & separates).any()
         self.shared = _unknowns(separates, size)
-        self.interior = _unknowns(is_mine & ~separates, size)
-        self.mine = np.flatnonzero(np.repeat(is_mine[separates], size)).astype(np.int32)
+        self.interior = _unknowns(is_interior, size)
+        self.mine = _unknowns(is_mine[separates], size)
+        self.touched = _unknowns(touches[separates], size)
 
 
 def _unknowns(chosen: npt.NDArray[np.bool_], size: int) -> IntArray:

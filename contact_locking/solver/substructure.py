@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -96,6 +95,4 @@ def _cholmod() -> compiled.Installed | None:
 
 
 def _library(comm: MPI.Intracomm) -> tuple[Any, Any]:
-    folder = resources.files(__package__)
-    header, source = (folder.joinpath(f"substructure.{kind}").read_text("utf-8") for kind in "hc")
-    return compiled.library("substructure", header, source, comm, _cholmod())
+    return compiled.library_of(__package__, "substructure", comm, _cholmod())

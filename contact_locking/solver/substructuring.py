@@ -119,7 +119,7 @@ class Pieces:
     def __init__(self, matrix: PETSc.Mat, separator: Separator) -> None:
         self._matrix, self._comm = matrix, matrix.getComm().tompi4py()
         shared, interior = separator.shared, separator.interior
-        self._touched = self._find_touched(separator)
+        self._touched = separator.touched
         corner = shared[self._touched]
         numbers = np.union1d(interior, corner)
         self._rows = [_index_set(numbers), _index_set(shared)]
@@ -138,12 +138,8 @@ class Pieces:
         is_definite = self._piece.factorise(self._own.getValuesCSR()[2])
         # Otherwise the others would wait for this rank's part of the sum.
         self._raise_unless(is_definite, _NOT_DEFINITE)
-        complement = self._piece.complement()
-        if len(self._place) == len(self._schur):
-            self._schur[:] = complement
-        else:
-            self._schur[:] = 0.0
-            self._schur[np.ix_(self._place, self._place)] = complement
+        self._schur[:] = 0.0
+        self._schur[np.ix_(self._place, self._place)] = self._piece.complement()
         self._comm.Allreduce(MPI.IN_PLACE, self._schur)
         # Each rank's complement has what it shares with others of A_GG: it is needed once.
         values = self._joint.getValuesCSR()[2][self._kept]
@@ -171,20 +167,6 @@ class Pieces:
         """Free the PETSc objects."""
         for item in (*self._rows, self._own, self._joint, self._gather, self._return, self._local):
             item.destroy()
-
-    def _find_touched(self, separator: Separator) -> npt.NDArray[np.int64]:
-        """Positions on the separator of what the interior has entries with, one at least."""
-        shared, interior = separator.shared, separator.interior
-        numbers = np.union1d(interior, shared)
-        rows = _index_set(numbers)
-        (matrix,) = self._matrix.createSubMatrices([rows])
-        starts, columns, _ = matrix.getValuesCSR()
-        is_interior = np.isin(numbers, interior)
-        ends = columns[np.repeat(is_interior, np.diff(starts))]
-        touched = np.unique(ends[~is_interior[ends]])
-        rows.destroy()
-        matrix.destroy()
-        return np.searchsorted(shared, numbers[touched]) if len(touched) else np.zeros(1, dtype=int)
 
     def _find_entries(self) -> None:
         """The entries of ``A_GG`` above the diagonal, and how often complements miss them."""
