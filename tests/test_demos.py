@@ -36,8 +36,8 @@ def compliance(folder: Path, ranks: int) -> float:
     return float(summary["compliance"])
 
 
-def run_file(name: str, folder: Path) -> float:
-    changes = [f"--set={change}" for change in COARSE[name]]
+def run_file(name: str, folder: Path, *more: str) -> float:
+    changes = [f"--set={change}" for change in (*COARSE[name], *more)]
     file = DEMOS / f"{name}.yml"
     assert cli.main(["run", str(file), "--quiet", *changes, f"--output={folder}"]) == 0
     return compliance(folder, MPI.COMM_WORLD.size)
@@ -52,6 +52,12 @@ def test_every_demo_is_a_study_file_and_a_script() -> None:
 def test_study_file_converges(name: str, tmp_path: Path) -> None:
     # All ranks write to one folder.
     run_file(name, MPI.COMM_WORLD.bcast(tmp_path))
+
+
+@pytest.mark.parametrize("n", ["1e8", ".inf"])
+@pytest.mark.parametrize("name", COARSE)
+def test_the_penalty_alone_may_be_changed_up_to_infinity(name: str, n: str, tmp_path: Path) -> None:
+    run_file(name, MPI.COMM_WORLD.bcast(tmp_path), f"penalty.n={n}")
 
 
 @pytest.mark.serial
