@@ -143,7 +143,7 @@ def study(
     penalty: Study | None = None,
 ) -> Study:
     """A study file as plain data; a ``gap`` that is a mapping is a foundation."""
-    contact = {"on": on, **({"foundation": gap} if isinstance(gap, dict) else {"gap": gap})}
+    key = "foundation" if isinstance(gap, dict) else "gap"
     return {
         "mesh": mesh,
         "material": {
@@ -151,7 +151,7 @@ def study(
             "locking_limit": limit,
         },
         "loads": loads,
-        "contact": contact,
+        "contact": {"on": on, key: gap},
         "friction": {
             "coefficient": friction,
             "smoothing": smoothing or {"kernel": "convolution", "radius": 0.3},

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ from contact_locking.solution import Solution
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.integer[Any]]
-Matrix = sp.csr_matrix
+Matrix: TypeAlias = sp.csr_matrix
 
 AXES = "xyz"
 
@@ -69,15 +69,19 @@ class Geometry:
 
     def _opposite(self, facets: IntArray) -> FloatArray:
         """The place of the node across each facet in its cell."""
-        dim = self.x.shape[1]
-        across = {}
-        wanted = {tuple(facet) for facet in np.sort(facets, axis=1).tolist()}
-        for i in range(dim + 1):
-            sides = np.sort(np.delete(self.cells, i, axis=1), axis=1).tolist()
-            for side, node in zip(map(tuple, sides), self.cells[:, i], strict=True):
-                if side in wanted:
-                    across[side] = node
-        return self.x[[across[tuple(facet)] for facet in np.sort(facets, axis=1).tolist()]]
+        across: dict[tuple[int, ...], int] = {}
+        wanted = [_corners(facet) for facet in facets]
+        surface = set(wanted)
+        for i in range(self.cells.shape[1]):
+            for side, node in zip(np.delete(self.cells, i, axis=1), self.cells[:, i], strict=True):
+                key = _corners(side)
+                if key in surface:
+                    across[key] = int(node)
+        return self.x[[across[facet] for facet in wanted]]
+
+
+def _corners(facet: IntArray) -> tuple[int, ...]:
+    return tuple(sorted(int(node) for node in facet))
 
 
 @dataclass(frozen=True)
@@ -225,8 +229,10 @@ def _material(parameters: Parameters, geometry: Geometry) -> tuple[FloatArray, F
 def _stiffness(given: Elasticity, x: FloatArray) -> FloatArray:
     dim = x.shape[1]
     if given.stiffness is not None:
-        rows = [[at(entry, x) for entry in row] for row in given.stiffness]
-        return np.moveaxis(np.array(rows), 2, 0)
+        rows = np.array([[at(entry, x) for entry in row] for row in given.stiffness])
+        # A study file has the order yz, xz, xy in 3D, the strains here xy, xz, yz.
+        order = [0, 1, 2] if dim == 2 else [0, 1, 2, 5, 4, 3]
+        return np.moveaxis(rows[order][:, order], 2, 0)
     if given.young is not None and given.poisson is not None:
         young, poisson = at(given.young, x), at(given.poisson, x)
         shear = young / (2.0 * (1.0 + poisson))

@@ -220,7 +220,7 @@ def _friction(parameters: Parameters, discrete: Discrete, state: State, scales: 
     over = (size - bound * (1.0 + 1e-5) - floor)[~held]
     found["traction beyond its bound"] = _ratio(float(over.max(initial=0.0)), 1e-5 * peak + floor)
     across = np.abs(np.einsum("kd,kd->k", state.traction, contact.normals))
-    found["traction along the normal"] = _ratio(float(across.max()), 1e-10 * peak + floor)
+    found["traction along the normal"] = _ratio(float(across.max()), 1e-7 * peak + floor)
     along = np.einsum("kd,kd->k", state.traction, slip)
     length = discrete.epsilon
     inside = np.sqrt(np.maximum(state.bound**2 - size**2, 0.0))

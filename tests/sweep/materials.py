@@ -127,10 +127,10 @@ def limit_in_space(random: Random) -> Case:
     law = pick(
         random,
         [
-            f"{small} if x < 0.3 else 0.05",
+            f"{small} if x < 0.31 else 0.05",
             "0.01 + 0.05*x",
-            f"{small} if y < 0.4 else inf",
-            f"inf if x < 0.5 else {small}",
+            f"{small} if y < 0.37 else inf",
+            f"inf if x < 0.47 else {small}",
             "0.02*exp(-5*x)",
         ],
     )
@@ -154,7 +154,7 @@ def anisotropic(random: Random) -> Case:
 @family
 def stiffness_in_space(random: Random) -> Case:
     """Young's modulus that varies or jumps in the body."""
-    law = pick(random, ["1 + 9*x", "exp(6*y)", "1e4 if y > 0.5 else 1", "1 if x > 0.4 else 1e-3"])
+    law = pick(random, ["1 + 9*x", "exp(6*y)", "1e4 if y > 0.47 else 1", "1 if x > 0.37 else 1e-3"])
     mesh = unit_block(random, pick(random, [2, 2, 3]))
     return _pressed(random, mesh, some_limit(random), young=law)
 

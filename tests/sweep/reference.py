@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from .discrete import Discrete, FloatArray
+from .discrete import Discrete, FloatArray, IntArray
 
 TIGHT = {"tol_gap_rel": 1e-9, "tol_gap_abs": 1e-12, "tol_feas": 1e-10, "max_iter": 200}
 
@@ -92,12 +92,11 @@ def minimiser(discrete: Discrete, bound: FloatArray) -> FloatArray:
     free = np.flatnonzero(discrete.free)
     K = discrete.stiffness
     start, size = discrete.prescribed, _size(discrete)
-    cells, m, dim = len(discrete.limit), discrete.law.shape[1], discrete.dim
+    m, dim = discrete.law.shape[1], discrete.dim
     locks = np.flatnonzero(np.isfinite(discrete.limit))
     contact = discrete.contact
-    nodes = np.zeros(0, int)
-    if contact is not None:
-        nodes = np.flatnonzero((bound > 0.0) & contact.decides)
+    slides = np.zeros(0, bool) if contact is None else (bound > 0.0) & contact.decides
+    nodes = np.flatnonzero(slides)
     soft = len(locks) if math.isfinite(discrete.n) else 0
     normal, gap = (None, np.zeros(0)) if contact is None else _normals(discrete)
     yielding = len(gap) if discrete.epsilon > 0.0 else 0
@@ -155,7 +154,6 @@ def minimiser(discrete: Discrete, bound: FloatArray) -> FloatArray:
             b[width - 1 :: width] = discrete.epsilon / size
         cones = [clarabel.SecondOrderConeT(width)] * len(nodes)
         add(width * len(nodes), cones, b, u=below @ tangents[:, free], t=first)
-    del cells
     P = sp.block_diag([part for part in P if part.shape[0]], "csc") / force
     x = _solve(clarabel, P, q / force, rows)
     u = start.copy()
@@ -206,7 +204,7 @@ def _normals(discrete: Discrete) -> tuple[sp.csr_matrix, FloatArray]:
     return matrix, contact.gap[contact.decides]
 
 
-def _tangents(discrete: Discrete, which: FloatArray) -> sp.csr_matrix:
+def _tangents(discrete: Discrete, which: IntArray) -> sp.csr_matrix:
     """``u -> u_tau`` in an orthonormal basis at some nodes, (k (d - 1), dofs)."""
     contact, dim = discrete.contact, discrete.dim
     assert contact is not None

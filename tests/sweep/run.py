@@ -25,8 +25,6 @@ from sweep.solve import BROKEN, INFEASIBLE, NOT_SOLVED, REFUSED, SOLVED, WRONG, 
 
 Task = tuple[str, int, bool]
 
-# Every so many problems of a family one is compared with the conic solver.
-REFERENCE_EVERY = 20
 KINDS = (SOLVED, INFEASIBLE, REFUSED, NOT_SOLVED, WRONG, BROKEN)
 
 
@@ -164,6 +162,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--families", nargs="*", default=[], help="all unless given")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument(
+        "--check-every", type=int, default=20, help="so many problems for one with further checks"
+    )
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for a problem")
     parser.add_argument("--output", type=Path, default=Path("results/sweep"))
     given = parser.parse_args(arguments)
@@ -173,7 +174,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"no family {', '.join(unknown)}; there are: {', '.join(FAMILIES)}")
     names = given.families or list(FAMILIES)
     tasks: list[Task] = [
-        (name, seed, (seed + 7 * place) % REFERENCE_EVERY == 0)
+        (name, seed, (seed + 7 * place) % given.check_every == 0)
         for seed in range(given.first, given.first + given.seeds)
         for place, name in enumerate(names)
     ]
