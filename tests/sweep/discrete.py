@@ -80,7 +80,7 @@ class Geometry:
         return self.x[[across[facet] for facet in wanted]]
 
 
-def _corners(facet: IntArray) -> tuple[int, ...]:
+def _corners(facet: Any) -> tuple[int, ...]:
     return tuple(sorted(int(node) for node in facet))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import time
 import traceback
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +22,7 @@ from . import judge, reference
 from .case import Case, Study, Truth
 from .discrete import Discrete, State, discretise, state_of
 from .families import case_of
+from .transforms import Transform
 
 # The outcomes of a problem; those of GOOD are what the sweep is for.
 SOLVED, INFEASIBLE, REFUSED = "solved", "infeasible", "refused"
@@ -31,8 +31,10 @@ GOOD = (SOLVED, INFEASIBLE, REFUSED)
 
 # Beyond this the problem is impossible for certain, Clarabel's accuracy considered.
 _EXCESS = 1e-7
-# Agreement with the conic solver: energy relative, displacement relative to the largest.
-_ENERGY, _DISPLACEMENT = 1e-6, 1e-3
+# Agreement with the conic solver in energy, and in displacement by the energy of the difference.
+_ENERGY, _DIFFERENCE = 1e-6, 2e-6
+# The same for the problem in other units.
+_TRANSFORMED = 1e-14
 
 
 @dataclass
@@ -53,13 +55,13 @@ class Outcome:
         return self.kind in GOOD
 
 
-def outcome_of(family: str, seed: int, with_reference: bool = False) -> Outcome:
+def outcome_of(family: str, seed: int, checks: bool = False) -> Outcome:
     """Make, solve and judge a problem; no exception leaves."""
     case = case_of(family, seed)
     outcome = Outcome(family, seed, BROKEN, study=case.study)
     start = time.perf_counter()
     try:
-        _solve(case, outcome, with_reference)
+        _solve(case, outcome, checks)
     except (InputError, ValidationError) as error:
         wanted = case.truth.refused
         message = " ".join(str(error).split())
@@ -74,7 +76,7 @@ def outcome_of(family: str, seed: int, with_reference: bool = False) -> Outcome:
     return outcome
 
 
-def _solve(case: Case, outcome: Outcome, with_reference: bool) -> None:
+def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     comm = MPI.COMM_SELF
     problem = assemble(Parameters.model_validate(case.study), comm)
     if case.verge is not None:
@@ -85,7 +87,7 @@ def _solve(case: Case, outcome: Outcome, with_reference: bool) -> None:
     solution = solve_assembled(problem)
     outcome.seconds = time.perf_counter() - start
     outcome.tangents = int(solution.summary["iterations"]["tangents"])
-    _judge(case.truth, solution, discrete, outcome, with_reference)
+    _judge(case.truth, solution, discrete, outcome, checks)
 
 
 def at_the_verge(case: Case, problem: Problem) -> Study:
@@ -100,7 +102,7 @@ def at_the_verge(case: Case, problem: Problem) -> Study:
 
 
 def _judge(
-    truth: Truth, solution: Solution, discrete: Discrete, outcome: Outcome, with_reference: bool
+    truth: Truth, solution: Solution, discrete: Discrete, outcome: Outcome, checks: bool
 ) -> None:
     reason = str(solution.summary["reason"])
     if not solution.converged:
@@ -112,8 +114,10 @@ def _judge(
     found = judge.violations(solution.parameters, discrete, state)
     outcome.notes = {name: float(f"{value:.3g}") for name, value in found.items()}
     wrong = [judge.complaint(found), *_against_truth(truth, discrete, state)]
-    if with_reference:
+    if checks:
         wrong.append(against_reference(discrete, state))
+        if is_unique(solution.parameters):
+            wrong.append(against_transformed(truth, solution, outcome, discrete))
     complaints = "; ".join(text for text in wrong if text)
     outcome.kind, outcome.reason = (WRONG, complaints) if complaints else (SOLVED, "")
 
@@ -156,6 +160,12 @@ def _against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
     return found
 
 
+def is_unique(parameters: Parameters) -> bool:
+    """Whether one solution is to be expected: friction neither large nor dependent on the slip."""
+    mu = parameters.friction.coefficient
+    return isinstance(mu, float) and mu <= 0.5
+
+
 def against_reference(discrete: Discrete, state: State) -> str:
     """How the conic solver differs, at the friction bound of the solution; "" if it agrees."""
     try:
@@ -167,11 +177,34 @@ def against_reference(discrete: Discrete, state: State) -> str:
     scale = max(abs(state.u @ (K @ state.u)), abs(discrete.load @ state.u), 1e-300)
     if ours - theirs > _ENERGY * scale:
         return f"the energy is {(ours - theirs) / scale:.1e} above that of the conic solver"
-    size = max(float(np.abs(u).max()), float(np.abs(state.u).max()), 1e-300)
-    distance = float(np.abs(u - state.u).max()) / size
-    if distance > _DISPLACEMENT and ours > theirs - _ENERGY * scale:
-        return f"the displacement differs from that of the conic solver by {distance:.1e}"
+    difference = float((u - state.u) @ (K @ (u - state.u))) / scale
+    if difference > _DIFFERENCE and ours > theirs - _ENERGY * scale:
+        return f"the conic solver's displacement is another, by {difference:.1e} of the energy"
     return ""
 
 
-Progress = Callable[[Outcome], None]
+def against_transformed(
+    truth: Truth, solution: Solution, outcome: Outcome, discrete: Discrete
+) -> str:
+    """How the same problem in other units, turned or mirrored, differs; "" if it agrees.
+
+    Moves the mesh, so it comes last.
+    """
+    random = np.random.default_rng(outcome.seed)
+    transform = Transform.random(random, discrete.dim, truth.homogeneous)
+    domain = solution.domain
+    transform.move(domain)
+    parameters = Parameters.model_validate(transform.study(outcome.study))
+    other = solve_assembled(assemble(parameters, MPI.COMM_SELF, domain))
+    if not other.converged:
+        return f"{transform} is not solved: {other.summary['reason']}"
+    u = solution.displacement.x.array
+    apart = transform.back(other.displacement.x.array) - u
+    K = discrete.stiffness
+    scale = max(abs(u @ (K @ u)), abs(discrete.load @ u), 1e-300)
+    rounding = 1e-13 * float(np.abs(u) @ (abs(K) @ np.abs(u)))
+    difference = float(apart @ (K @ apart)) / (scale + rounding)
+    outcome.notes["transformed"] = difference
+    if difference > _TRANSFORMED:
+        return f"{transform} differs by {difference:.1e} of the energy"
+    return ""
