@@ -20,7 +20,7 @@ import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from contact_locking import _compat
+from contact_locking import _compat, mesh_file
 from contact_locking.errors import ContactLockingError, InputError
 
 IntArray = npt.NDArray[np.int32]
@@ -117,11 +117,9 @@ def from_file(path: Path, comm: MPI.Intracomm) -> Domain:
 
         from contact_locking import meshes
 
-        if not path.is_file():
-            raise InputError(f"there is no mesh file {path}", "mesh.file")
-        with meshes.empty_model() as model:
+        with mesh_file.trusted_copy(path) as copy, meshes.empty_model() as model:
             try:
-                gmsh.merge(str(path))
+                gmsh.merge(str(copy))
             except Exception as error:  # Gmsh's own errors have no type of their own
                 raise InputError(f"Gmsh cannot read {path}: {error}", "mesh.file") from error
             yield model
