@@ -88,8 +88,16 @@ def abort(code: int, text: str, error: BaseException | None = None) -> int:
 
 def two_columns(rows: Sequence[tuple[str, str]]) -> str:
     """Names and values, a line each."""
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:{width}}  {value}" for name, value in rows)
+    return columns(rows)
+
+
+def columns(rows: Sequence[Sequence[str]]) -> str:
+    """A table without lines, each column as wide as its longest entry."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(f"{text:{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    )
 
 
 def summary_rows(
