@@ -275,12 +275,13 @@ def _explained(study: StudyFile) -> Iterator[None]:
 
 
 def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
-    """MPI's world, with PETSc initialised for it without the command line's words."""
+    """MPI's world, with PETSc initialised without the command line's words and petscrc files."""
     try:
         import petsc4py
 
         before = signal.getsignal(signal.SIGPIPE)
-        petsc4py.init([])
+        # A folder that a study came in may hold options that run code; PETSC_OPTIONS is the user's.
+        petsc4py.init(["contact-locking", "-skip_petscrc"])
         import dolfinx.fem.petsc  # noqa: F401
         from mpi4py import MPI
     except ImportError as error:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from mpi4py import MPI
+from rich.console import Console
 
-from contact_locking import cli
+from contact_locking import cli, from_mapping, terminal
 from contact_locking.domain import from_file
 from contact_locking.errors import InputError
+from contact_locking.plain_text import spreadsheet_cell
+from contact_locking.progress import TerminalMonitor
+from contact_locking.studies.command import PROGRAM
 
 pytestmark = pytest.mark.serial
 
@@ -137,3 +144,83 @@ def test_a_link_to_a_mesh_is_read() -> None:
     Path("body.msh").write_text(MESH)
     Path("link.msh").symlink_to("body.msh")
     assert from_file(Path("link.msh"), MPI.COMM_SELF).num_cells == 2
+
+
+TITLE = r"$\frac{ $\undefined </title><script>run()</script> %s {0} \\input{x} [red]"
+
+
+def test_a_title_is_no_formula_no_html_and_no_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("body.msh").write_text(MESH.replace('"top"', '"<b>$^{</b>"'))
+    Path("study.yml").write_text(
+        f"title: '{TITLE}'\n{(STUDY % 'body.msh').replace('[0, 0]', '[0, -0.02]')}"
+        "friction: {coefficient: 0, smoothing: {kernel: none}}\noutput: {directory: out}\n"
+    )
+    assert cli.main(["run", "study.yml"]) == 0
+    assert cli.main(["report", "out"]) == 0
+    assert Path("out/picture.png").stat().st_size > 1000
+    page = Path("out/report.html").read_text(encoding="utf-8")
+    assert "<script>run()" not in page and "&lt;script&gt;run()" in page
+    assert "\x1b" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("key", ["title", "output.directory"])
+@pytest.mark.parametrize("character", ["\x1b", "\x9b", "\x07", "\x00", "\x7f"])
+def test_texts_hold_no_control_characters(key: str, character: str) -> None:
+    section, _, name = key.partition(".")
+    text = f"a{character}[2J"
+    with pytest.raises(InputError, match="a control character"):
+        from_mapping({section: {name: text} if name else text})
+
+
+def test_a_title_may_have_lines_and_every_kind_of_letter() -> None:
+    title = "Körper über\u00a0der\nEbene \u5e73\u9762"
+    assert from_mapping({"title": title}).title == title
+
+
+def test_the_terminal_gets_no_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    terminal.complain("error: no \x1b[31mred\nand no \u202etxt.exe")
+    assert capsys.readouterr().err == "error: no \\x1b[31mred\n       and no \\u202etxt.exe\n"
+    assert terminal.two_columns([("a\x9b", "b\n\x07")]) == "a\\x9b  b\\n\\x07"
+    stream = io.StringIO()
+    with TerminalMonitor(Console(file=stream, width=80)) as monitor:
+        monitor.message("\x1b]0;mine\x07 [red]")
+    assert stream.getvalue() == "\\x1b]0;mine\\x07 [red]\n"
+
+
+@pytest.mark.parametrize(
+    "text", ["=cmd|'/c calc'!A0", "@SUM(1)", "-1+cmd|'/c calc'!A0", "+2|x!A0", "\t=1", "\r=1"]
+)
+def test_a_spreadsheet_takes_no_text_for_a_formula(text: str) -> None:
+    assert spreadsheet_cell(text) == f"'{text}"
+
+
+def test_expressions_stay_what_they_are_in_tables() -> None:
+    for text in ("-0.1*x", "+x", "x*y", "body", "-1"):
+        assert spreadsheet_cell(text) == text
+
+
+@pytest.mark.parametrize("name", [".petscrc", "petscrc"])
+def test_options_of_petsc_in_the_current_folder_are_not_read(name: str) -> None:
+    Path(name).write_text("-contact_locking_pc_type python\n-dll_append evil.so\n")
+    Path("body.msh").write_text(MESH)
+    Path("study.yml").write_text(STUDY % "body.msh")
+    script = (
+        "from contact_locking import cli; cli.main(['check', 'study.yml']); "
+        "from petsc4py import PETSc; print(sorted(PETSc.Options().getAll()))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", script], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0 and "dll_append" not in done.stdout
+    assert "can be run" in done.stdout
+
+
+def test_modules_in_the_current_folder_are_not_imported() -> None:
+    for name in ("gmsh", "numpy", "scipy", "contact_locking"):
+        Path(f"{name}.py").write_text("open('ran', 'w').close()\n")
+    Path("body.msh").write_text(MESH)
+    assert from_file(Path("body.msh"), MPI.COMM_SELF).num_cells == 2
+    done = subprocess.run([*PROGRAM, "--version"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "contact-locking" in done.stdout
