@@ -79,6 +79,11 @@ class Domain:
         measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)
         return measure(tags, metadata=metadata)
 
+    def owners(self, facets: IntArray) -> IntArray:
+        """The local cell of each of the given exterior facets."""
+        to_cell = self.mesh.topology.connectivity(self.dim - 1, self.dim)
+        return to_cell.array[to_cell.offsets[facets]]
+
     def facet_diameter(self, facets: IntArray) -> float:
         """The largest edge among the given facets, over all ranks."""
         fdim = self.dim - 1

@@ -69,14 +69,11 @@ def _region(domain: Domain, name: str) -> Group:
 
 
 def _boundary(domain: Domain, name: str, dim: int) -> Group:
-    topology = domain.mesh.topology
     facets = domain.facets((name,))
-    facets = facets[facets < topology.index_map(dim).size_local]
-    to_cell = topology.connectivity(dim, domain.dim)
-    owner = np.array([to_cell.links(int(facet))[0] for facet in facets], dtype=np.int32)
+    facets = facets[facets < domain.mesh.topology.index_map(dim).size_local]
     corners = _corners(domain, dim, facets)
     normals = _normals(corners)
-    inward = _corners(domain, domain.dim, owner).mean(axis=1) - corners.mean(axis=1)
+    inward = _corners(domain, domain.dim, domain.owners(facets)).mean(axis=1) - corners.mean(axis=1)
     normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
     sizes = np.linalg.norm(normals, axis=1).sum()
     count, measure, total = (

@@ -67,7 +67,7 @@ def check_parts_held(
         found.append(
             Held(
                 name,
-                _touching(domain, number, dict.fromkeys(on)),
+                _touching(domain, number, list(dict.fromkeys(on))),
                 _touching(domain, number, parameters.contact.on),
                 free,
             )
@@ -91,7 +91,7 @@ def _check_rigid_motions(
     free = free_motions(domain, space, constraints, part)
     if not free.shape[1]:
         return 0
-    motions = free.T @ rigid_motions(space) * part
+    motions = (free.T @ rigid_motions(space)) * part
     work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
     load = fem.assemble_vector(work_form).array
     work = domain.comm.allreduce(motions @ load)
@@ -121,13 +121,10 @@ def _dofs(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:
     return np.repeat(marks.array > 0.0, dofmap.index_map_bs)
 
 
-def _touching(domain: Domain, part: int, names: Sequence[str] | dict[str, None]) -> tuple[str, ...]:
+def _touching(domain: Domain, part: int, names: Sequence[str]) -> tuple[str, ...]:
     """Those of the boundary parts that have facets of a part of the body; collective."""
-    to_cell = domain.mesh.topology.connectivity(domain.dim - 1, domain.dim)
-    there = []
-    for name in names:
-        facets = domain.facets((name,))
-        cells = [to_cell.links(int(facet))[0] for facet in facets]
-        there.append(bool(np.any(domain.parts[cells] == part)) if cells else False)
-    anywhere = domain.comm.allgather(there)
-    return tuple(name for name, *on in zip(names, *anywhere, strict=True) if any(on))
+    there = [
+        bool(np.any(domain.parts[domain.owners(domain.facets((name,)))] == part)) for name in names
+    ]
+    anywhere = np.any(domain.comm.allgather(there), axis=0)
+    return tuple(name for name, here in zip(names, anywhere, strict=True) if here)
