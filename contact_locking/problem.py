@@ -33,7 +33,7 @@ from contact_locking.results import (
 from contact_locking.solution import Solution
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver import solve as solve_system
-from contact_locking.solver.options import UserOptions, require_known
+from contact_locking.solver.options import UserOptions, require_harmless, require_known
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
@@ -155,9 +155,13 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
 def _require_known_options(
     parameters: Parameters, petsc_options: Mapping[str, Any] | None = None
 ) -> None:
-    """Raise InputError for a misspelt option: before the solve, for which PETSc would not ask."""
-    require_known(parameters.solver.petsc, "solver.petsc")
-    require_known(petsc_options or ())
+    """Raise InputError for a misspelt or harmful option, before PETSc asks for it, or does not."""
+    for options, section in (
+        (parameters.solver.petsc, "solver.petsc"),
+        (petsc_options or {}, None),
+    ):
+        require_known(options, section)
+        require_harmless(options, section)
 
 
 def _method(problem: Problem) -> str:

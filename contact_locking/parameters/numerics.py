@@ -58,7 +58,10 @@ class SolverParameters(Section):
     friction_tolerance: Tolerance = entry(1e-8, "relative change of the friction bound", "1")
     max_friction_updates: Count = entry(100, "updates of the friction bound", "1")
     linear: Literal["auto", "direct", "iterative"] = entry("auto", "auto, direct or iterative")
-    petsc: dict[str, Option] = entry({}, "further PETSc options, such as {snes_monitor: null}")
+    petsc: dict[str, Option] = entry(
+        {},
+        "further PETSc options, such as {snes_monitor: null}; none that runs code or takes files",
+    )
 
     @field_validator("petsc")
     @classmethod
