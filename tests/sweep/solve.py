@@ -56,8 +56,12 @@ class Outcome:
 
 
 def outcome_of(family: str, seed: int, checks: bool = False) -> Outcome:
-    """Make, solve and judge a problem; no exception leaves."""
-    case = case_of(family, seed)
+    """Make, solve and judge the problem of a seed; no exception leaves."""
+    return outcome_of_case(case_of(family, seed), checks, family, seed)
+
+
+def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int = 0) -> Outcome:
+    """Solve and judge; with ``checks`` the conic solver and the problem in other units, too."""
     outcome = Outcome(family, seed, BROKEN, study=case.study)
     start = time.perf_counter()
     try:
