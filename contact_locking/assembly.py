@@ -73,10 +73,16 @@ class Problem:
         return facts
 
 
-def penalty(parameters: Parameters) -> tuple[float, float]:
-    """``n`` and ``epsilon``, the latter ``1/n`` unless it is given."""
+def penalty(parameters: Parameters, young: float) -> tuple[float, float, float]:
+    """``n``, ``epsilon`` and the regularisation of friction.
+
+    ``epsilon`` is ``1/n`` unless it is given.  The paper has the same epsilon, a compliance, in
+    (22) in the place of a length: Young's modulus makes a length of it where none is given.
+    """
     n, epsilon = parameters.penalty.n, parameters.penalty.epsilon
-    return n, 1.0 / n if epsilon is None else epsilon
+    epsilon = 1.0 / n if epsilon is None else epsilon
+    regularisation = parameters.friction.regularisation
+    return n, epsilon, young * epsilon if regularisation is None else regularisation
 
 
 def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None = None) -> Problem:
@@ -92,16 +98,18 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     space = fem.functionspace(domain.mesh, ("P", 1, (domain.dim,)))
     _check_parts(domain, parameters)
     constraints = constrain(domain, space, _conditions(domain, parameters.loads))
-    n, epsilon = penalty(parameters)
+    n, epsilon, regularisation = penalty(parameters, material.young)
     surface, contact = _contact(domain, space, parameters.contact)
     data = forms.ProblemData(
         elastic_stress=material.elastic_stress,
+        largest_eigenvalue=material.largest_eigenvalue,
         inverse_limit=material.inverse_limit,
         dx=ufl.Measure("dx", domain=domain.mesh),
         loads=_loads(domain, parameters.loads),
         contact=contact,
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
+        regularisation=fem.Constant(domain.mesh, regularisation),
     )
     u = fem.Function(space, name="displacement")
     free = _check_rigid_motions(domain, space, data, constraints, surface, parameters)

@@ -27,6 +27,7 @@ from contact_locking.results import (
     BodyFields,
     ContactFields,
     body_summary,
+    integral,
     no_contact_summary,
 )
 from contact_locking.solution import Solution
@@ -112,14 +113,23 @@ def solve_assembled(
     system = PenalisedSystem(
         problem.data, problem.u, problem.constraints, problem.bound, problem.free > 0
     )
-    n, epsilon = penalty(problem.parameters)
-    length = float(np.ptp(_bounding_box(problem.domain), axis=0).max())
-    target = Target(n, epsilon, problem.material.stiffness, length)
+    material, domain = problem.material, problem.domain
+    n, epsilon, regularisation = penalty(problem.parameters, material.young)
+    target = Target(
+        n,
+        epsilon,
+        regularisation,
+        stiffness=material.stiffness,
+        ellipticity=material.ellipticity,
+        young=material.young,
+        length=float(np.ptp(_bounding_box(domain), axis=0).max()),
+        volume=integral(domain, fem.Constant(domain.mesh, 1.0) * problem.data.dx),
+    )
     report = None if restarted is None else restarted.solved_already(system, target, settings)
     if report is None:
         saved = None if restarted is None else restarted.state
         report = solve_system(method, system, target, settings, monitor, saved)
-    system.set_penalty(n, epsilon)
+    system.set_penalty(n, epsilon, regularisation)
     monitor.message("computing fields and the certificate")
     solution = _collect(problem, system, target, report, settings)
     if unused := options.unused():
@@ -204,6 +214,11 @@ def _collect(
             "change": report.friction_change,
             "contraction": report.contraction,
         },
+        "penalty": {
+            "n": target.n,
+            "epsilon": target.epsilon,
+            "regularisation": target.regularisation,
+        },
         "duality_gap": report.duality_gap,
         "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),
         "stages": report.stages,
@@ -228,6 +243,7 @@ def _measure_against_limit(
     limit = given.model_copy(
         update={
             "penalty": given.penalty.model_copy(update={"n": math.inf, "epsilon": None}),
+            "friction": given.friction.model_copy(update={"regularisation": None}),
             "solver": given.solver.model_copy(update={"method": "auto"}),
         }
     )

@@ -17,10 +17,10 @@ class PenaltyParameters(Section):
     """n of the locking penalty R_n (23), epsilon of contact and friction (22), (25)."""
 
     n: PositiveOrInfinite = entry(
-        1e4, "locking penalty; .inf: the variational inequality itself", "stress"
+        math.inf, "locking penalty; .inf: the variational inequality itself", "stress"
     )
     epsilon: Positive | None = entry(
-        None, "1/epsilon is the contact penalty; also smooths friction; null: 1/n", "length/stress"
+        None, "compliance of the foundation, 1/epsilon is the penalty; null: 1/n", "length/stress"
     )
 
 
