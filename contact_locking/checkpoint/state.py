@@ -18,7 +18,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import __version__, _compat, study_file
-from contact_locking.assembly import Problem
+from contact_locking.assembly import Problem, penalty
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
 from contact_locking.domain import on_root

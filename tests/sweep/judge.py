@@ -217,13 +217,13 @@ def _friction(parameters: Parameters, discrete: Discrete, state: State, scales: 
     floor = 1e-7 * stress + DIGITS * _EPS * float(scales.internal.max(initial=0.0)) / max(
         float(w.min()), 1e-300
     )
-    found = {"friction bound": _ratio(np.abs(bound - state.bound).max(), 1e-6 * peak + floor)}
+    found = {"friction bound": _ratio(np.abs(bound - state.bound).max(), EXCESS * peak + floor)}
     found["smoothed stress"] = smoothed
     held = _held(discrete)
-    over = (size - bound * (1.0 + 1e-6) - floor)[~held]
-    found["traction beyond its bound"] = _ratio(float(over.max(initial=0.0)), 1e-6 * peak + floor)
+    over = (size - bound * (1.0 + EXCESS) - floor)[~held]
+    found["traction beyond its bound"] = _ratio(float(over.max(initial=0.0)), EXCESS * peak + floor)
     across = np.abs(np.einsum("kd,kd->k", state.traction, contact.normals))
-    found["traction along the normal"] = _ratio(float(across.max()), 1e-7 * peak + floor)
+    found["traction along the normal"] = _ratio(float(across.max()), EXCESS * peak + floor)
     along = np.einsum("kd,kd->k", state.traction, slip)
     length = discrete.regularisation
     inside = np.sqrt(np.maximum(state.bound**2 - size**2, 0.0))
