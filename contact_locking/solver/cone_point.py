@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -158,19 +157,6 @@ class ConePoint:
         if self.contact is not None:
             local = max(local, float(self.contact.z.max(initial=0.0)))
         return float(self.cones.comm.allreduce(local, op=MPI.MAX))
-
-    def excluded_factor(self) -> float:
-        """The factor on the prescribed values u_D that the multipliers prove too large; collective.
-
-        Diverging multipliers balance themselves, next to them loads and elasticity are nothing.  So
-        ``P = int Z : eps(v) + int p v_nu`` is the same for every v that follows u_D, and s P for
-        those that follow s u_D; but it is ``int M |Z| + int p gap`` at most if v is admissible.
-        """
-        cones, stress = self.cones, self.locking.stress
-        pressure = None if self.contact is None else self.contact.z
-        power = cones.power(cones.system.u.x.array, stress, pressure)
-        resistance = cones.resistance(stress, pressure)
-        return max(resistance, 0.0) / power if resistance < power and power > 0.0 else math.inf
 
     def multipliers(self, stiffness: float) -> Multipliers:
         """As functions and nodal values; ``stiffness`` compares pressures with openings."""

@@ -14,7 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import compiled, forms
-from contact_locking.material import MANDEL_PAIRS, mandel_factor
+from contact_locking.material import MANDEL_PAIRS, mandel_factor, strain
 from contact_locking.solver.filtered_multigrid import StiffPart
 from contact_locking.solver.linear import is_direct
 from contact_locking.solver.multipliers import Multipliers
@@ -197,6 +197,19 @@ class ConeSystem:
             parts.append(self._answer.array_r * self._free)
         return parts[0], parts[1]
 
+    def balance(
+        self, stress: FloatArray, pressure: FloatArray | None, accuracy: float
+    ) -> FloatArray:
+        """The displacement (owned values) whose forces, with the tangent that is set, are those.
+
+        An iterative solver leaves the share ``accuracy`` of the forces; collective.
+        """
+        self._right.set(0.0)
+        self._add_multipliers(stress, pressure, None)
+        self._answer.set(0.0)
+        self._linear.solve(self._right, self._answer, accuracy * float(self._right.norm()))
+        return self._answer.array_r * self._free
+
     def respond(self, friction: FloatArray, accuracy: float) -> FloatArray:
         """The displacement (owned values) that answers a change of ``-sigma_tau`` (d, k).
 
@@ -275,9 +288,26 @@ class ConeSystem:
             local += float(self.node_weights @ (self.node_gap * pressure))
         return float(self.comm.allreduce(local))
 
-    def describe_excess(self, strain: FloatArray) -> str:
+    def work_beyond(self, displacement: FloatArray, unlimited: float) -> float:
+        """``int c |eps(v)| (M + |eps(u)|)`` of ``v`` (owned values), u being the system's.
+
+        c is the largest eigenvalue of A, and ``unlimited`` takes the place of an infinite M;
+        collective.
+        """
+        space = self.system.u.function_space
+        v = fem.Function(space)
+        v.x.array[: self._owned] = displacement[: self._owned]
+        v.x.scatter_forward()
+        data = self.system.data
+        limit = 1.0 / ufl.max_value(data.inverse_limit, 1e-300)
+        limit = ufl.conditional(ufl.gt(data.inverse_limit, 0.0), limit, unlimited)
+        sizes = [ufl.sqrt(ufl.inner(strain(w), strain(w))) for w in (v, self.system.u)]
+        form = data.largest_eigenvalue * sizes[0] * (limit + sizes[1]) * data.dx
+        return float(self.comm.allreduce(fem.assemble_scalar(compiled.form(form))))
+
+    def describe_excess(self, strains: FloatArray) -> str:
         """Where, and by how much, strains (m, k) exceed their limit the most; collective."""
-        ratio = np.linalg.norm(strain, axis=0) / self.limit
+        ratio = np.linalg.norm(strains, axis=0) / self.limit
         found: tuple[float, list[float]] = (0.0, [])
         if len(ratio):
             worst = int(np.argmax(ratio))
@@ -361,6 +391,11 @@ class ConeSystem:
         self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None
     ) -> None:
         self._unbalanced.copy(self._right)
+        self._add_multipliers(stress, pressure, friction)
+
+    def _add_multipliers(
+        self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None
+    ) -> None:
         self._operator.add_forces(stress, self._right)
         right = self._right.array_w
         if pressure is not None:

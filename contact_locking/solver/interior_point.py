@@ -25,6 +25,7 @@ from contact_locking.solver.bound_step import BoundStep
 from contact_locking.solver.cone_point import ConePoint, Direction
 from contact_locking.solver.cone_system import ConeSystem
 from contact_locking.solver.cones import Lorentz
+from contact_locking.solver.farkas import excluded_factor
 from contact_locking.solver.linear import LINEAR_FAILURE
 from contact_locking.solver.measures import Measures
 from contact_locking.solver.multipliers import Multipliers
@@ -37,6 +38,8 @@ FloatArray = npt.NDArray[np.float64]
 
 # How far a step goes towards the boundary of the cones.
 _TO_BOUNDARY = 0.97
+# Steps that are shorter lead nowhere.
+_SHORTEST = 1e-8
 # Mehrotra's second-order terms are taken in full where the predictor goes this far, and in
 # proportion where it does not: terms of a direction that hardly leads anywhere mislead.
 _TRUSTED = 1.0 / 3.0
@@ -63,7 +66,7 @@ _LINEAR_SHARE = 0.3
 _MOST_LEFT = 0.03
 # Multipliers that have grown by this factor while the laws stay violated may prove that nothing is
 # admissible.
-_DIVERGED = 1e4
+_DIVERGED = 1e2
 # Energies are judged against this share of that at the start if they are smaller.
 _LEAST = 1e-10
 # A bound is kept above this share of the largest, so that the friction cones have an inside.
@@ -132,10 +135,13 @@ class InteriorPoint:
                 break
             self._stop_if_infeasible(measures)
             if iteration == limit:
+                self._require_feasible()
                 raise NotConverged(
                     f"{limit} interior point iterations did not suffice ({measures})"
                 )
-            self._iterate(report)
+            if not self._iterate(report):
+                self._require_feasible()
+                raise NotConverged(f"the interior point step vanished ({measures})")
         report.duality_gap = measures.gap
         return self.multipliers()
 
@@ -205,7 +211,8 @@ class InteriorPoint:
         compliance = 0.5 / self._target.n
         return LockingBlock(self._lorentz, strain, cones.limit, cones.volumes, compliance)
 
-    def _iterate(self, report: SolverReport) -> None:
+    def _iterate(self, report: SolverReport) -> bool:
+        """Take a step; False if there is none to take; collective."""
         point = self._point
         if point.friction is not None:
             point.friction.bound_step[:] = 0.0
@@ -221,12 +228,13 @@ class InteriorPoint:
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
             report.linear += self._cones.take_iterations()
-        if not t > 1e-8:
-            raise NotConverged(f"the interior point step vanished ({self._measured})")
+        if not t > _SHORTEST:
+            return False
         point.advance(t, step)
         if self._moving is not None:
             self._note_bound(*self._moving)
             report.friction += 1
+        return True
 
     @property
     def _moving(self) -> tuple[FrictionBound, ContactBlock, FrictionBlock] | None:
@@ -293,22 +301,27 @@ class InteriorPoint:
         return max(centring, min(_GAP_BACK, _GAP_LEFT * _GAP_TOLERANCE / now.gap))
 
     def _stop_if_infeasible(self, measures: Measures) -> None:
-        """Multipliers that grow while the laws stay violated may prove that nothing is feasible."""
+        """Raise Infeasible if multipliers that grow, while laws stay violated, prove it."""
         if self._target.epsilon > 0.0 and math.isfinite(self._target.n):
             return
-        point = self._point
-        size = point.largest_multiplier()
+        size = self._point.largest_multiplier()
         if self._first is None:
             self._first = size, measures.primal
         first_size, first_primal = self._first
         if size > _DIVERGED * first_size and measures.primal > 0.01 * first_primal:
-            factor = point.excluded_factor()
-            if factor < 1.0:
-                raise Infeasible(
-                    "infeasible: no displacement within the locking limit and the gap follows the "
-                    f"prescribed values; {self._cones.describe_excess(point.strain)}",
-                    factor,
-                )
+            self._first = size, first_primal
+            self._require_feasible()
+
+    def _require_feasible(self) -> None:
+        """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""
+        factor = excluded_factor(self._point, self._target)
+        if factor < 1.0:
+            raise Infeasible(
+                "infeasible: no displacement of this mesh within the locking limit and the gap "
+                "follows the prescribed values; "
+                + self._cones.describe_excess(self._point.strain),
+                factor,
+            )
 
     def _measure(self) -> Measures:
         """Look at the iterate and judge it; collective."""

@@ -33,8 +33,7 @@ class ElasticStart:
     def __init__(self, cones: ConeSystem, target: Target, tolerance: float, sticks: bool) -> None:
         self._cones, self._system, self._target = cones, cones.system, target
         self._tolerance, self._sticks = tolerance, sticks
-        #: Strains are compared with this one: the mean of the elastic displacement's, or that which
-        #: takes back how far it enters the foundation.
+        #: The strain of the elastic displacement, which others are compared with.
         self.strain = 0.0
 
     def solve(self) -> bool:
@@ -52,17 +51,20 @@ class ElasticStart:
             cones.move(1.0, cones.solve_step(zeros, None, None, accuracy))
             cones.visit()
             is_solution = self._is_admissible(0.0)
-        size = self._target.mean_strain(cones.energy, 0.0, self._tolerance)
-        self.strain = max(size, self._entered() / self._target.length)
+        self.strain = self._size()
         return is_solution
 
     def retreat(self) -> float:
-        """Leave most of what the loads do; returns the mean strain of what remains; collective."""
+        """Take back most of what the loads do; returns the strain of the rest; collective."""
         cones = self._cones
         cones.move(_LOAD_SHARE - 1.0, self._loaded)
         cones.visit()
-        size = self._target.mean_strain(cones.energy, 0.0, self._tolerance)
-        return max(size, _LOAD_SHARE * self.strain)
+        return max(self._size(), _LOAD_SHARE * self.strain)
+
+    def _size(self) -> float:
+        """The mean strain, or that which takes back how far the body enters the foundation."""
+        strain = self._target.mean_strain(self._cones.energy, 0.0, self._tolerance)
+        return max(strain, self._entered() / self._target.length)
 
     def _set_springs(self) -> None:
         cones, count = self._cones, len(self._cones.limit)
