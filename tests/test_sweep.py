@@ -15,7 +15,15 @@ from sweep import judge, reference, run
 from sweep.case import Case, Study, Truth, clamp, study
 from sweep.discrete import Discrete, State, discretise, state_of
 from sweep.families import FAMILIES, case_of
-from sweep.solve import INFEASIBLE, SOLVED, WRONG, outcome_of, outcome_of_case
+from sweep.solve import (
+    BROKEN,
+    INFEASIBLE,
+    SOLVED,
+    WRONG,
+    Outcome,
+    outcome_of,
+    outcome_of_case,
+)
 from sweep.transforms import Transform
 
 from contact_locking import study_file
@@ -192,16 +200,16 @@ def _assert_equal(one: Parameters, other: Parameters) -> None:
 def test_a_worker_that_hangs_is_replaced() -> None:
     worker = run.Worker(limit=0.01)
     outcome = worker.solve(("block_2d", 0, False))
-    assert (outcome.kind, outcome.reason) == (run.BROKEN, "no answer after 0.01 s")
+    assert (outcome.kind, outcome.reason) == (BROKEN, "no answer after 0.01 s")
     assert outcome.study == case_of("block_2d", 0).study
     worker.limit = 60.0
-    assert worker.solve(("zero_load", 0, False)).kind != run.BROKEN
+    assert worker.solve(("zero_load", 0, False)).kind != BROKEN
     worker.stop()
 
 
 def test_what_is_not_right_is_left_as_a_study_file(tmp_path: Path) -> None:
     case = case_of("curved_2d", 3)
-    outcome = run.Outcome("curved_2d", 3, WRONG, "two\nlines", study=copy.deepcopy(case.study))
+    outcome = Outcome("curved_2d", 3, WRONG, "two\nlines", study=copy.deepcopy(case.study))
     run.keep(outcome, tmp_path)
     path = tmp_path / "curved_2d_3.yml"
     assert path.read_text(encoding="utf-8").startswith("# wrong:\n# two\n# lines\n")
@@ -210,7 +218,7 @@ def test_what_is_not_right_is_left_as_a_study_file(tmp_path: Path) -> None:
 
 def test_the_table_counts_outcomes_by_family() -> None:
     kinds = [SOLVED, SOLVED, INFEASIBLE, WRONG]
-    outcomes = [run.Outcome("a", i, kind, tangents=10 + i) for i, kind in enumerate(kinds)]
+    outcomes = [Outcome("a", i, kind, tangents=10 + i) for i, kind in enumerate(kinds)]
     lines = run.table(outcomes).splitlines()
     assert lines[1].split() == ["a", "4", "2", "1", ".", ".", "1", ".", "11", "12", "0.0"]
     assert lines[-1] == "right: 3 of 4, 75.00 %"

@@ -118,6 +118,7 @@ def _judge(
     found = judge.violations(solution.parameters, discrete, state)
     outcome.notes = {name: float(f"{value:.3g}") for name, value in found.items()}
     wrong = [judge.complaint(found), *_against_truth(truth, discrete, state)]
+    wrong.append(_exported(solution))
     if checks:
         try:
             wrong.append(against_reference(discrete, state))
@@ -166,6 +167,29 @@ def _against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
         if not truth.touches and force > 1e-9 * scale:
             found.append(f"nothing touches, but there is a force of {force:.1e}")
     return found
+
+
+def _exported(solution: Solution) -> str:
+    """Whether the list of contact points, which goes to files, has other tractions than the fields.
+
+    Both are sums over the same nodes, so that their order does not matter.
+    """
+    points = solution.contact_points
+    if points is None:
+        return ""
+    listed = np.column_stack([points.pressure, points.traction])
+    dim = points.dim
+    fields = np.column_stack(
+        [
+            solution.contact_pressure.x.array,
+            solution.tangential_traction.x.array.reshape(-1, dim),
+        ]
+    )
+    sizes = [np.sort(np.linalg.norm(rows, axis=1))[::-1] for rows in (listed, fields)]
+    apart = float(np.abs(sizes[0] - sizes[1][: len(listed)]).max())
+    if apart > judge.FORCE * float(sizes[1][0]):
+        return f"contact points have other tractions than the fields, by {apart:.1e}"
+    return ""
 
 
 def is_unique(parameters: Parameters) -> bool:
