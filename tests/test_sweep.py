@@ -31,6 +31,7 @@ from contact_locking.assembly import assemble
 from contact_locking.parameters import Parameters
 from contact_locking.problem import solve_assembled
 
+pytest.importorskip("clarabel")
 pytestmark = pytest.mark.serial
 
 
@@ -140,7 +141,6 @@ def _stretched(limit: float, by: float) -> Study:
 @pytest.mark.parametrize("share", [0.5, 0.999, 1.001, 3.0])
 def test_the_largest_factor_and_the_smallest_excess_of_a_stretched_square(share: float) -> None:
     """The least strain is uniaxial: the factor is M/delta and the excess delta/M - 1."""
-    pytest.importorskip("clarabel")
     limit = 0.02
     problem = assemble(Parameters.model_validate(_stretched(limit, share * limit)), MPI.COMM_SELF)
     discrete = discretise(problem.parameters, problem.domain, problem.u.function_space)
@@ -149,7 +149,6 @@ def test_the_largest_factor_and_the_smallest_excess_of_a_stretched_square(share:
 
 
 def test_a_true_and_a_false_verdict_of_infeasibility_are_told_apart() -> None:
-    pytest.importorskip("clarabel")
     outcome = outcome_of_case(Case(_stretched(0.02, 0.021)))
     assert outcome.kind == INFEASIBLE, outcome.reason
     assert outcome.notes["excess"] == pytest.approx(0.05, abs=1e-6)
