@@ -168,14 +168,10 @@ def test_a_transform_and_its_inverse_leave_a_study_as_it_was(dim: int) -> None:
         1.0 / there.load,
     )
     np.testing.assert_allclose(back.matrix @ there.matrix, np.eye(dim))
-    for family in ("anisotropic", "curved_3d", "penalties", "overlap"):
-        given = next(
-            case.study
-            for case in (case_of(family, seed) for seed in range(50))
-            if case.study["mesh"]["dim"] == dim or family == "curved_3d"
-        )
-        if given["mesh"]["dim"] != dim:
-            continue
+    for family in ("anisotropic", "tilted", "overlap", "approach_curved"):
+        cases = (case_of(family, seed).study for seed in range(50))
+        # The axis of a cylinder is written out.
+        given = next(c for c in cases if c["mesh"]["dim"] == dim and "cylinder" not in str(c))
         again = back.study(there.study(given))
         _assert_equal(Parameters.model_validate(again), Parameters.model_validate(given))
 

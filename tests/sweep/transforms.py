@@ -94,6 +94,9 @@ class Transform:
             if section.get(key) is not None:
                 section[key] *= self.length
         if "n" in penalty:
+            if math.isfinite(penalty["n"]):
+                # 1/n, which it is where it is not given, is no length over a stress.
+                penalty.setdefault("epsilon", 1.0 / penalty["n"])
             penalty["n"] *= self.stress
         if penalty.get("epsilon") is not None:
             penalty["epsilon"] *= self.length / self.stress
