@@ -217,6 +217,10 @@ class FrictionBlock(LorentzBlock):
         """G (k,)."""
         return self.z[0]
 
+    def set_bound(self, bound: FloatArray) -> None:
+        """Scale the multipliers to the bound (k,), which keeps them inside their cones."""
+        self.z *= bound / self.z[0]
+
     def linearise(self, slip: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``D = a I - b w w^T``: a (k,), b (k,), w (d, k); remembers the primal residual."""
         self._gap = self._fixed_rows(slip) - self.x[1:]

@@ -45,9 +45,9 @@ _SHORTEST = 1e-8
 _TRUSTED = 1.0 / 3.0
 # Recentrings (Gondzio's correctors) after each predictor and corrector: at most this many, while
 # the step is shorter than this, reaching this much farther, kept if the step grows by this factor.
-_RECENTRINGS = 2
+_RECENTRINGS = 3
 _LONG_ENOUGH = 0.95
-_REACH = 0.3
+_REACH = 0.4
 _GAIN = 1.01
 # The duality gap, relative to the energy, at which the iteration stops, and the share of it that is
 # aimed at.  Rounding in nearly singular cones leaves about 1e-9.
@@ -64,6 +64,9 @@ _LINEAR_SHARE = 0.3
 # times as large as they are, solves that left more led to short steps, at n = inf to five tangents
 # more or nowhere.
 _MOST_LEFT = 0.03
+# A step that leaves more than this share of the distance between the friction bound and mu |R p|
+# has not brought them closer, unless they are as close as the other number, relative to the bound.
+_CLOSER, _CLOSE = 0.5, 1e-6
 # Multipliers that have grown by this factor while the laws stay violated may prove that nothing is
 # admissible.
 _DIVERGED = 1e2
@@ -74,7 +77,7 @@ _LEAST_BOUND = 1e-12
 # The start: complementarity against the density of the elastic energy, and the least opening
 # against the strain times the length.
 _START_LEVEL = 0.1
-_START_OPENING = 0.1
+_START_OPENING = 0.03
 
 
 class InteriorPoint:
@@ -232,7 +235,7 @@ class InteriorPoint:
             return False
         point.advance(t, step)
         if self._moving is not None:
-            self._note_bound(*self._moving)
+            self._follow(*self._moving)
             report.friction += 1
         return True
 
@@ -244,17 +247,23 @@ class InteriorPoint:
             return None
         return (bound, point.contact, point.friction) if self._bound_moves else None
 
-    def _note_bound(
-        self, bound: FrictionBound, contact: ContactBlock, friction: FrictionBlock
-    ) -> None:
-        """Tell the system the bound, and note its distance from ``mu |R p|``; collective."""
+    def _follow(self, bound: FrictionBound, contact: ContactBlock, friction: FrictionBlock) -> None:
+        """Note how far the step left the bound from ``mu |R p|``; collective.
+
+        Where it came hardly closer the bound is set to that: the linearisation fails where slips
+        stop, start or turn round.
+        """
         cones = self._cones
         wanted = self._new_bound(bound, contact.z)
         used = wanted.copy()
         used[cones.active] = friction.bound
         size = max(bound.norm(wanted), self._target.least_bound(cones.energy, cones.dim))
+        before = self._friction_change
         self._friction_change = bound.norm(wanted - used) / size if size > 0.0 else 0.0
         bound.values = used
+        if self._friction_change > max(_CLOSER * before, _CLOSE):
+            bound.values = wanted
+            friction.set_bound(wanted[cones.active])
 
     def _combined(self, affine: Direction, t: float, target: float) -> tuple[Direction, float]:
         """The step to take and its length: corrected, with the bound moved along, and recentred.
