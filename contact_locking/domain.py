@@ -23,6 +23,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.errors import ContactLockingError, InputError
 
+FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
 T = TypeVar("T")
 
@@ -80,6 +81,13 @@ class Domain:
         self.mesh.topology.create_connectivity(fdim, self.dim)
         local = float(self.mesh.h(fdim, facets).max()) if len(facets) else 0.0
         return float(self.comm.allreduce(local, op=MPI.MAX))
+
+    def bounding_box(self) -> FloatArray:
+        """The least and greatest coordinates (2, d); collective."""
+        x = self.mesh.geometry.x[:, : self.dim]
+        low = self.comm.allgather(x.min(axis=0, initial=np.inf))
+        high = self.comm.allgather(x.max(axis=0, initial=-np.inf))
+        return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
     def _tag(self, name: str, table: dict[str, int], key: str | None) -> int:
         if name not in table:
