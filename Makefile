@@ -13,7 +13,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench sweep verification studies docs format image image-test clean
+.PHONY: help demo test test-all lint sandbox serial serial-all parallel parallel-all bench sweep verification studies docs format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -22,12 +22,15 @@ help: ## this list
 demo: ## solve demos/block.yml and draw it
 	./in-env contact-locking run demos/block.yml
 
-test: lint serial parallel ## ruff and mypy, the tests, and those for several ranks under mpirun
-test-all: lint serial-all parallel-all ## the same with the slow tests
+test: lint sandbox serial parallel ## ruff and mypy, the tests, and those for several ranks under mpirun
+test-all: lint sandbox serial-all parallel-all ## the same with the slow tests
 
 lint: ## ruff and mypy only
 	@$(call optional,ruff,ruff check && ruff format --check)
 	@$(call optional,mypy,mypy)
+
+sandbox: ## check that ./in-env loses nothing that is written in its sandbox
+	@environment/sandbox-test
 
 serial: ## the tests on one rank, two at a time (WORKERS=2)
 	./in-env python3 -m pytest $(SEVERAL)

@@ -13,7 +13,10 @@ from contact_locking.errors import InputError
 from contact_locking.terminal import is_root
 
 _DESCRIPTION = "Frictional contact of locking materials: solves what a study file describes."
-_EXIT_CODES = "exit codes: 0 converged, 1 unexpected error, 2 bad input, 3 not converged"
+_EXIT_CODES = (
+    "exit codes: 0 converged, 1 unexpected error, 2 bad input, 3 not converged, "
+    "128 + N ended by signal N"
+)
 _PETSC_HINT = "Options of PETSc come last, after --, such as: -- -ksp_type cg -pc_type gamg"
 _ASSIGNMENT = re.compile(r"[\w.]+=")
 _NEGATIVE_NUMBER = re.compile(r"-\.?\d")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,8 +26,10 @@ from contact_locking.domain import Domain, agree
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
 from contact_locking.groups import groups
+from contact_locking.loads import build_loads
 from contact_locking.parameters import ContactParameters, LoadParameters, Parameters, Smoothing
 from contact_locking.parts import Held, check_parts_held
+from contact_locking.plausibility import about_the_gap
 from contact_locking.smoothing import Convolution, HelmholtzFilter, Identity
 from contact_locking.smoothing import Smoothing as SmoothingOperator
 from contact_locking.surface import ContactSurface
@@ -35,10 +37,13 @@ from contact_locking.system import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
 
-# Expressions in loads are integrated to this degree; P1 test functions need no more.
-_LOAD_DEGREE = 4
-# Without a radius R averages over this share of the extent of Gamma_C.
-_DEFAULT_RADIUS_SHARE = 0.1
+# Without a radius R averages over this share of the extent of Gamma_C, and over the neighbours of
+# each node at least: the kernel vanishes at its radius.
+_DEFAULT_RADIUS_SHARE, _DEFAULT_RADIUS_FACETS = 0.1, 2.0
+# From this share of the extent on, R by a filter is the mean over Gamma_C to nine digits.
+_LARGEST_RADIUS_SHARE = 1e4
+# A friction coefficient is zero where it is negative by less than this share of its largest value.
+_COEFFICIENT_ROUNDING = 1e-12
 
 
 @dataclass
@@ -106,12 +111,15 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     constraints = constrain(domain, space, _conditions(domain, parameters.loads))
     n, epsilon, regularisation = penalty(parameters, material.young)
     surface, contact = _contact(domain, space, parameters.contact)
+    if surface is not None and contact is not None:
+        key = "contact.gap" if parameters.contact.foundation is None else "contact.foundation"
+        warnings += about_the_gap(domain, contact.gap.x.array[surface.nodes], key)
     data = forms.ProblemData(
         elastic_stress=material.elastic_stress,
         largest_eigenvalue=material.largest_eigenvalue,
         inverse_limit=material.inverse_limit,
         dx=ufl.Measure("dx", domain=domain.mesh),
-        loads=_loads(domain, parameters.loads),
+        loads=build_loads(domain, parameters.loads, material.stiffness, warnings),
         contact=contact,
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
@@ -159,19 +167,6 @@ def _conditions(domain: Domain, loads: LoadParameters) -> list[ComponentConditio
                 field = partial(evaluate, domain.comm, value, key=key)
                 wanted.append(ComponentCondition(condition.on, j, field, key))
     return wanted
-
-
-def _loads(domain: Domain, loads: LoadParameters) -> list[tuple[Any, ufl.Measure]]:
-    found = []
-    if loads.body_force is not None:
-        value, degree = _ufl_vector(domain, loads.body_force, "loads.body_force")
-        dx = ufl.Measure("dx", domain=domain.mesh, metadata={"quadrature_degree": degree})
-        found.append((value, dx))
-    for i, traction in enumerate(loads.tractions):
-        key = f"loads.tractions.{i}"
-        value, degree = _ufl_vector(domain, traction.value, f"{key}.value")
-        found.append((value, domain.ds(traction.on, f"{key}.on", quadrature_degree=degree)))
-    return found
 
 
 def _contact(
@@ -231,18 +226,20 @@ def _smoothing(surface: ContactSurface, given: Smoothing, warnings: list[str]) -
         return Identity()
     comm = surface.domain.comm
     radius = given.radius
-    if radius is None:
-        places = np.concatenate(comm.allgather(surface.points))
-        radius = _DEFAULT_RADIUS_SHARE * float(np.linalg.norm(np.ptp(places, axis=0)))
     size = surface.domain.facet_diameter(surface.facets)
-    if radius < size:
+    places = np.concatenate(comm.allgather(surface.points))
+    extent = float(np.linalg.norm(np.ptp(places, axis=0)))
+    if radius is None:
+        radius = max(_DEFAULT_RADIUS_SHARE * extent, _DEFAULT_RADIUS_FACETS * size)
+    elif radius < size:
         warnings.append(
             f"friction.smoothing.radius: {radius:g} is smaller than the mesh size {size:.3g} on "
             "Gamma_C, so R hardly smooths; refine the mesh there or enlarge the radius"
         )
     if given.kernel == "convolution":
         return Convolution(comm, surface.points, surface.weights, radius)
-    return HelmholtzFilter(surface.weights, surface.laplacian(), radius)
+    largest = _LARGEST_RADIUS_SHARE * extent
+    return HelmholtzFilter(surface.weights, surface.laplacian(), min(radius, largest))
 
 
 def _friction_coefficient(
@@ -254,25 +251,33 @@ def _friction_coefficient(
 
     def local(points: FloatArray, slip: FloatArray) -> FloatArray:
         places = dict(zip(AXES, points.T, strict=False))
-        mu = with_key(key, lambda: np.broadcast_to(expression.numpy(**places, s=slip), slip.shape))
-        if np.any(mu < 0.0):
-            least = f"{float(np.min(mu)):g}"
-            raise InputError(f"the friction coefficient must not be negative, it is {least}", key)
-        return mu
+        return with_key(
+            key, lambda: np.broadcast_to(expression.numpy(**places, s=slip), slip.shape)
+        )
 
-    return lambda points, slip: agree(comm, lambda: local(points, slip))
+    def whole(points: FloatArray, slip: FloatArray) -> FloatArray:
+        mu = agree(comm, lambda: local(points, slip))
+        # Zero, computed from other numbers, may come out below zero by their rounding.
+        least = -_COEFFICIENT_ROUNDING * comm.allreduce(np.abs(mu).max(initial=0.0), op=MPI.MAX)
+        agree(comm, lambda: _refuse_negative(mu, least, points, slip, key))
+        return np.maximum(mu, 0.0)
+
+    return whole
 
 
-def _ufl_vector(domain: Domain, values: Sequence[float | str], key: str) -> tuple[Any, int]:
-    """A vector of numbers or expressions as UFL, with the degree to integrate it to."""
-    names = AXES[: domain.dim]
-    components = [parse(value, names) for value in values]
-    if all(c.is_constant for c in components):
-        numbers = [float(c.numpy()) for c in components]
-        return fem.Constant(domain.mesh, numbers), 1
-    x = ufl.SpatialCoordinate(domain.mesh)
-    places = {name: x[i] for i, name in enumerate(names)}
-    return ufl.as_vector([c.ufl(**places) for c in components]), _LOAD_DEGREE
+def _refuse_negative(
+    mu: FloatArray, least: float, points: FloatArray, slip: FloatArray, key: str
+) -> None:
+    """Raise InputError, with the place, if a friction coefficient is below ``least``."""
+    if not np.any(mu < least):
+        return
+    worst = int(np.argmin(mu))
+    where = [f"{axis} = {place:.6g}" for axis, place in zip(AXES, points[worst], strict=False)]
+    raise InputError(
+        f"the friction coefficient must not be negative, it is {mu[worst]:g} at "
+        f"{', '.join(where)}, s = {slip[worst]:.6g}",
+        key,
+    )
 
 
 def _quoted(names: tuple[str, ...]) -> str:

@@ -1,6 +1,7 @@
 """The command ``contact-locking``.
 
-Exit codes: 0 converged, 1 an unexpected error, 2 bad input, 3 not converged, 130 interrupted.
+Exit codes: 0 converged, 1 an unexpected error, 2 bad input, 3 not converged, 128 + N where signal
+N has ended it, such as 130 after Ctrl-C.
 What a command needs is imported when it runs: help and schema are there at once, and a file
 that is wrong is found wrong without DOLFINx.
 """
@@ -18,7 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contact_locking import terminal
+from contact_locking import signals, terminal
 from contact_locking.arguments import parse
 from contact_locking.errors import ContactLockingError, InputError, not_written
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from contact_locking.solution import Solution
     from contact_locking.study_file import StudyFile
 
-CONVERGED, UNEXPECTED, NOT_CONVERGED, INTERRUPTED = 0, 1, 3, 130
+CONVERGED, UNEXPECTED, NOT_CONVERGED = 0, 1, 3
 
 # PETSc's codes for an argument that is wrong, out of range, wrong input, of unknown type.
 _OPTION_ERRORS = (62, 63, 83, 86)
@@ -48,8 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = error.exit_code
     except SystemExit as stop:  # argparse, after --help and --version
         code = int(stop.code or 0)
-    except KeyboardInterrupt:
-        return terminal.abort(INTERRUPTED, "interrupted")
+    except KeyboardInterrupt as interrupt:
+        return terminal.abort(signals.exit_code(interrupt), str(interrupt) or "interrupted")
     except BrokenPipeError:
         # Nobody reads the output any more; let the interpreter flush it to nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -78,8 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if arguments.restart is not None and not arguments.checkpoint:
         _keep_checkpoint(arguments.restart, Path(directory))
-    with _explained(study):
-        output.prepare(directory, comm)
+    with _explained(study), output.reserved(directory, comm):
         if arguments.checkpoint and (missing := checkpoint.unavailable()) is not None:
             terminal.complain(f"warning: no checkpoint will be saved: {missing}")
             arguments.checkpoint = False
@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
             solution = problem.solve(parameters, comm, monitor, arguments.petsc, arguments.restart)
         warnings = output.write(solution, directory, arguments.checkpoint)
     if arguments.quiet:
-        warnings = [*solution.summary["warnings"], *warnings]
+        warnings = solution.summary["warnings"]
     for warning in warnings:
         terminal.complain(f"warning: {warning}")
     ratio = _largest_strain_ratio(solution)
@@ -234,7 +234,8 @@ def _run_command(words: list[str], program: bool = False) -> int:
     """Run it; ``program`` says that the process is there for nothing else."""
     arguments = parse(words)
     arguments.program = program
-    code = int(_COMMANDS[arguments.command](arguments))
+    with signals.stoppable() if program else contextlib.nullcontext():
+        code = int(_COMMANDS[arguments.command](arguments))
     sys.stdout.flush()
     return code
 
@@ -279,11 +280,13 @@ def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
     try:
         import petsc4py
 
-        before = signal.getsignal(signal.SIGPIPE)
-        # A folder that a study came in may hold options that run code; PETSC_OPTIONS is the user's.
-        petsc4py.init(["contact-locking", "-skip_petscrc"])
-        import dolfinx.fem.petsc  # noqa: F401
-        from mpi4py import MPI
+        # PETSc takes the end of a process that is asked to end for a crash.
+        with signals.kept(signal.SIGPIPE):
+            # A folder that a study came in may hold options that run code; PETSC_OPTIONS is the
+            # user's.
+            petsc4py.init(["contact-locking", "-skip_petscrc"])
+            import dolfinx.fem.petsc  # noqa: F401
+            from mpi4py import MPI
     except ImportError as error:
         raise ContactLockingError(
             f"DOLFINx cannot be imported here: {error}\n"
@@ -291,10 +294,10 @@ def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
         ) from error
     from contact_locking import compiled_forms
 
-    # PETSc takes a reader of the output who leaves early, as head does, for a crash.  A program of
-    # one process ends there without a word, whether Python was printing or a monitor of PETSc.
-    ends = arguments.program and MPI.COMM_WORLD.size == 1
-    signal.signal(signal.SIGPIPE, signal.SIG_DFL if ends else before)
+    # Where a reader of the output leaves early, as head does, a program of one process ends without
+    # a word, whether Python was printing or a monitor of PETSc.
+    if arguments.program and MPI.COMM_WORLD.size == 1:
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     if MPI.COMM_WORLD.rank == 0:
         compiled_forms.clear_unfinished()
     return MPI.COMM_WORLD

@@ -20,7 +20,7 @@ from ufl.core.expr import Expr
 from contact_locking import material as law
 from contact_locking.domain import Domain, agree
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import parse
+from contact_locking.expressions import SMALLEST, parse
 from contact_locking.parameters import Elasticity, MaterialParameters
 
 FloatArray = npt.NDArray[np.float64]
@@ -61,6 +61,10 @@ def build_material(domain: Domain, given: MaterialParameters) -> Material:
         smallest = _minimum(domain, limit.x.array[cells.dofs[where]])
         if not smallest > 0.0:
             raise InputError(f"the locking limit must be positive, it reaches {smallest:g}", key)
+        if smallest < SMALLEST:
+            raise InputError(
+                f"the locking limit must be at least {SMALLEST:g}, it reaches {smallest:g}", key
+            )
     inverse.x.array[:] = 1.0 / limit.x.array
     stress, eigenvalues, young, key = _elasticity(domain, cells, given)
     lowest, highest = _eigenvalue_range(domain, eigenvalues, key)
@@ -202,6 +206,12 @@ def _eigenvalue_range(domain: Domain, eigenvalues: FloatArray, key: str) -> tupl
         raise InputError(
             f"the elasticity is not elliptic: its smallest eigenvalue is {lowest:g}, it must be "
             "positive everywhere",
+            key,
+        )
+    if lowest < SMALLEST:
+        raise InputError(
+            f"the smallest eigenvalue of the elasticity must be at least {SMALLEST:g}, it is "
+            f"{lowest:g}",
             key,
         )
     return lowest, highest

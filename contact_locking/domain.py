@@ -25,6 +25,7 @@ from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
 from contact_locking.mesh_file.gmsh_model import extract
 from contact_locking.mesh_file.reader import read
 
+FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
 T = TypeVar("T")
 
@@ -90,6 +91,13 @@ class Domain:
         self.mesh.topology.create_connectivity(fdim, self.dim)
         local = float(self.mesh.h(fdim, facets).max()) if len(facets) else 0.0
         return float(self.comm.allreduce(local, op=MPI.MAX))
+
+    def bounding_box(self) -> FloatArray:
+        """The least and greatest coordinates (2, d); collective."""
+        x = self.mesh.geometry.x[:, : self.dim]
+        low = self.comm.allgather(x.min(axis=0, initial=np.inf))
+        high = self.comm.allgather(x.max(axis=0, initial=-np.inf))
+        return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
     def _tag(self, name: str, table: dict[str, int], key: str | None) -> int:
         if name not in table and table is self.facet_names and name in self.unusable:

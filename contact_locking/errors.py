@@ -14,6 +14,7 @@ T = TypeVar("T")
 
 # No room on the disk, no more for this user, and no more in one file (ulimit -f).
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+MAKE_ROOM = "Make room, and start it again."
 
 
 class ContactLockingError(Exception):
@@ -58,8 +59,17 @@ class Infeasible(NotConverged):
         self.factor = factor
 
 
+class NoRoom(ContactLockingError):
+    """The disk is full; once there is room, the same will be written."""
+
+
 class NoRendering(ContactLockingError):
     """Three dimensions cannot be drawn here; the message says why."""
+
+
+def is_full(error: OSError) -> bool:
+    """Whether the system has no room, on the disk, for the user or in one file."""
+    return error.errno in _FULL
 
 
 def not_written(
@@ -71,8 +81,8 @@ def not_written(
     says what else to do then.
     """
     message = f"{what}: {error.strerror or error} ({error.filename or place})"
-    if error.errno in _FULL:
-        return ContactLockingError(f"{message}\n{more or 'Make room, and start it again.'}")
+    if is_full(error):
+        return NoRoom(f"{message}\n{more or MAKE_ROOM}")
     return InputError(f"{message}; give a folder that can be written to", key)
 
 

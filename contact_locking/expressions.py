@@ -16,6 +16,7 @@ from __future__ import annotations
 import ast
 import difflib
 import math
+import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -40,6 +41,11 @@ FUNCTIONS: dict[str, int | None] = {
 MAX_LENGTH = 1000
 MAX_DEPTH = 40
 MAX_EXPONENT = 100.0
+# No quantity has such values in any unit, and products of three of them stay in double precision;
+# what is divided by is not smaller than the second.
+LARGEST, SMALLEST = 1e100, 1e-100
+# Such as 210 GPa.
+_WITH_UNIT = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)? *[^\W\d_]+(/\w+)?\d?", re.IGNORECASE)
 _SHOWN = 60  # characters of an expression that a message repeats
 
 _OPERATORS: dict[type[ast.AST], str] = {
@@ -176,7 +182,7 @@ class Expression:
 
         A float when all variables are numbers (or none is given). Variables that do not occur
         only contribute their shape. Raises InputError where the value is not finite (or, where
-        an infinite value makes sense, not a number or minus infinity).
+        an infinite value makes sense, not a number or minus infinity), or larger than `LARGEST`.
         """
         self._require(variables)
         arrays = {name: np.asarray(value, dtype=float) for name, value in variables.items()}
@@ -184,7 +190,9 @@ class Expression:
         with np.errstate(all="ignore"):
             value = _evaluate(self._root, _NUMPY, arrays)
         values = np.array(np.broadcast_to(value, shape), dtype=float)
-        good = (values > -np.inf) if self.allow_infinite else np.isfinite(values)
+        good = np.abs(values) <= LARGEST
+        if self.allow_infinite:
+            good |= values == np.inf
         if not good.all():
             first = tuple(np.argwhere(~good)[0])
             place = ", ".join(
@@ -194,6 +202,7 @@ class Expression:
             raise InputError(
                 f"the expression '{_short(self.text)}' is {values[first]:g}"
                 f"{f' at {place}' if place else ''}; it has to be a finite number"
+                f"{f' of at most {LARGEST:g}' if np.isfinite(values[first]) else ''}"
             )
         return values if shape else float(values)
 
@@ -236,6 +245,9 @@ def parse(
         raise InputError("the number is too large") from None
     if not (number > -math.inf if allow_infinite else math.isfinite(number)):
         raise InputError(f"expected a finite number, not {number:g}")
+    if LARGEST < abs(number) < math.inf:
+        hint = " or .inf" if allow_infinite else ""
+        raise InputError(f"the number is too large; give one of at most {LARGEST:g}{hint}")
     return Expression(f"{value}", frozenset(), allow_infinite, _Number(number))
 
 
@@ -265,7 +277,8 @@ class _Parser:
                 tree = ast.parse(self.text, mode="eval")
         except SyntaxError as error:
             column = f" (at character {error.offset})" if error.offset else ""
-            raise InputError(f"{self.shown()}: {error.msg}{column}") from None
+            unit = "; a number has no unit" if _WITH_UNIT.fullmatch(self.text) else ""
+            raise InputError(f"{self.shown()}: {error.msg}{column}{unit}") from None
         except (ValueError, RecursionError, MemoryError):
             raise InputError(f"{self.shown()}: it cannot be read as a formula") from None
         root = self.number(tree.body, 0)

@@ -35,9 +35,9 @@ class ProblemData:
     """The data of (25) as UFL.
 
     ``elastic_stress`` maps a strain to a stress, ``largest_eigenvalue`` is that of A in each cell,
-    ``inverse_limit`` is 1/M, ``loads`` pairs a
-    traction or body force with its measure; ``n`` and ``epsilon`` are the penalty parameters,
-    ``regularisation`` is the length that smooths friction, and ``contact`` is None for a body that touches nothing.  ``own_energy`` is for laws that this
+    ``inverse_limit`` is 1/M, ``loads`` pairs a traction or body force with its measure; ``n`` and
+    ``epsilon`` are the penalty parameters, ``regularisation`` is the length that smooths friction,
+    and ``contact`` is None for a body that touches nothing.  ``own_energy`` is for laws that this
     package does not have: it maps u to a functional J(u), convex and differentiable, whose
     derivative is added to (25).
     """

@@ -13,7 +13,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
@@ -25,15 +25,23 @@ from mpi4py import MPI
 from contact_locking import checkpoint as checkpoints
 from contact_locking import plotting, report, study_file
 from contact_locking.domain import on_root
-from contact_locking.errors import ContactLockingError, not_written
+from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, not_written
+from contact_locking.lock import (
+    locked,
+    make_folders,
+    make_partial,
+    new_folders,
+    release,
+    remove_abandoned,
+)
 from contact_locking.plotting import PICTURE, SNAPSHOT
 from contact_locking.result_files import (
     CONTACT,
     FACETS,
     FIELDS,
-    NOT_WRITABLE,
     PARAMETERS,
     SUMMARY,
+    not_writable,
 )
 from contact_locking.solution import STATE_NAMES, Solution
 
@@ -63,29 +71,48 @@ FIELD_NAMES = (
 )
 
 
+@contextlib.contextmanager
+def reserved(directory: str | Path, comm: MPI.Intracomm) -> Iterator[None]:
+    """Keep ``directory`` for the results of one run; collective.
+
+    To be entered before the solve, which may take hours.  What a killed run has left there is
+    removed; a folder that was not there goes again if nothing is written.  Raises what `prepare`
+    raises, and InputError if another run or a study is writing there.
+    """
+    target = Path(directory)
+    with contextlib.ExitStack() as stack:
+
+        def attempt() -> None:
+            stack.enter_context(new_folders(target))
+            stack.enter_context(locked(target, "run"))
+            remove_abandoned(target)
+            _require_writable(target)
+
+        _on_root(comm, target, attempt)
+        yield
+
+
 def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
     """Raise InputError if results cannot be written to ``directory``; leaves no trace; collective.
 
-    To be called before the solve, which may take hours.  Raises ContactLockingError where there is
-    not even room for the texts.
+    Raises ContactLockingError where there is not even room for the texts.
     """
     target = Path(directory)
 
     def attempt() -> None:
-        missing = [p for p in (target, *target.parents) if not p.exists()]
-        try:
-            staging = Path(_make_staging(target))
-            try:
-                _require_room(staging, _TEXTS_BYTES)
-            finally:
-                staging.rmdir()
-        finally:
-            for folder in missing:
-                # It is not there if that was what failed.
-                with contextlib.suppress(OSError):
-                    folder.rmdir()
+        with new_folders(target):
+            _require_writable(target)
 
     _on_root(comm, target, attempt)
+
+
+def _require_writable(directory: Path) -> None:
+    """Raise OSError if there is no room for a folder with the texts; leaves no trace."""
+    folder, mark = make_partial(directory)
+    try:
+        _require_room(folder, _TEXTS_BYTES)
+    finally:
+        release(folder, mark)
 
 
 def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -> list[str]:
@@ -95,24 +122,28 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
     fields.bp, and picture.png with snapshot.npz, and with ``checkpoint`` the state to restart from;
     of an earlier run in the folder nothing stays.  Each file is made in a folder beside its place
     and moved there when all are complete.  A picture or a checkpoint that cannot be made is a
-    warning; a folder that cannot be written to raises InputError, a full disk ContactLockingError.
+    warning, in the summary too.  A folder that cannot be written to raises InputError, a full disk
+    ContactLockingError: where only picture or checkpoint have no room, after all else is written.
     """
     comm, target = solution.domain.comm, Path(directory)
-    staging = Path(_on_root(comm, target, lambda: _make_staging(target)))
     wanted = solution.parameters.output
-    warnings = []
-    try:
+    warnings: list[str] = []
+    refused: list[str] = []
+    with _staging(comm, target) as staging:
         if wanted.fields:
             _write_fields(solution, target, staging / FIELDS)
         if wanted.picture:
-            problem = plotting.picture(solution, staging)
-            if problem is not None:
-                warnings.append(problem)
-
-        if checkpoint:
-            problem = _checkpoint(solution, target, staging)
-            if problem is not None:
-                warnings.append(f"no checkpoint was saved: {problem}")
+            try:
+                problem = plotting.picture(solution, staging)
+            except NoRoom as error:
+                refused.append(f"no picture was drawn: {error}")
+            else:
+                warnings += [problem] if problem else []
+        if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
+            missing = checkpoints.unavailable() is not None
+            (warnings if missing else refused).append(f"no checkpoint was saved: {problem}")
+        told = [*solution.summary.get("warnings", []), *warnings, *refused]
+        solution.summary["warnings"] = told
 
         def finish() -> None:
             _write_texts(solution, staging)
@@ -121,22 +152,17 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
                 _put_in_place(staging, target, name)
 
         _on_root(comm, target, finish)
-    finally:
-        if comm.rank == 0:
-            shutil.rmtree(staging, ignore_errors=True)
+    if refused:
+        raise NoRoom(f"{'; '.join(refused)}; all other results are in {target}\n{MAKE_ROOM}")
     return warnings
 
 
 def save(solution: Solution, directory: str | Path) -> None:
     """Write the checkpoint alone, in place of an earlier one; see :meth:`Solution.save`."""
     comm, target = solution.domain.comm, Path(directory)
-    staging = Path(_on_root(comm, target, lambda: _make_staging(target)))
-    try:
+    with _staging(comm, target) as staging:
         _write_checkpoint(solution, target, staging)
         _on_root(comm, target, lambda: _put_in_place(staging, target, checkpoints.NAME))
-    finally:
-        if comm.rank == 0:
-            shutil.rmtree(staging, ignore_errors=True)
 
 
 def summary_text(summary: dict[str, Any]) -> str:
@@ -187,12 +213,14 @@ def _write_fields(solution: Solution, target: Path, path: Path) -> None:
         # leaves a destructor ends the process: nobody may call it.
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(file))
         told = re.search(r"errno = (\d+)", str(error))
-        number = int(told[1]) if told else errno.EIO
+        # Not all of its errors hold a number.
+        filled = shutil.disk_usage(path.parent).free < _TEXTS_BYTES
+        number = int(told[1]) if told else errno.ENOSPC if filled else errno.EIO
         refusal = OSError(number, os.strerror(number), str(path))
         if comm.size > 1:
             # The other ranks may be waiting inside ADIOS2, and cannot be told.
             raise refusal from error
-        raise not_written(NOT_WRITABLE.format(target), refusal, target, KEY) from error
+        raise not_written(not_writable(target), refusal, target, KEY) from error
 
 
 def _vtx_bytes(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
@@ -320,14 +348,23 @@ def _on_root(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
         try:
             return work()
         except OSError as error:
-            raise not_written(NOT_WRITABLE.format(directory), error, directory, KEY) from error
+            raise not_written(not_writable(directory), error, directory, KEY) from error
 
     return on_root(comm, attempt)
 
 
-def _make_staging(directory: Path) -> str:
-    directory.mkdir(parents=True, exist_ok=True)
-    return tempfile.mkdtemp(prefix=".partial-", dir=directory)
+@contextlib.contextmanager
+def _staging(comm: MPI.Intracomm, directory: Path) -> Iterator[Path]:
+    """A folder beside the results for what is not complete yet; collective."""
+    with contextlib.ExitStack() as stack:
+
+        def attempt() -> Path:
+            make_folders(directory)
+            folder, mark = make_partial(directory)
+            stack.callback(release, folder, mark)
+            return folder
+
+        yield _on_root(comm, directory, attempt)
 
 
 def _put_in_place(staging: Path, target: Path, name: str) -> None:

@@ -13,12 +13,12 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import __version__, _compat, checkpoint, study_file
+from contact_locking import __version__, _compat, checkpoint, plausibility, study_file
 from contact_locking.assembly import Problem, assemble, penalty
 from contact_locking.certificate import Certificate, certify
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.certificate.state import SolvedState
-from contact_locking.domain import Domain, on_root
+from contact_locking.domain import on_root
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
 from contact_locking.progress import Monitor
@@ -122,7 +122,7 @@ def solve_assembled(
         stiffness=material.stiffness,
         ellipticity=material.ellipticity,
         young=material.young,
-        length=float(np.ptp(_bounding_box(domain), axis=0).max()),
+        length=float(np.ptp(domain.bounding_box(), axis=0).max()),
         volume=integral(domain, fem.Constant(domain.mesh, 1.0) * problem.data.dx),
     )
     report = None if restarted is None else restarted.solved_already(system, target, settings)
@@ -197,16 +197,19 @@ def _collect(
     overstrain = body.largest_overstrain(domain)
     if report.converged and overstrain > _NOTABLE_OVERSTRAIN:
         warnings.append(
-            f"the strain exceeds its limit by up to {100.0 * overstrain:.0f} %: raise penalty.n; "
+            f"{plausibility.about_the_overstrain(overstrain)}: raise penalty.n; "
             "if that hardly helps, no displacement within the limit can follow the prescribed "
             "ones, which penalty.n: .inf would report"
         )
+    numbers = body_summary(domain, u, data, body)
+    if report.converged:
+        warnings += plausibility.about_the_strain(numbers["strain_norm_max"])
     summary: dict[str, Any] = {
         "title": problem.parameters.title,
         "converged": report.converged,
         "reason": report.reason,
         "suggestion": report.suggestion,
-        **body_summary(domain, u, data, body),
+        **numbers,
         **(no_contact_summary(domain.dim) if contact is None else contact.summary()),
         "iterations": {
             "tangents": report.tangents,
@@ -303,11 +306,3 @@ def _solution(
         contact_facets=facets,
         summary=summary,
     )
-
-
-def _bounding_box(domain: Domain) -> FloatArray:
-    """The least and greatest coordinates (2, d); collective."""
-    x = domain.mesh.geometry.x[:, : domain.dim]
-    low = domain.comm.allgather(x.min(axis=0, initial=np.inf))
-    high = domain.comm.allgather(x.max(axis=0, initial=-np.inf))
-    return np.array([np.min(low, axis=0), np.max(high, axis=0)])

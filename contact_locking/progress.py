@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import sys
 import time
 from pathlib import Path
 from types import TracebackType
@@ -72,7 +73,7 @@ class TerminalMonitor(Monitor):
 
     def message(self, text: str) -> None:
         if text.startswith("warning"):
-            self._line(text)
+            self._warn(text)
             return
         self.finish()
         if self._live is not None:
@@ -121,8 +122,16 @@ class TerminalMonitor(Monitor):
             )
 
     def _line(self, text: str) -> None:
-        style = "yellow" if text.startswith("warning") else None
-        self._console.print(self._plain(text), style=style, soft_wrap=True)
+        self._console.print(self._plain(text), soft_wrap=True)
+
+    def _warn(self, text: str) -> None:
+        """To standard error, even where the output goes to a file."""
+        # While the line is live, rich takes standard error for itself.
+        if self._live is not None:
+            self._live.stop()
+        print(text, file=sys.stderr, flush=True)
+        if self._live is not None:
+            self._live.start()
 
     @staticmethod
     def _plain(text: str) -> Any:

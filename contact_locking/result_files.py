@@ -5,5 +5,9 @@ from __future__ import annotations
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 
-# What is said of a folder where they cannot be.
-NOT_WRITABLE = "results cannot be written to {}"
+
+def not_writable(directory: object) -> str:
+    """What is said of a folder where they cannot be; of a long path its ends."""
+    path = str(directory)
+    shown = path if len(path) <= 300 else f"{path[:200]}...{path[-80:]}"
+    return f"results cannot be written to {shown}"

@@ -13,9 +13,11 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
 
 
 class Smoothing(Protocol):
@@ -94,11 +96,16 @@ class HelmholtzFilter:
 
     ``mass`` (k,) is the lumped surface mass at the owned nodes, ``stiffness`` the P1 surface
     Laplacian K on Gamma_C as a distributed matrix whose local rows are those nodes.  The lumped
-    mass keeps the filtered values positive where K is an M-matrix; K 1 = 0 keeps constants.
+    mass keeps the filtered values positive where K is an M-matrix.  K 1 = 0 keeps the mean over
+    each connected part of Gamma_C; as ``r^2 K`` is rounded, a large radius would lose it, so that
+    the mean is taken off before and put back after.
     """
 
     def __init__(self, mass: FloatArray, stiffness: PETSc.Mat, radius: float) -> None:
         self._mass = mass
+        self._comm = stiffness.getComm().tompi4py()
+        self._count, self._part = _connected_parts(stiffness, self._comm)
+        self._part_mass = self._sums(mass)
         self._operator = stiffness.copy()
         self._operator.scale(radius**2)
         self._rhs = stiffness.createVecLeft()
@@ -114,14 +121,40 @@ class HelmholtzFilter:
         pc.setFactorSolverType("mumps")
 
     def apply(self, values: FloatArray) -> FloatArray:
-        self._rhs.array_w[:] = self._mass * values
+        mean = self._means(values)
+        self._rhs.array_w[:] = self._mass * (values - mean)
         self._solver.solve(self._rhs, self._solution)
-        return self._solution.array_r.copy()
+        rest = self._solution.array_r.copy()
+        return mean + rest - self._means(rest)
 
     def norm(self) -> float:
         # Symmetric in the lumped product, with eigenvalues 1/(1 + r^2 k) and k >= 0.
         return 1.0
 
+    def _means(self, values: FloatArray) -> FloatArray:
+        """At each node the mean over its connected part of Gamma_C; collective."""
+        return (self._sums(self._mass * values) / self._part_mass)[self._part]
+
+    def _sums(self, values: FloatArray) -> FloatArray:
+        """The sum over each connected part; collective."""
+        return self._comm.allreduce(np.bincount(self._part, values, minlength=self._count))
+
     def destroy(self) -> None:
         for item in (self._solver, self._operator, self._rhs, self._solution):
             item.destroy()
+
+
+def _connected_parts(stiffness: PETSc.Mat, comm: MPI.Intracomm) -> tuple[int, IntArray]:
+    """The number of connected parts of Gamma_C, and the part of each owned node; collective."""
+    starts, columns, values = stiffness.getValuesCSR()
+    first, last = stiffness.getOwnershipRange()
+    rows = np.repeat(np.arange(first, last), np.diff(starts))
+    largest = comm.allreduce(float(np.abs(values).max(initial=0.0)), op=MPI.MAX)
+    joined = np.abs(values) > 1e-12 * largest
+    row, column = (
+        np.concatenate(comm.allgather(ends[joined].astype(np.int64))) for ends in (rows, columns)
+    )
+    size = stiffness.getSize()[0]
+    graph = csr_matrix((np.ones(len(row)), (row, column)), shape=(size, size))
+    count, part = connected_components(graph, directed=False)
+    return int(count), part[first:last]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import time
@@ -79,10 +80,12 @@ def abort(code: int, text: str, error: BaseException | None = None) -> int:
         # If rank 0 has failed as well it says so, and its abort ends this wait.
         time.sleep(_GRACE_SECONDS)
         text = f"{text} (on rank {comm.rank})"
-    if error is not None:
-        traceback.print_exception(error)
-    print(printable(text), file=sys.stderr, flush=True)
-    sys.stdout.flush()
+    # A terminal that has been closed takes nothing any more.
+    with contextlib.suppress(OSError):
+        if error is not None:
+            traceback.print_exception(error)
+        print(printable(text), file=sys.stderr, flush=True)
+        sys.stdout.flush()
     if comm is not None:
         comm.Abort(code)
     return code

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import copy
+import json
+import re
 from pathlib import Path
 from typing import Any
 
 import gmsh
+import numpy as np
 import pytest
 from mpi4py import MPI
 from ruamel.yaml import YAML
 
-from contact_locking import cli
+from contact_locking import cli, problem, study_file
+from contact_locking.assembly import assemble
 
 pytestmark = pytest.mark.serial
 
@@ -123,7 +127,46 @@ CASES: dict[str, tuple[dict[str, Any], list[str]]] = {
     ),
     "foundation out of this world": (
         {"contact.foundation": {"sphere": {"centre": [0, -1e308], "radius": 1e308}}},
-        ["contact.foundation", "too far away or is too large"],
+        ["contact.foundation.sphere.radius", "too large", "at most 1e+100"],
+    ),
+    "traction that is no number somewhere": (
+        {"loads.tractions": [{"on": "top", "value": [0, "sqrt(x - 0.5)"]}]},
+        ["loads.tractions.0.value.1", "'sqrt(x - 0.5)' is nan at x = 0.02"],
+    ),
+    "traction with a pole where it is integrated": (
+        {"mesh.h": 0.2, "loads.tractions": [{"on": "top", "value": [0, "1/(x - 0.5)"]}]},
+        ["loads.tractions.0.value.1", "'1/(x - 0.5)' is", "at x = 0.5"],
+    ),
+    "body force that is no number somewhere": (
+        {"loads.body_force": ["log(y - 0.5)", 0]},
+        ["loads.body_force.0", "is nan at y = 0."],
+    ),
+    "traction that overflows": (
+        {"loads.tractions": [{"on": "top", "value": [0, "exp(1000*x)"]}]},
+        ["loads.tractions.0.value.1", "at x = 0.", "of at most 1e+100"],
+    ),
+    "load beyond all stiffness": (
+        {"loads.tractions": [{"on": "top", "value": [0, -1e60]}]},
+        ["loads.tractions.0.value", "times the stiffness", "units"],
+    ),
+    "n that underflows": ({"penalty.n": 1e-300}, ["penalty.n", "at least 1e-100"]),
+    "epsilon that overflows": ({"penalty.epsilon": 1e300}, ["penalty.epsilon", "at most 1e+100"]),
+    "stiffness that overflows": (
+        {"material.elasticity.young": 1e300},
+        ["material.elasticity.young", "at most 1e+100"],
+    ),
+    "stiffness that underflows": (
+        {"material.elasticity": {"young": 1e-300, "poisson": 0.3}},
+        ["material.elasticity", "eigenvalue", "at least 1e-100"],
+    ),
+    "locking limit that underflows": (
+        {"material.locking_limit": "1e-200*x"},
+        ["material.locking_limit", "at least 1e-100"],
+    ),
+    "gap that overflows": ({"contact.gap": -1e300}, ["contact.gap", "at most 1e+100"]),
+    "radius that overflows": (
+        {"friction.smoothing": {"kernel": "helmholtz", "radius": 1e300}},
+        ["friction.smoothing.radius", "at most 1e+100"],
     ),
     "unknown key": ({"penalty.m": 3}, ["penalty.m", "n, epsilon"]),
     "unknown builder": ({"mesh": {"builder": "blok"}}, ["mesh.builder", "block"]),
@@ -161,6 +204,118 @@ def test_output_that_is_a_file_is_refused(
     message = _refused(_write(tmp_path, {}), tmp_path / "out", capsys)
     assert "output.directory" in message
     assert (tmp_path / "out").read_text() == "in the way"
+
+
+def _warnings(folder: Path, changes: dict[str, Any]) -> list[str]:
+    """What ``check`` would warn of."""
+    return problem.check(study_file.load(_write(folder, changes)).parameters)["warnings"]
+
+
+@pytest.mark.parametrize(
+    ("load", "h"),
+    [
+        ("1/(x - 0.5)", 0.25),
+        ("tan(pi*x)", 0.25),
+        ("tan(pi*x)", 0.2),
+        ("1 if abs(x - 0.5) < 0.01 else 0", 0.2),
+        ("exp(-((x - 0.5)/0.005)**2)", 0.25),
+    ],
+)
+def test_a_load_that_the_mesh_does_not_resolve_is_warned_of_with_the_place(
+    load: str, h: float, tmp_path: Path
+) -> None:
+    """With h = 0.2 a point of integration is at the pole but for rounding: the load is 1e16."""
+    tractions = [{"on": "top", "value": [0, f"-1e-6*({load})"]}]
+    first, *_ = _warnings(tmp_path, {"mesh.h": h, "loads.tractions": tractions})
+    assert first.startswith("loads.tractions.0.value: changes too sharply")
+    assert "near x = 0." in first and "y = 1" in first
+
+
+def test_a_load_that_falls_between_all_points_is_warned_of(tmp_path: Path) -> None:
+    tractions = [{"on": "top", "value": [0, "-1 if abs(x - 0.5) < 0.01 else 0"]}]
+    (warning,) = _warnings(tmp_path, {"loads.tractions": tractions})
+    assert warning.startswith("loads.tractions.0.value: is zero at all points")
+
+
+@pytest.mark.parametrize("load", ["-0.1 if x < 0.3 else 0", "-0.1*sqrt(x)", "-0.1*sin(5*x)"])
+def test_jumps_and_bends_of_a_load_are_not_warned_of(load: str, tmp_path: Path) -> None:
+    tractions = [{"on": "top", "value": [0, load]}]
+    changes = {"mesh.h": 0.15, "loads.tractions": tractions, "loads.body_force": [0, load]}
+    assert _warnings(tmp_path, changes) == []
+
+
+@pytest.mark.parametrize(
+    "contact", [{"gap": -1.5}, {"foundation": {"half_space": {"point": [0, 2], "normal": [0, 1]}}}]
+)
+def test_a_body_wholly_inside_the_foundation_is_warned_of(
+    contact: dict[str, Any], tmp_path: Path
+) -> None:
+    (warning,) = _warnings(tmp_path, {"contact": {"on": "bottom"} | contact})
+    assert warning.startswith(f"contact.{next(iter(contact))}: all of the body lies inside")
+    assert _warnings(tmp_path, {"contact": {"on": "bottom", "gap": -0.01}}) == []
+
+
+def test_loads_and_strains_beyond_the_theory_are_warned_of_in_numbers_that_one_can_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As newtons and millimetres beside pascals give them."""
+    changes = {"loads.tractions": [{"on": "top", "value": [0, -5e8]}]}
+    words = ["--output", str(tmp_path / "out"), "--quiet", "--set", "output={picture: false}"]
+    assert cli.main(["run", str(_write(tmp_path, changes)), *words]) == 0
+    errors = capsys.readouterr().err
+    assert "loads.tractions.0.value: it reaches 2.6e+08 times the stiffness" in errors
+    assert "e+08 times its limit: raise penalty.n" in errors
+    assert "this theory is of small strains: do the units" in errors
+    assert max(map(len, re.findall(r"\d+", errors))) < 4
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [f"warning: {text}" for text in summary["warnings"]] == errors.splitlines()
+
+
+def test_a_friction_coefficient_below_zero_by_rounding_is_zero(tmp_path: Path) -> None:
+    changes = {"friction.coefficient": "0.5*x - 1e-17", "penalty.n": 1e3}
+    solution = problem.solve(study_file.load(_write(tmp_path, changes)).parameters, MPI.COMM_SELF)
+    assert solution.converged
+    assert solution.contact_points is not None
+    assert (solution.contact_points.bound >= 0.0).all()
+
+
+def test_a_friction_coefficient_below_zero_is_refused_with_the_place(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = _write(tmp_path, {"friction.coefficient": "0.3 - 0.4*x"})
+    message = _refused(file, tmp_path / "out", capsys)
+    assert "must not be negative, it is -0.1 at x = 1, y = " in message
+
+
+@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
+@pytest.mark.parametrize("h", [0.5, 0.25, 0.05])
+def test_the_default_radius_is_not_warned_of_and_smooths(
+    kernel: str, h: float, tmp_path: Path
+) -> None:
+    changes = {"friction.smoothing": {"kernel": kernel}, "mesh.h": h}
+    study = study_file.load(_write(tmp_path, changes))
+    made = assemble(study.parameters, MPI.COMM_SELF)
+    assert made.warnings == []
+    assert made.bound is not None
+    x = made.bound.surface.points[:, 0]
+    # The value at each node takes part of its neighbours'.
+    one = np.where(x == x.max(), 1.0, 0.0)
+    smoothed = made.bound.smoothing.apply(one)
+    assert 0.0 < np.sort(smoothed)[-2] < smoothed.max() < 0.9
+    made.bound.smoothing.destroy()
+
+
+@pytest.mark.parametrize("radius", [1e3, 1e6, 1e100])
+def test_a_filter_with_a_huge_radius_is_the_mean(radius: float, tmp_path: Path) -> None:
+    changes = {"friction.smoothing": {"kernel": "helmholtz", "radius": radius}, "mesh.h": 0.05}
+    made = assemble(study_file.load(_write(tmp_path, changes)).parameters, MPI.COMM_SELF)
+    assert made.bound is not None
+    surface, smoothing = made.bound.surface, made.bound.smoothing
+    w = np.exp(surface.points[:, 0])
+    mean = surface.integral(w) / surface.integral(np.ones_like(w))
+    assert np.abs(smoothing.apply(w) - mean).max() < 1e-6
+    assert np.abs(smoothing.apply(np.ones_like(w)) - 1.0).max() < 1e-14
+    smoothing.destroy()
 
 
 def test_radius_below_the_mesh_size_is_a_warning_only(
@@ -226,8 +381,6 @@ def test_a_file_that_is_no_mesh_is_refused(
 
 
 def test_a_mesh_of_the_users_own_with_named_groups_is_solved(tmp_path: Path) -> None:
-    from contact_locking import problem, study_file
-
     _mesh_file(tmp_path / "body.msh", 2)
     study = study_file.load(_write(tmp_path, {"mesh": {"file": "body.msh"}}))
     solution = problem.solve(study.parameters, MPI.COMM_SELF)

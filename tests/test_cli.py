@@ -103,6 +103,12 @@ def test_a_run_that_does_not_converge_returns_3_and_saves_what_it_reached(
         ("loads.displacements=[]", "loads.displacements"),
         ("contact.on=left", "Gamma_D"),
         ("friction.coefficient=__import__('os')", "friction.coefficient"),
+        ("friction.coefficient=0.3 - 0.4*x", "it is -0.1 at x = 1"),
+        (
+            "loads.tractions=[{on: top, value: [0, sqrt(x - 0.5)]}]",
+            "'sqrt(x - 0.5)' is nan at x = ",
+        ),
+        ("loads.body_force=[0, log(y - 0.5)]", "'log(y - 0.5)' is nan at y = "),
         ("output.directory=/dev/null/results", "/dev/null"),
     ],
 )
@@ -193,6 +199,18 @@ def test_warnings_are_printed_even_if_quiet(
     assert run(folder, "--quiet", "--set", "friction.smoothing.radius=0.01") == 0
     if comm.rank == 0:
         assert capsys.readouterr().err.startswith("warning: friction.smoothing.radius")
+
+
+def test_warnings_go_to_standard_error_once_and_into_the_summary(
+    folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(folder, "--set", "friction.smoothing.radius=0.01") == 0
+    output, errors = capsys.readouterr()
+    if comm.rank == 0:
+        (warning,) = json.loads((folder / "out" / "summary.json").read_text())["warnings"]
+        assert errors == f"warning: {warning}\n" and warning not in output
+    else:
+        assert (output, errors) == ("", "")
 
 
 def test_check_says_what_would_run_and_leaves_no_trace(

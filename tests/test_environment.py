@@ -258,6 +258,20 @@ def test_the_sandbox_keeps_the_current_folder(equipped: Host) -> None:
     assert f"--ro-bind {equipped.cache}/trixie-" in call
 
 
+def test_the_top_of_the_sandbox_is_read_only_once_all_folders_of_the_machine_are_there(
+    equipped: Host,
+) -> None:
+    """What is written into a folder that the sandbox alone has would be lost with it."""
+    equipped.run("true")
+    words = equipped.log.read_text().splitlines()[-1].split()
+    at = words.index("--remount-ro")
+    assert words[at + 1] == "/"
+    assert not [word for word in words[at:] if "bind" in word or word == "--tmpfs"]
+    private = [words[i + 1] for i, word in enumerate(words) if word == "--tmpfs"]
+    assert private == ["/.shared-memory-of-open-mpi"]
+    assert "--bind /tmp /tmp" in " ".join(words)
+
+
 def wait_for(condition: Callable[[], bool]) -> None:
     end = time.monotonic() + 10
     while not condition():

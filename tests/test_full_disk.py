@@ -109,9 +109,14 @@ def test_a_run_whose_results_have_no_room_leaves_none_and_goes_with_room(
 
 
 @pytest.mark.parametrize("size", ["256k", pytest.param("128k", marks=slow)])
-def test_a_picture_that_has_no_room_is_a_warning(size: str, disk: Disk) -> None:
+def test_a_picture_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_kept(
+    size: str, disk: Disk
+) -> None:
     done = disk.solve(size)
-    assert done.returncode == 0 and "warning: no picture was drawn" in done.stderr
+    full(done, "no picture was drawn")
+    assert f"all other results are in {disk.out}" in done.stderr
+    (warning,) = json.loads((disk.results / "summary.json").read_text())["warnings"]
+    assert warning.startswith("no picture was drawn: No space left on device")
     # What the picture would show may still have had room.
     snapshot = disk.results / "snapshot.npz"
     if snapshot.exists():
@@ -137,20 +142,23 @@ def test_fields_that_run_out_of_room_while_they_are_written_do_not_end_the_proce
     """
     words = ["--set", "mesh.h=0.15", "output.picture=false"]
     full(disk.solve(size, *words, script=script), "results cannot be written")
-    assert not list(disk.results.iterdir())
+    assert not list(disk.kept.iterdir())
 
 
 @pytest.mark.parametrize("size", ["128k", "24k"])
-def test_a_checkpoint_that_has_no_room_is_a_warning(size: str, disk: Disk) -> None:
+def test_a_checkpoint_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_kept(
+    size: str, disk: Disk
+) -> None:
     if (reason := checkpoint.unavailable()) is not None:
         pytest.skip(reason)
     # On the smaller disk another program takes the room while it is written.
     script = "from contact_locking import output\noutput._require_room = lambda *_: None"
     words = ["--checkpoint", "--set", "output.picture=false", "output.fields=false"]
     done = disk.solve(size, *words, script=script if size == "24k" else "")
-    assert done.returncode == 0, done.stderr
-    assert "warning: no checkpoint was saved: " in done.stderr
-    assert "No space left on device" in done.stderr
+    assert done.returncode == 1
+    assert "error: no checkpoint was saved: " in done.stderr
+    assert "No space left on device" in done.stderr and "Make room" in done.stderr
+    assert f"all other results are in {disk.out}" in done.stderr
     assert {path.name for path in disk.results.iterdir()} == FILES - {"fields.bp"}
     assert disk.solve("10m", *words).returncode == 0
     assert (disk.results / "checkpoint" / "record.json").exists()
@@ -169,7 +177,7 @@ def test_all_ranks_are_told_that_there_is_no_room(disk: Disk) -> None:
     """
     done = disk.solve("96k", script=script)
     assert done.returncode == 1 and "No space left" in done.stderr
-    assert not list(disk.results.iterdir())
+    assert not list(disk.kept.iterdir())
 
 
 def test_a_mesh_that_has_no_room_is_not_taken_for_one(disk: Disk) -> None:

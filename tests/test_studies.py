@@ -16,9 +16,9 @@ from typing import Any
 import pytest
 from study_folder import STUDY, Folder, alive, wait_for
 
-from contact_locking import cli, compiled_forms, meshes, study_file, terminal
+from contact_locking import cli, compiled_forms, meshes, studies, study_file, terminal
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.studies.lock import locked
+from contact_locking.lock import locked
 
 pytestmark = pytest.mark.serial
 
@@ -176,11 +176,11 @@ def test_two_studies_in_one_folder_are_refused(
 ) -> None:
     folder.write("{vary: {penalty.n: [10]}}")
     folder.output.mkdir()
-    with locked(folder.output):
+    with locked(folder.output, "study"):
         code = cli.main(["study", str(folder.file), "--output", str(folder.output)])
     errors = capsys.readouterr().err
     assert code == 2
-    assert "another study is running in" in errors and f"process {os.getpid()} on" in errors
+    assert "results are being written to" in errors and f"process {os.getpid()} on" in errors
     assert folder.started() == []
 
 
@@ -191,7 +191,7 @@ def test_the_second_of_two_studies_waits_for_nobody_and_harms_nothing(
     first = folder.start(FAKE_SECONDS="3")
     wait_for(folder.running)
     assert cli.main(["study", str(folder.file), "--output", str(folder.output)]) == 2
-    assert f"(process {first.pid} on" in capsys.readouterr().err
+    assert f"a study, process {first.pid} on" in capsys.readouterr().err
     assert first.wait(timeout=30) == 0
     assert folder.started() == ["10"]
     assert [row["state"] for row in folder.table()] == ["converged"]
@@ -227,11 +227,20 @@ def test_an_interrupted_study_stops_its_cases_and_says_how_to_go_on(
     running = folder.running()
     process.send_signal(end)
     output, errors = process.communicate(timeout=30)
-    assert process.returncode == 130
+    assert process.returncode == 128 + end
     assert not any(alive(pid) for pid in running)
     assert "0 of 3 cases are finished; the same command does the others" in output
-    assert errors == "interrupted\n"
+    assert errors == ("interrupted\n" if end == signal.SIGINT else f"stopped by {end.name}\n")
     assert {row["state"] for row in folder.table()} == {"not run"}
+
+
+def test_the_warnings_of_a_case_are_told_counted_and_in_the_table(folder: Folder) -> None:
+    folder.write("{vary: {penalty.n: [10, 9]}}")
+    said = folder.run()
+    assert said.count("warning: one\n") == said.count("warning: two\n") == 1
+    assert [row["warnings"] for row in folder.table()] == ["one; two", ""]
+    rows = dict(studies.summary_rows(studies.Study.of(folder.load()), 1.0))
+    assert rows["with warnings"] == "1"
 
 
 @pytest.mark.parametrize("room", [0, 3, 5])

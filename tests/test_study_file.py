@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -158,7 +159,16 @@ UNREADABLE = [
     ("text", "FILE:1: must be a mapping"),
     (b"title: \xff\n", "FILE:1: is not text in UTF-8"),
     ("a: 1\nb: [1, 2\n", "is not valid YAML"),
-    ("a:\n\t- 1\n", "is not valid YAML"),
+    ("a:\n\t- 1\n", "indented by blanks, not by tabs"),
+    ("mesh: {h: 1\nloads: {}\n", "while parsing a flow mapping that begins in line 1"),
+    ("mesh: {h:0.5}\n", "a blank is missing after the colon: 'h: 0.5'"),
+    ("mesh: {h: 0,5}\n", "a decimal point, not a comma"),
+    ("material: {M: 0.02}\n", "did you mean 'material.locking_limit'?"),
+    ("material: {young: 1}\n", "did you mean 'material.elasticity.young'?"),
+    ("material: {elasticity: {young: 210 GPa}}\n", "a number has no unit"),
+    ("loads: {tractions: {on: top, value: [0, 1]}}\n", "entries that begin with '- '"),
+    ("penalty: {n: 1.0e2000}\n", "FILE:1: '1.0e2000' is too large; infinity is written .inf"),
+    ("penalty:\n  n: -1.0e2000\n", "FILE:2: '-1.0e2000' is too large"),
     ("title: \x07\n", "is not valid YAML"),
     ("penalty: {n: 1}\npenalty: {n: 2}\n", "FILE:2: penalty: is given twice"),
     ("penalty:\n  n: 1\n  n: 2\n", "FILE:3: penalty.n: is given twice"),
@@ -213,6 +223,11 @@ def test_a_path_that_is_no_file_is_refused(tmp_path: Path) -> None:
         load(tmp_path)
     with pytest.raises(InputError, match="cannot be read"):
         load("a\0b")
+    # Nobody writes to the pipe: reading it would never end.
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(InputError, match="is a pipe or a device"):
+            load(path)
 
 
 def test_a_mesh_file_is_relative_to_the_study_file(tmp_path: Path) -> None:

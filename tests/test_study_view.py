@@ -42,11 +42,13 @@ def test_a_terminal_shows_what_runs_and_how_far_it_is(
     news = '{"n": "30", "iteration": "7", "residual": "1.0e-03"}'
     (study.cases[2].folder / "progress.json").write_text(news)
     with View(Console(force_terminal=True, width=100), 3) as view:
-        view.ended(study.cases[0], Outcome("converged"), 30.0)
+        warned = {"warnings": ["the strain is large", "no picture"]}
+        view.ended(study.cases[0], Outcome("converged", summary=warned), 30.0)
         view.ended(study.cases[1], Outcome("not converged", "[too] steep"), 50.0)
         view.show([Started(study.cases[2], 10.0)])
         shown = capsys.readouterr().out
     assert "[1/3] penalty.n = 10  converged  (30 s)" in shown
+    assert "warning: the strain is large" in shown and "warning: no picture" in shown
     assert "[2/3] penalty.n = 3  not converged: [too] steep  (50 s)" in shown
     assert "2 of 3 done, 1 running, 1 not converged, about 30 s left" in shown
     assert "penalty.n = 30    n = 30  iteration 7  residual 1.0e-03    10 s" in shown

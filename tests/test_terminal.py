@@ -11,7 +11,7 @@ from contact_locking.progress import TerminalMonitor
 from contact_locking.terminal import summary_rows, two_columns
 
 
-def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage(
+def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_standard_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     with TerminalMonitor(Console(force_terminal=True, width=100)) as monitor:
@@ -23,10 +23,10 @@ def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage(
         monitor.friction_update(1, 0.5, None)
         monitor.stage(2, 2, 100.0, 0.01)
         monitor.iteration(1, 1e-9)
-    output = capsys.readouterr().out
+    output, errors = capsys.readouterr()
+    assert errors == "warning: [bold]nothing[/bold]\n"
     assert "stage 1/2  n = 10  epsilon = 0.1  1 iterations, 1 friction updates" in output
     assert "stage 2/2  n = 100  epsilon = 0.01  1 iterations, residual 1.0e-09" in output
-    assert "warning: [bold]nothing[/bold]" in output
 
 
 def test_an_error_leaves_no_half_finished_stage(capsys: pytest.CaptureFixture[str]) -> None:

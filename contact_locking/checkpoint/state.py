@@ -18,7 +18,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import __version__, _compat, study_file
-from contact_locking.assembly import Problem, penalty
+from contact_locking.assembly import Problem
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
 from contact_locking.domain import on_root
@@ -152,9 +152,7 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     if problem.bound is not None and multipliers is not None:
         pressure = multipliers.pressure
     displacement = load("displacement", space).x.array
-    state = SavedState(
-        displacement, pressure, record.n, record.epsilon, record.regularisation
-    )
+    state = SavedState(displacement, pressure, record.n, record.epsilon, record.regularisation)
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
     return Checkpoint(state, multipliers, bound, record.converged and same)
 

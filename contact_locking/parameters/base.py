@@ -6,7 +6,7 @@ import itertools
 import math
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import (
@@ -21,7 +21,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, parse
+from contact_locking.expressions import POSITION, SMALLEST, nearest, parse
 
 Place = tuple[str | int, ...]
 
@@ -106,10 +106,31 @@ def show(value: Any) -> str:
 
 def type_message(details: Any) -> str:
     """What an error of pydantic about a value's type means, in the words of the study file."""
-    given = show(details["input"])
+    given_value = details["input"]
+    given = show(given_value)
     if details["type"] in ("list_type", "tuple_type"):
-        return f"must be a list in [ ], not {given}"
+        how = (
+            "in [ ], or of entries that begin with '- '"
+            if isinstance(given_value, dict)
+            else "in [ ]"
+        )
+        return f"must be a list {how}, not {given}"
     return f"cannot be {given}: {details['msg'][:1].lower()}{details['msg'][1:]}"
+
+
+def unknown_key(key: str, known: Sequence[str], elsewhere: str = "") -> str:
+    """That a key is not known, with what may have been meant, and what is known.
+
+    ``elsewhere`` is a hint at a key of another section.
+    """
+    name, colon, value = key.partition(":")
+    if colon and name in known:
+        hint = f" (a blank is missing after the colon: '{name}: {value}')"
+    elif key.isdecimal():
+        hint = " (numbers take a decimal point, not a comma)"
+    else:
+        hint = nearest(key, known) or elsewhere
+    return f"unknown key{hint}; known here: {', '.join(known)}"
 
 
 def _number(value: Any, infinite: bool) -> float:
@@ -120,8 +141,13 @@ def _number(value: Any, infinite: bool) -> float:
     try:
         return float(parse(value, (), allow_infinite=infinite).numpy())
     except InputError as error:
-        reason = f" ({error})" if isinstance(value, str) else ""
-        raise ValueError(f"{wanted}, not {show(value)}{reason}") from None
+        raise ValueError(f"{wanted}, not {show(value)}{_reason(value, error)}") from None
+
+
+def _reason(value: Any, error: InputError) -> str:
+    """Why a value is refused, in parentheses, where the value itself does not show it."""
+    shown = isinstance(value, float) and not math.isfinite(value)
+    return "" if shown else f" ({error})"
 
 
 def _finite(value: Any) -> float:
@@ -135,6 +161,8 @@ def _extended(value: Any) -> float:
 def _positive(value: float) -> float:
     if value <= 0:
         raise ValueError(f"must be > 0, not {show(value)}")
+    if value < SMALLEST:
+        raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
     return value
 
 
@@ -194,7 +222,9 @@ class _ScalarRule(NamedTuple):
         except InputError as error:
             if isinstance(value, str):
                 raise ValueError(str(error)) from None
-            raise ValueError(f"must be a finite number, not {show(value)}") from None
+            raise ValueError(
+                f"must be a finite number, not {show(value)}{_reason(value, error)}"
+            ) from None
 
 
 _NAME_SCHEMA = {"type": "string", "minLength": 1}

@@ -24,6 +24,7 @@ from .base import (
     refuse_if,
     show,
     type_message,
+    unknown_key,
 )
 
 
@@ -78,9 +79,8 @@ def _geometry(builder: type, values: dict[Any, Any]) -> Any:
     checked = {}
     for key, value in values.items():
         if key not in types_:
-            known = ", ".join(("builder", "file", *types_))
-            guess = nearest(str(key), types_)
-            faults.append(Fault((key,), f"unknown key{guess}; known here: {known}"))
+            known = ("builder", "file", *types_)
+            faults.append(Fault((key,), unknown_key(str(key), known)))
             continue
         try:
             checked[key] = types_[key].validate_python(value)

@@ -9,8 +9,8 @@ from pydantic import AfterValidator, BeforeValidator, field_validator
 
 from .base import Count, Positive, PositiveOrInfinite, Section, Switch, Text, entry, show
 
-# What Linux allows, PATH_MAX.
-_LONGEST_PATH = 4096
+# Linux's PATH_MAX is 4096, and the names of the results come after it.
+_LONGEST_PATH = 3900
 
 
 class PenaltyParameters(Section):
@@ -93,5 +93,5 @@ class OutputParameters(Section):
         if not directory.strip() or "\0" in directory:
             raise ValueError("must name a folder")
         if len(directory.encode()) > _LONGEST_PATH:
-            raise ValueError(f"must have at most {_LONGEST_PATH} bytes, as paths have")
+            raise ValueError(f"must have at most {_LONGEST_PATH} bytes")
         return directory

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contact_locking.errors import NoRendering
+from contact_locking.errors import NoRendering, NoRoom, is_full
 
 if TYPE_CHECKING:
     from contact_locking.plotting.snapshot import Snapshot
@@ -21,15 +21,23 @@ SNAPSHOT, PICTURE = "snapshot.npz", "picture.png"
 def picture(solution: Solution, folder: Path) -> str | None:
     """Draw ``solution`` into a PNG file in ``folder``, and save its snapshot; collective.
 
-    Returns None, or on all ranks in words why there is no picture, or not the one there should be:
-    drawing never raises.
+    Returns None, or on all ranks in words why there is no picture, or not the one there should be.
+    Raises NoRoom on all ranks where the disk is full, and nothing else.
     """
     # The styles in this package are used without DOLFINx too.
     from contact_locking.plotting.gather import gather
 
     snapshot = gather(solution)
-    problem = None if snapshot is None else _draw(snapshot, folder)
-    return solution.domain.comm.bcast(problem, root=0)
+    outcome: str | NoRoom | None = None
+    if snapshot is not None:
+        try:
+            outcome = _draw(snapshot, folder)
+        except NoRoom as error:
+            outcome = error
+    outcome = solution.domain.comm.bcast(outcome, root=0)
+    if isinstance(outcome, NoRoom):
+        raise outcome
+    return outcome
 
 
 def _draw(snapshot: Snapshot, folder: Path) -> str | None:
@@ -51,6 +59,8 @@ def _draw(snapshot: Snapshot, folder: Path) -> str | None:
     except Exception as error:
         # A solve of hours must not be lost to its picture, whatever the reason.
         target.unlink(missing_ok=True)
+        if isinstance(error, OSError) and is_full(error):
+            raise NoRoom(f"{error.strerror} ({error.filename or target})") from error
         return f"no picture was drawn: {type(error).__name__}: {error}"
     return problem
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_locking.errors import InputError, not_written
+from contact_locking.lock import make_partial, release, remove_abandoned
 
 if TYPE_CHECKING:
     from .charts import Chart
@@ -69,7 +69,8 @@ def _write_charts(folder: Path, charts: Sequence[Chart]) -> None:
             f"{place}: is not of a report, as there is more than charts; "
             "move it away, or report another folder"
         )
-    staging = Path(tempfile.mkdtemp(prefix=".partial-report-", dir=folder))
+    remove_abandoned(folder)
+    staging, mark = make_partial(folder)
     try:
         made = staging / "new"
         made.mkdir()
@@ -79,7 +80,7 @@ def _write_charts(folder: Path, charts: Sequence[Chart]) -> None:
             place.rename(staging / "old")
         made.rename(place)
     finally:
-        shutil.rmtree(staging, ignore_errors=True)
+        release(staging, mark)
 
 
 def _holds_charts_only(folder: Path) -> bool:

@@ -43,6 +43,8 @@ def _table(rows: Sequence[Row], keys: Sequence[str], linked: Collection[str]) ->
     kinds = {name: _kind(name, front) for name in columns}
     if all(row["state"] == "converged" for row in rows):
         kinds["reason"] = "more"
+    if any(row.get("warnings") for row in rows):
+        kinds["warnings"] = "why"
     head = [
         element("th", element("button", key(name), type="button"), scope="col", class_=kind)
         for name, kind in kinds.items()

@@ -52,7 +52,7 @@ class BoundStep:
         self._slope = slope[cones.active] * self._smoothed
 
     def of(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:
-        """The b that belongs to a step (dp, ds) taken with a bound that stands still; collective."""
+        """The b for the step (dp, ds) that leaves the bound where it is; collective."""
         wanted = self._mu * self._smoothed + self._moved(pressure_step, slip_step)
         right = wanted - self._friction.bound
         step = self._solve(right)

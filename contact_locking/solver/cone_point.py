@@ -76,7 +76,7 @@ class ConePoint:
         return du, steps
 
     def response(self, bound_step: FloatArray, accuracy: float) -> tuple[FloatArray, FloatArray]:
-        """The steps of pressure (k,) and slip (d, k) that a step of the bound causes; collective."""
+        """The steps of pressure (k,) and slip (d, k) by a step of the bound; collective."""
         assert self.contact is not None and self.friction is not None
         cones = self.cones
         du = cones.respond(self.friction.response(bound_step), accuracy)

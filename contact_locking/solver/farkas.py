@@ -89,4 +89,3 @@ def _balance(
         nothing = zeros, zeros, np.zeros((cones.dim, len(springs)))
     cones.set_scaling(stiff, springs, nothing)
     return cones.balance(stress, pressure, _ACCURACY)
-

@@ -327,8 +327,7 @@ class InteriorPoint:
         if factor < 1.0:
             raise Infeasible(
                 "infeasible: no displacement of this mesh within the locking limit and the gap "
-                "follows the prescribed values; "
-                + self._cones.describe_excess(self._point.strain),
+                "follows the prescribed values; " + self._cones.describe_excess(self._point.strain),
                 factor,
             )
 

@@ -14,7 +14,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SavedState:
-    """What solved some problem on this mesh with penalties ``n``, ``epsilon`` and ``regularisation``.
+    """What solved some problem on this mesh with the penalties that it names.
 
     ``displacement`` holds local values, ghosts included, ``pressure`` (k,) those at the owned nodes
     of Gamma_C, None where nothing is known of it.

@@ -66,9 +66,7 @@ def newton_with_continuation(
     report = SolverReport(suggestion=_NEWTON_WAY_OUT)
     if saved is not None:
         saved.enter(system)
-        onwards = PenaltyPath.onwards(
-            saved.n, saved.epsilon, saved.regularisation, target
-        )
+        onwards = PenaltyPath.onwards(saved.n, saved.epsilon, saved.regularisation, target)
         cautious = dataclasses.replace(
             settings, max_iterations=min(_RESCUE, settings.max_iterations)
         )

@@ -8,7 +8,6 @@ that whatever stops a study leaves each case finished or not.
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +37,12 @@ class Outcome:
         """Whether solving it again would only repeat it."""
         return self.summary is not None
 
+    @property
+    def warnings(self) -> list[str]:
+        """Of the run, in words."""
+        listed = (self.summary or {}).get("warnings")
+        return [str(text) for text in listed] if isinstance(listed, list) else []
+
 
 def outcome(case: Case) -> Outcome:
     """What is known of a case."""
@@ -64,8 +69,6 @@ def begin(case: Case) -> None:
     """Make the folder ready for `run`, and forget an earlier attempt. Raises OSError."""
     case.folder.mkdir(parents=True, exist_ok=True)
     remove_partial(case.folder)
-    for folder in case.folder.glob(".partial-*"):  # of a `run` that was killed
-        shutil.rmtree(folder)
     for name in (FAILURE, PROGRESS, LOG):
         (case.folder / name).unlink(missing_ok=True)
     write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))

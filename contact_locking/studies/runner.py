@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 from contact_locking import study_file
 from contact_locking.errors import not_written
-from contact_locking.result_files import NOT_WRITABLE, PARAMETERS
+from contact_locking.lock import locked, make_folders
+from contact_locking.result_files import PARAMETERS, not_writable
+from contact_locking.signals import stoppable
 from contact_locking.study_file import StudyFile
 
 from . import table
@@ -23,7 +23,6 @@ from .command import launcher
 from .executor import Executor, Plan
 from .files import remove_partial, write_text
 from .local import LocalExecutor
-from .lock import locked
 from .outcome import (
     Outcome,
     State,
@@ -83,7 +82,8 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
     """Solve the cases that are not finished, and write the table of all.
 
     Raises InputError for a file without a study, a folder that cannot be written to or in which
-    another study runs, and where mpirun is missing; ContactLockingError where the disk is full.
+    another study or run is going on, and where mpirun is missing; ContactLockingError where the
+    disk is full.
     """
     launcher(plan.ranks)
     if plan.executor == "slurm":
@@ -91,8 +91,8 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
     study = Study.of(file)
     directory = study.directory
     with _writing(directory):
-        (directory / "cases").mkdir(parents=True, exist_ok=True)
-        with locked(directory) as held:
+        make_folders(directory / "cases")
+        with locked(directory, "study") as held:
             # Another study may have been running until now.
             study.look()
             todo = study.unfinished
@@ -138,7 +138,7 @@ def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
     executor = _executor(todo, plan, study.directory)
     written = time.monotonic()
     try:
-        with _stoppable():
+        with stoppable():
             while executor.busy:
                 for ended in executor.poll():
                     result = conclude(ended.case, ended.why)
@@ -162,24 +162,6 @@ def _executor(todo: Sequence[Case], plan: Plan, directory: Path) -> Executor:
 
 
 @contextlib.contextmanager
-def _stoppable() -> Iterator[None]:
-    """Ask the study to end by SIGTERM, or by closing its terminal, as by Ctrl-C."""
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
-    for number, handler in before.items():
-        if handler is not signal.SIG_IGN:  # as under nohup
-            signal.signal(number, interrupt)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-@contextlib.contextmanager
 def _writing(directory: Path) -> Iterator[None]:
     """What the system refuses, as an error that says what to do."""
     try:
@@ -188,11 +170,14 @@ def _writing(directory: Path) -> Iterator[None]:
         raise
     except OSError as error:
         more = "What is finished is kept; make room, and the same command does the others."
-        raise not_written(NOT_WRITABLE.format(directory), error, directory, KEY, more) from error
+        raise not_written(not_writable(directory), error, directory, KEY, more) from error
 
 
 def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:
     """What came out, in short."""
     count = study.count()
+    rows: list[tuple[str, str]]
     rows = [(state, str(number)) for state, number in sorted(count.items()) if number]
+    if warned := sum(bool(study.outcomes[case.name].warnings) for case in study.cases):
+        rows.append(("with warnings", str(warned)))
     return [*rows, ("time", duration(seconds)), ("table in", str(study.directory / table.CSV))]

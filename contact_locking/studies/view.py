@@ -64,6 +64,8 @@ class View:
             f"{outcome.state}{reason}  ({duration(seconds)})",
             _STYLES.get(outcome.state),
         )
+        for warning in outcome.warnings:
+            self.line(f"{'':{2 * width + 3}} warning: {warning}", "yellow")
 
     def show(self, running: Sequence[Running]) -> None:
         """Renew what is seen of the running cases."""

@@ -9,8 +9,21 @@ from pydantic import ValidationError
 
 from contact_locking.expressions import nearest
 from contact_locking.parameters import Fault, FaultsError, Parameters
-from contact_locking.parameters.base import MOST_FAULTS, show, type_message
+from contact_locking.parameters.base import MOST_FAULTS, show, type_message, unknown_key
 from contact_locking.parameters.keys import known_keys
+
+from .schema import rows
+
+# As the formulas have them.
+_SYMBOLS = {
+    "M": "material.locking_limit",
+    "E": "material.elasticity.young",
+    "nu": "material.elasticity.poisson",
+    "mu": "friction.coefficient",
+    "f0": "loads.body_force",
+    "g": "contact.gap",
+    "r": "friction.smoothing.radius",
+}
 
 
 def faults_of(error: ValidationError) -> list[Fault]:
@@ -31,8 +44,7 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
     match details["type"]:
         case "extra_forbidden":
             known = known_keys(Parameters, place[:-1])
-            guess = nearest(str(place[-1]), known) or _elsewhere(str(place[-1]))
-            return f"unknown key{guess}; known here: {', '.join(known)}"
+            return unknown_key(str(place[-1]), known, _elsewhere(str(place[-1])))
         case "missing":
             return "is missing"
         case "model_type" | "model_attributes_type" | "dict_type":
@@ -45,9 +57,11 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
     return type_message(details)
 
 
-def _elsewhere(key: str) -> str:
-    """A hint at the section that has the key, if there is one."""
-    for section in known_keys(Parameters, ()):
-        if key in known_keys(Parameters, (section,)):
-            return f" (did you mean '{section}.{key}'?)"
-    return ""
+def _elsewhere(name: str) -> str:
+    """A hint at the key of another section that has this name, or that stands for this symbol."""
+    if name in _SYMBOLS:
+        return f" (did you mean '{_SYMBOLS[name]}'?)"
+    # An entry of a list or a mapping has no place that could be told.
+    keys = [row.key for row in rows() if "INDEX" not in row.key and "NAME" not in row.key]
+    matches = [key for key in keys if key.rpartition(".")[2] == name]
+    return f" (did you mean '{matches[0]}'?)" if matches else ""

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
+import stat
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -85,10 +87,14 @@ def read(path: str | Path) -> Source:
     path = Path(path)
     name = str(path)
     try:
+        kind = path.stat().st_mode
+        if stat.S_ISDIR(kind):
+            raise InputError(f"{name}: is a folder; give a study file in it")
+        if not stat.S_ISREG(kind):
+            # Reading a pipe to which nobody writes would never end.
+            raise InputError(f"{name}: is a pipe or a device; give a regular file")
         with path.open("rb") as stream:
             raw = stream.read(MAX_BYTES + 1)
-    except IsADirectoryError:
-        raise InputError(f"{name}: is a folder; give a study file in it") from None
     except FileNotFoundError:
         raise InputError(f"{name}: there is no such file") from None
     except (OSError, ValueError) as error:
@@ -135,6 +141,15 @@ def _short(text: str, length: int) -> str:
     return text if len(text) <= length else f"{text[: length - 3]}..."
 
 
+def _reason(error: MarkedYAMLError) -> str:
+    """What the reader found, and where the part began in which it did; of tabs in plain words."""
+    if error.problem is not None and "'\\t'" in error.problem:
+        return "a line is indented by blanks, not by tabs"
+    began = error.context_mark
+    since = f" that begins in line {began.line + 1}" if began is not None and error.context else ""
+    return "; ".join(part for part in (f"{error.context or ''}{since}", error.problem) if part)
+
+
 def _index(data: Any, part: str, place: str) -> Any:
     if isinstance(data, dict):
         return part
@@ -164,8 +179,7 @@ class _Reader:
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             line = mark.line + 1 if mark else None
-            reason = "; ".join(part for part in (error.context, error.problem) if part)
-            self.refuse(f"is not valid YAML: {reason}", line)
+            self.refuse(f"is not valid YAML: {_reason(error)}", line)
         except RecursionError:
             self.refuse(f"is nested more than {MAX_DEPTH} levels deep")
         except Exception as error:  # whatever a third-party parser does with arbitrary text
@@ -229,7 +243,10 @@ class _Reader:
             if tag == "float":
                 special = _SPECIAL.get(plain.lstrip("+-"))
                 if special is None:
-                    return float(plain)
+                    number = float(plain)
+                    if math.isinf(number):
+                        self.refuse(f"'{text[:40]}' is too large; infinity is written .inf", line)
+                    return number
                 return -special if plain.startswith("-") else special
         except (ValueError, KeyError):
             self.refuse(f"'{text[:40]}' cannot be read as {tag}", line)

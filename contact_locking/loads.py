@@ -1,0 +1,166 @@
+"""Body force and tractions as UFL, checked at the points where they are integrated.
+
+Their values are numbers or expressions, which need be defined there only: a mesh that does not
+resolve them would integrate something else, and a pole gives a number that means nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import basix
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from contact_locking import _compat
+from contact_locking.coefficients import AXES
+from contact_locking.domain import Domain, agree
+from contact_locking.errors import with_key
+from contact_locking.expressions import Expression, parse
+from contact_locking.parameters import LoadParameters
+from contact_locking.plausibility import about_a_load
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+# Expressions are integrated to the first degree; P1 test functions need no more.  The second is
+# that of another rule, to compare with: one with other points, none of them in the middle.
+_DEGREE, _OTHER_DEGREE = 4, 6
+# Rules that agree in the mean square of a load up to this share resolve it: at a pole as 1/x they
+# differ by more on any mesh, at a jump by less from a handful of facets on.
+_RESOLVED = 0.3
+# So many cells or facets at a time.
+_CHUNK = 20_000
+_SHAPES = {
+    1: basix.CellType.interval,
+    2: basix.CellType.triangle,
+    3: basix.CellType.tetrahedron,
+}
+
+
+def build_loads(
+    domain: Domain, given: LoadParameters, stiffness: float, warnings: list[str]
+) -> list[tuple[Any, ufl.Measure]]:
+    """Each body force and traction as a vector of UFL with its measure; collective.
+
+    Raises InputError, with key and place, for a value that is no finite number, and adds a warning
+    for one that the mesh does not resolve or that is larger than the ``stiffness`` of the material.
+    """
+    found: list[tuple[Any, ufl.Measure]] = []
+    if given.body_force is not None:
+        load = _Load(domain, given.body_force, "loads.body_force")
+        cells = np.arange(domain.mesh.topology.index_map(domain.dim).size_local, dtype=np.int32)
+        largest = load.check(domain.dim, cells, warnings)
+        low, high = domain.bounding_box()
+        stress = largest * float((high - low).max())
+        warnings += about_a_load(stress, stiffness, "loads.body_force")
+        dx = ufl.Measure("dx", domain=domain.mesh, metadata=load.metadata)
+        found.append((load.ufl(), dx))
+    for i, traction in enumerate(given.tractions):
+        key = f"loads.tractions.{i}"
+        load = _Load(domain, traction.value, f"{key}.value")
+        measure = domain.ds(traction.on, f"{key}.on", **load.metadata)
+        stress = load.check(domain.dim - 1, domain.facets(traction.on, f"{key}.on"), warnings)
+        warnings += about_a_load(stress, stiffness, f"{key}.value")
+        found.append((load.ufl(), measure))
+    return found
+
+
+class _Load:
+    """A vector of numbers or expressions of x, y[, z]."""
+
+    def __init__(self, domain: Domain, values: Sequence[float | str], key: str) -> None:
+        self._domain = domain
+        self._key = key
+        self._components: list[Expression] = [parse(value, AXES[: domain.dim]) for value in values]
+        self._constant = all(component.is_constant for component in self._components)
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """For the form compiler."""
+        return {"quadrature_degree": 1 if self._constant else _DEGREE}
+
+    def ufl(self) -> Any:
+        if self._constant:
+            numbers = [float(component.numpy()) for component in self._components]
+            return fem.Constant(self._domain.mesh, numbers)
+        x = ufl.SpatialCoordinate(self._domain.mesh)
+        places = {axis: x[i] for i, axis in enumerate(AXES[: self._domain.dim])}
+        return ufl.as_vector([component.ufl(**places) for component in self._components])
+
+    def check(self, dim: int, entities: IntArray, warnings: list[str]) -> float:
+        """The largest |g| on cells or facets, from the points where it is integrated; collective.
+
+        Raises and warns as `build_loads`.
+        """
+        if self._constant:
+            return float(np.linalg.norm([component.numpy() for component in self._components]))
+        comm = self._domain.comm
+        first = agree(comm, lambda: self._sample(dim, entities, _DEGREE))
+        second = agree(comm, lambda: self._sample(dim, entities, _OTHER_DEGREE))
+        squares = comm.allreduce(np.array([first.square, second.square]))
+        largest, where = max(
+            pair for pairs in comm.allgather((first.top, second.top)) for pair in pairs
+        )
+        if largest <= 0.0:
+            warnings.append(
+                f"{self._key}: is zero at all points where it is integrated; is it meant for "
+                "another place, or for one smaller than the elements?"
+            )
+            return 0.0
+        if abs(squares[0] - squares[1]) <= _RESOLVED * squares.max():
+            return largest
+        place = ", ".join(f"{a} = {v:.6g}" for a, v in zip(AXES, where, strict=False))
+        warnings.append(
+            f"{self._key}: changes too sharply for this mesh near {place}, where it reaches "
+            f"{largest:.3g}; its resultant may be far off: refine the mesh there, or, if it has a "
+            "pole, give another load"
+        )
+        return largest
+
+    def _sample(self, dim: int, entities: IntArray, degree: int) -> _Sample:
+        total, largest, where = 0.0, -1.0, (0.0,) * self._domain.dim
+        for x, weights in _quadrature(self._domain, dim, entities, degree):
+            places = dict(zip(AXES, x.T, strict=False))
+            size = np.zeros(len(x))
+            for i, component in enumerate(self._components):
+                values = with_key(f"{self._key}.{i}", partial(component.numpy, **places))
+                size = np.hypot(size, values)
+            total += float(weights @ size**2)
+            top = int(np.argmax(size))
+            if size[top] > largest:
+                largest, where = float(size[top]), tuple(x[top].tolist())
+        return _Sample(total, (largest, where))
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """The integral of |g|^2 and the largest |g| with its place, of the points of this rank."""
+
+    square: float
+    top: tuple[float, tuple[float, ...]]
+
+
+def _quadrature(
+    domain: Domain, dim: int, entities: IntArray, degree: int
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Points (k, d) and weights (k,) of the rule that the form compiler takes, chunk by chunk."""
+    points, weights = basix.make_quadrature(_SHAPES[dim], degree)
+    shares = np.column_stack([1.0 - points.sum(axis=1), points])
+    mesh = domain.mesh
+    nodes = mesh.geometry.x[:, : domain.dim]
+    for start in range(0, len(entities), _CHUNK):
+        chunk = entities[start : start + _CHUNK]
+        whole = dim == domain.dim
+        corners = nodes[
+            mesh.geometry.dofmap[chunk] if whole else _compat.entities_to_geometry(mesh, dim, chunk)
+        ]
+        edges = corners[:, 1:] - corners[:, :1]
+        scale = np.sqrt(np.linalg.det(edges @ np.swapaxes(edges, 1, 2)))
+        x = np.einsum("qc,kcd->kqd", shares, corners).reshape(-1, domain.dim)
+        yield x, np.outer(scale, weights).reshape(-1)

@@ -1,0 +1,198 @@
+"""Folders of results in use: one run or study at a time, and nothing stays of those killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from mpi4py import MPI
+from problems import SMALL_BLOCK
+from study_folder import Folder, wait_for
+
+from contact_locking import cli, output
+from contact_locking.errors import InputError
+from contact_locking.lock import (
+    locked,
+    make_folders,
+    make_partial,
+    new_folders,
+    release,
+    remove_abandoned,
+)
+
+pytestmark = pytest.mark.serial
+
+STUDY = f"{SMALL_BLOCK}output: {{picture: false, fields: false}}\n"
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "study.yml"
+    path.write_text(STUDY)
+    return path
+
+
+@pytest.fixture
+def running(study: Path) -> Iterator[subprocess.Popen[str]]:
+    """A run whose solve does not end, with unfinished files in its folder."""
+    script = """
+        import sys, time
+        from pathlib import Path
+        from contact_locking import cli, lock, problem
+
+        def solve(parameters, *_):
+            folder, mark = lock.make_partial(Path(parameters.output.directory))
+            (folder / "fields.bp").mkdir()
+            time.sleep(60)
+
+        problem.solve = solve
+        sys.exit(cli.main())
+        """
+    words = ["run", str(study), "--output", str(study.parent / "out"), "--quiet"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(script), *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    wait_for(lambda: list(study.parent.glob("out/.partial-*/fields.bp")))
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def run(study: Path) -> int:
+    return cli.main(["run", str(study), "--output", str(study.parent / "out"), "--quiet"])
+
+
+def test_a_second_run_in_the_folder_of_one_going_on_is_refused(
+    study: Path, running: subprocess.Popen[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(study) == 2
+    errors = capsys.readouterr().err
+    assert "are being written to" in errors and f"by a run, process {running.pid} on" in errors
+    assert list(study.parent.glob("out/.partial-*/fields.bp")), "its files are left alone"
+
+
+def test_a_run_in_the_folder_of_a_study_going_on_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Folder(tmp_path, monkeypatch)
+    folder.write("{vary: {penalty.n: [10]}}")
+    process = folder.start(FAKE_SECONDS="20")
+    wait_for(folder.running)
+    parameters = (folder.output / "parameters.yaml").read_bytes()
+    assert cli.main(["run", str(folder.file), "--output", str(folder.output), "--quiet"]) == 2
+    assert f"by a study, process {process.pid} on" in capsys.readouterr().err
+    assert (folder.output / "parameters.yaml").read_bytes() == parameters
+    assert cli.main(["check", str(folder.file), "--set", f"output.directory={folder.output}"]) == 0
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+
+
+def test_what_a_killed_run_has_left_is_removed_by_the_next(
+    study: Path, running: subprocess.Popen[str]
+) -> None:
+    running.kill()
+    running.communicate()
+    out = study.parent / "out"
+    assert list(out.glob(".partial-*"))
+    assert run(study) == 0
+    assert not list(out.glob(".*"))
+
+
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_run_that_a_signal_ends_says_so_and_leaves_nothing(
+    end: signal.Signals, study: Path, running: subprocess.Popen[str]
+) -> None:
+    running.send_signal(end)
+    out, errors = running.communicate(timeout=30)
+    assert running.returncode == 128 + end
+    assert errors == ("interrupted\n" if end == signal.SIGINT else f"stopped by {end.name}\n")
+    assert out == ""
+    assert [path.name for path in (study.parent / "out").rglob("*") if path.is_file()] == []
+    assert not (study.parent / "out" / ".lock").exists()
+
+
+def test_a_run_under_nohup_goes_on_when_its_terminal_is_closed(study: Path) -> None:
+    script = """
+        import os, signal, sys
+        from contact_locking import cli, problem
+        solve = problem.solve
+
+        def hang_up(*arguments):
+            os.kill(os.getpid(), signal.SIGHUP)
+            return solve(*arguments)
+
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        problem.solve = hang_up
+        sys.exit(cli.main())
+        """
+    words = ["run", str(study), "--output", str(study.parent / "out"), "--quiet"]
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script), *words], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_only_abandoned_folders_of_this_program_are_removed(tmp_path: Path) -> None:
+    used, mark = make_partial(tmp_path)
+    abandoned = tmp_path / ".partial-a1b2c3_4"
+    (abandoned / "fields.bp").mkdir(parents=True)
+    (tmp_path / ".partial-of-the-user").mkdir()
+    (tmp_path / ".partial-12345678").write_text("a file")
+    (tmp_path / ".partial-abcdefgh").symlink_to(tmp_path / ".partial-of-the-user")
+    remove_abandoned(tmp_path)
+    kept = {used.name, ".partial-of-the-user", ".partial-12345678", ".partial-abcdefgh"}
+    assert {path.name for path in tmp_path.iterdir()} == kept
+    release(used, mark)
+    assert not used.exists()
+
+
+def test_a_lock_is_held_by_one_and_its_file_goes_with_it(tmp_path: Path) -> None:
+    with locked(tmp_path, "run") as held:
+        assert held
+        with pytest.raises(InputError, match=f"a run, process {os.getpid()} on"):
+            locked(tmp_path, "study").__enter__()
+    assert list(tmp_path.iterdir()) == []
+    # As a killed process leaves it.
+    (tmp_path / ".lock").write_text("a run, process 1 on nowhere\n")
+    with locked(tmp_path, "run") as held:
+        assert held
+
+
+def test_folders_that_stay_empty_go_again(tmp_path: Path) -> None:
+    with new_folders(tmp_path / "a" / "b"):
+        assert (tmp_path / "a" / "b").is_dir()
+    assert list(tmp_path.iterdir()) == []
+    with new_folders(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "file").touch()
+    assert [path.name for path in tmp_path.rglob("*")] == ["a", "file"]
+
+
+def test_a_path_may_be_as_deep_as_the_system_allows(tmp_path: Path) -> None:
+    deep = tmp_path / Path(*["a"] * 1700)
+    output.prepare(deep, MPI.COMM_SELF)
+    assert list(tmp_path.iterdir()) == []
+    made = make_folders(deep)
+    assert len(made) == 1700
+    for path in reversed(made):
+        path.rmdir()
+
+
+@pytest.mark.parametrize("path", ["a/" * 1945, "a" * 300], ids=["deep", "long"])
+def test_a_path_that_is_too_long_is_bad_input_in_a_message_that_one_can_read(
+    path: str, study: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(study.parent)
+    assert cli.main(["run", str(study), "--quiet", "--output", path]) == 2
+    errors = capsys.readouterr().err
+    assert "results cannot be written to a" in errors and "File name too long" in errors
+    assert len(errors) < 1200
+    assert [path.name for path in study.parent.iterdir()] == ["study.yml"]
