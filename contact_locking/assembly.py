@@ -65,6 +65,11 @@ class Problem:
         """How many rigid motions contact alone holds."""
         return sum(part.free for part in self.held)
 
+    @property
+    def sliding(self) -> int:
+        """How many of those friction alone holds."""
+        return sum(part.sliding for part in self.held)
+
     def facts(self) -> dict[str, Any]:
         """What would be solved, for ``contact-locking check``; collective."""
         dofmap = self.u.function_space.dofmap

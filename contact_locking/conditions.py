@@ -108,42 +108,78 @@ def check_held(
 
     ``free`` (m, f) are the motions that the displacement conditions leave, ``contact`` (k, f)
     their normal components at the nodes of Gamma_C and ``work`` (f,) the work of the loads along
-    them.  A minimiser exists if no motion c != 0 has ``contact c <= 0`` (leaves the foundation,
-    or slides along it) and ``work . c >= 0`` (is not resisted by the loads).
+    them.  Without friction a minimiser exists if no motion c != 0 has ``contact c <= 0`` (leaves
+    the foundation, or slides along it) and ``work . c >= 0`` (is not resisted by the loads).  With
+    friction, whose bound is not known yet, only motions that leave all of the foundation, and do
+    not slide meanwhile, are refused: ``contact c < 0`` everywhere.
     """
     count = free.shape[1]
     if count == 0:
         return
-    scaled = np.zeros((0, count)) if contact is None else contact
-    size = max(float(np.abs(scaled).max(initial=0.0)), 1e-300)
-    force = max(float(np.abs(work).max()), 1e-300)
-    rows = np.vstack([scaled / size, -work[None, :] / force])
-    for i in range(count):
-        for sign in (1.0, -1.0):
-            found = linprog(
-                -sign * np.eye(count)[i], A_ub=rows, b_ub=np.full(len(rows), 1e-9), bounds=(-1, 1)
-            )
-            if found.status == 0 and -found.fun > 1e-3:
-                motion = _describe(free @ found.x, dim)
-                if contact is None:
-                    why = "nothing holds the body"
-                elif np.abs(scaled @ found.x).max(initial=0.0) >= 1e-6:
-                    why = "the loads do not press the body onto the foundation"
-                elif friction:
-                    why = (
-                        "it slides along the foundation and friction alone does not decide "
-                        "where it rests"
-                    )
-                else:
-                    why = "it slides along the foundation"
-                raise InputError(
-                    f"the displacement conditions leave a rigid motion free ({motion}): {why}; "
-                    "fix a boundary part, or a component of it, in loads.displacements",
-                    "loads.displacements",
-                )
+    normal = np.zeros((0, count)) if contact is None else contact
+    normal = normal / max(float(np.abs(normal).max(initial=0.0)), 1e-300)
+    rows = np.vstack([normal, -work[None, :] / max(float(np.abs(work).max()), 1e-300)])
+    leaves = friction and contact is not None
+    for aim in [None] if leaves else _directions(count):
+        motion = _leaving(rows) if aim is None else _unresisted(rows, aim)
+        if motion is None:
+            continue
+        if contact is None:
+            why = "nothing holds the body"
+        elif np.abs(normal @ motion).max(initial=0.0) >= 1e-6:
+            why = "the loads do not press the body onto the foundation"
+        else:
+            why = "it slides along the foundation"
+        raise InputError(
+            f"the displacement conditions leave a rigid motion free "
+            f"({describe_motion(free @ motion, dim)}): {why}; fix a boundary part, or a component "
+            "of it, in loads.displacements",
+            "loads.displacements",
+        )
 
 
-def _describe(motion: FloatArray, dim: int) -> str:
+def _directions(count: int) -> list[FloatArray]:
+    """Both directions of each coordinate."""
+    return [sign * row for row in np.eye(count) for sign in (1.0, -1.0)]
+
+
+def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
+    """The motion c with ``rows c <= 0`` that goes farthest along ``aim``, None if none goes far."""
+    found = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), 1e-9), bounds=(-1, 1))
+    return np.asarray(found.x) if found.status == 0 and -found.fun > 1e-3 else None
+
+
+def _leaving(rows: FloatArray) -> FloatArray | None:
+    """The motion with ``rows c <= 0``, all but the last as negative as can be, None if none is.
+
+    It has no share of the motions that slide along all of the foundation.
+    """
+    count = rows.shape[1]
+    depth = np.append(np.ones(len(rows) - 1), 0.0)
+    slides = sliding_motions(rows[:-1])
+    found = linprog(
+        np.append(np.zeros(count), -1.0),
+        A_ub=np.column_stack([rows, depth]),
+        b_ub=np.full(len(rows), 1e-9),
+        A_eq=np.column_stack([slides.T, np.zeros(slides.shape[1])]),
+        b_eq=np.zeros(slides.shape[1]),
+        bounds=[(-1, 1)] * count + [(0, 1)],
+    )
+    return np.asarray(found.x[:count]) if found.status == 0 and -found.fun > 1e-3 else None
+
+
+def sliding_motions(contact: FloatArray) -> FloatArray:
+    """Coefficients (f, m) of the motions that contact, from either side, does not stop.
+
+    ``contact`` (k, f) has the normal components of f free motions at the nodes of Gamma_C.
+    """
+    _, sizes, directions = np.linalg.svd(contact, full_matrices=True)
+    sizes = np.append(sizes, np.zeros(contact.shape[1] - len(sizes)))
+    return np.asarray(directions[sizes <= 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)].T)
+
+
+def describe_motion(motion: FloatArray, dim: int) -> str:
+    """A rigid motion (3 or 6 coefficients) in words."""
     names = [f"translation along {AXES[i]}" for i in range(dim)]
     names += ["rotation"] if dim == 2 else [f"rotation about {a}" for a in "zyx"]
     share = np.abs(motion) / np.abs(motion).max()

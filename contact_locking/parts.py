@@ -11,7 +11,13 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking import compiled, forms
-from contact_locking.conditions import Constraints, check_held, free_motions, rigid_motions
+from contact_locking.conditions import (
+    Constraints,
+    check_held,
+    free_motions,
+    rigid_motions,
+    sliding_motions,
+)
 from contact_locking.domain import Domain
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
@@ -24,20 +30,23 @@ BoolArray = npt.NDArray[np.bool_]
 class Held:
     """A part of the body, the boundary parts that hold it, and what contact alone holds of it.
 
-    ``free`` is the number of rigid motions that the displacement conditions leave.
+    ``free`` is the number of rigid motions that the displacement conditions leave, ``sliding`` the
+    number of those among them that friction alone can hold.
     """
 
     name: str
     displacements: tuple[str, ...]
     contact: tuple[str, ...]
     free: int
+    sliding: int
 
     def __str__(self) -> str:
         words = []
         if self.displacements:
             words.append(f"displacements on {', '.join(self.displacements)}")
         if self.contact and self.free:
-            words.append(f"contact on {', '.join(self.contact)}")
+            friction = " and friction" if self.sliding else ""
+            words.append(f"contact{friction} on {', '.join(self.contact)}")
         return " and ".join(words)
 
 
@@ -55,7 +64,9 @@ def check_parts_held(
     for number, name in enumerate(domain.part_names):
         mask = _dofs(domain, space, number)
         try:
-            free = _check_rigid_motions(domain, space, data, constraints, surface, parameters, mask)
+            free, sliding = _check_rigid_motions(
+                domain, space, data, constraints, surface, parameters, mask
+            )
         except InputError as error:
             if not several:
                 raise
@@ -70,6 +81,7 @@ def check_parts_held(
                 _touching(domain, number, list(dict.fromkeys(on))),
                 _touching(domain, number, parameters.contact.on),
                 free,
+                sliding,
             )
         )
     return found
@@ -83,14 +95,16 @@ def _check_rigid_motions(
     surface: ContactSurface | None,
     parameters: Parameters,
     part: BoolArray,
-) -> int:
-    """How many rigid motions of a part contact alone holds; InputError if one is free.
+) -> tuple[int, int]:
+    """How many rigid motions of a part contact holds, how many of them friction alone.
+
+    Raises InputError if one is free.
 
     ``part`` marks the local dofs of the part.
     """
     free = free_motions(domain, space, constraints, part)
     if not free.shape[1]:
-        return 0
+        return 0, 0
     motions = (free.T @ rigid_motions(space)) * part
     work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
     load = fem.assemble_vector(work_form).array
@@ -106,7 +120,7 @@ def _check_rigid_motions(
         normals = None
     friction = parameters.friction.coefficient != 0
     check_held(free, normals, work, domain.dim, friction)
-    return int(free.shape[1])
+    return int(free.shape[1]), 0 if normals is None else sliding_motions(normals).shape[1]
 
 
 def _dofs(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:

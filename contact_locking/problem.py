@@ -111,7 +111,12 @@ def solve_assembled(
         petsc=options,
     )
     system = PenalisedSystem(
-        problem.data, problem.u, problem.constraints, problem.bound, problem.free > 0
+        problem.data,
+        problem.u,
+        problem.constraints,
+        problem.bound,
+        held_by_contact=problem.free > 0,
+        held_by_friction=problem.sliding > 0,
     )
     material, domain = problem.material, problem.domain
     n, epsilon, regularisation = penalty(problem.parameters, material.young)

@@ -105,7 +105,8 @@ class PenalisedSystem:
     """Residual and tangent of (26) over PETSc, at a penalty and a friction bound that can be set.
 
     ``u`` carries the displacement, with the prescribed values in its constrained dofs at all times.
-    ``held_by_contact`` says that some rigid motion is stopped by contact alone.
+    ``held_by_contact`` says that some rigid motion is stopped by contact alone, and
+    ``held_by_friction`` that friction alone stops one.
     """
 
     # The share of the contact stiffness kept where the body does not touch, if contact alone
@@ -119,6 +120,7 @@ class PenalisedSystem:
         constraints: Constraints,
         bound: FrictionBound | None,
         held_by_contact: bool = False,
+        held_by_friction: bool = False,
     ) -> None:
         space = u.function_space
         v = ufl.TestFunction(space)
@@ -126,7 +128,7 @@ class PenalisedSystem:
         self.comm, self.dim = space.mesh.comm, space.mesh.topology.dim
         self._constraints = constraints
         constraints.apply(u)
-        self.held_by_contact = held_by_contact
+        self.held_by_contact, self.held_by_friction = held_by_contact, held_by_friction
         self._elastic = compiled.form(forms.elastic_form(u, v, data))
         self._magnitudes = compiled.form(forms.force_magnitudes(u, v, data))
         self._elastic_energy = compiled.form(0.5 * forms.elastic_form(u, u, data))

@@ -117,6 +117,8 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
 
     so ``|v|_V^2 <= (a(z, z) + 2B)/alpha``, ``L <= a(z, z)/4 + B`` and ``C <= a(z, z)/2 + 2B``.
     """
+    if state.problem.sliding:
+        raise NotApplicable("friction alone holds a rigid motion")
     data, domain = state.problem.data, state.problem.domain
     contact, alpha = data.contact, state.problem.material.ellipticity
     assert contact is not None and state.contact is not None

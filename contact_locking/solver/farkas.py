@@ -39,13 +39,14 @@ def excluded_factor(point: ConePoint, target: Target) -> float:
 
     ``Z - k eps(rho)`` and ``p - (k/L) rho_nu`` do, but for ``a(rho, v)``, which adds at most
     ``int c |eps(rho)| (M + |eps(u)|)`` to R, c being the largest eigenvalue of A.  Where nothing
-    limits the strain 1 takes the place of M.  Infinite without a proof; collective.
+    limits the strain 1 takes the place of M.  Infinite without a proof, and where friction alone
+    holds the body, so that rho is not determined; collective.
     """
     cones = point.cones
     pressure = None if point.contact is None else point.contact.z
     if not _may_exclude(point, pressure):
         return math.inf
-    if cones.system.held_by_contact and point.contact is None:
+    if cones.system.held_by_friction:
         return math.inf
     stiffness = _STIFFER * target.stiffness
     springs = None

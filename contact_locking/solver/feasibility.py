@@ -38,12 +38,13 @@ def judge(
 ) -> Verdict | None:
     """The verdict on a problem that was not solved, None without a proof; collective.
 
-    Friction and penalties have no say in it, so the problem is solved without them.  Displacement
+    Friction and penalties have no say in it, so the problem is solved without them, unless friction
+    alone holds the body.  Displacement
     and friction bound of ``system`` are left as they are; what it took is added to ``report``.
     """
     displacement = system.u.x.array.copy()
     prescribed = displacement * (1.0 - system.free_dofs())
-    if _rest_is_admissible(system, prescribed):
+    if system.held_by_friction or _rest_is_admissible(system, prescribed):
         return None
     bound = system.bound
     bound_kept = None if bound is None else bound.values
