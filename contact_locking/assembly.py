@@ -35,6 +35,7 @@ from contact_locking.surface import ContactSurface
 from contact_locking.system import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 # Expressions in loads are integrated to this degree; P1 test functions need no more.
 _LOAD_DEGREE = 4
@@ -107,7 +108,10 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     free = _check_rigid_motions(domain, space, data, constraints, surface, parameters)
     bound = None
     if surface is not None:
-        smoothing = _smoothing(surface, parameters.friction.smoothing, warnings)
+        assert contact is not None
+        normal = contact.normal.x.array.reshape(-1, domain.dim)[surface.blocks]
+        free_nodes = surface.free_nodes(normal, constraints.free_dofs(u))
+        smoothing = _smoothing(surface, free_nodes, parameters.friction.smoothing, warnings)
         coefficient = _friction_coefficient(comm, parameters.friction.coefficient)
         frictionless = parameters.friction.coefficient == 0
         bound = FrictionBound(surface, smoothing, coefficient, u, data, frictionless)
@@ -212,7 +216,9 @@ def _foundation(given: ContactParameters, dim: int) -> foundation.Foundation:
     return foundation.Round(tuple(cylinder.centre), cylinder.radius, axis)
 
 
-def _smoothing(surface: ContactSurface, given: Smoothing, warnings: list[str]) -> SmoothingOperator:
+def _smoothing(
+    surface: ContactSurface, free: BoolArray, given: Smoothing, warnings: list[str]
+) -> SmoothingOperator:
     if given.kernel == "none":
         return Identity()
     comm = surface.domain.comm
@@ -227,8 +233,8 @@ def _smoothing(surface: ContactSurface, given: Smoothing, warnings: list[str]) -
             "Gamma_C, so R hardly smooths; refine the mesh there or enlarge the radius"
         )
     if given.kernel == "convolution":
-        return Convolution(comm, surface.points, surface.weights, radius)
-    return HelmholtzFilter(surface.weights, surface.laplacian(), radius)
+        return Convolution(comm, surface.whole(free), radius)
+    return HelmholtzFilter(comm, surface.whole(free), surface.laplacian(), radius)
 
 
 def _friction_coefficient(

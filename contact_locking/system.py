@@ -190,9 +190,7 @@ class PenalisedSystem:
 
     def free_dofs(self) -> FloatArray:
         """1 at free and 0 at constrained local dofs, ghosts included."""
-        mask = np.ones(len(self.u.x.array))
-        mask[self._constraints.dofs] = 0.0
-        return mask
+        return self._constraints.free_dofs(self.u)
 
     def assemble_free(self, form: fem.Form, f: PETSc.Vec) -> None:
         """``f`` = a linear form, zero at constrained dofs; collective."""

@@ -148,11 +148,12 @@ def bound_change(state: SolvedState) -> float:
 
 
 def smoothing_constants(state: SolvedState) -> float:
-    """``max |R 1 - 1|``: a mollifier keeps constants; collective."""
+    """``max |R 1 - 1|`` over the free nodes: a mollifier keeps constants; collective."""
     bound = state.problem.bound
     assert bound is not None
     ones = np.ones(len(bound.surface.nodes))
-    local = float(np.max(np.abs(bound.smoothing.apply(ones) - 1.0), initial=0.0))
+    change = np.abs(bound.smoothing.apply(ones) - 1.0)[state.free_nodes]
+    local = float(np.max(change, initial=0.0))
     return float(max(state.problem.domain.comm.allgather(local)))
 
 

@@ -193,7 +193,9 @@ class Smoothing(Section):
         "convolution", "convolution, helmholtz (I - r^2 Laplace_Gamma), or none: local Coulomb"
     )
     radius: Positive | None = entry(
-        None, "r, of the kernel; null: a tenth of the extent of Gamma_C", "length"
+        None,
+        "r, of the kernel, measured along Gamma_C; null: a tenth of the extent of Gamma_C",
+        "length",
     )
 
 
