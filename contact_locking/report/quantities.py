@@ -81,6 +81,7 @@ MEANINGS = {
     "displacement_norm": "‖ε(u)‖ over the body",
     "locking_penalty": "2n ∫ ([|ε| − M]⁺)²",
     "contact_penalty": "(1/ε) ∫ ([u_ν − g]⁺)²",
+    "locking_work": "∫ M |Z|, the work of the locking stress at the limit",
     "equilibrium": "residual forces over the forces that act",
     "force_balance": "sum of all forces on the body",
     "moment_balance": "sum of all moments on the body",
