@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,6 +28,7 @@ from contact_locking.conditions import (
 from contact_locking.domain import Domain, agree
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
+from contact_locking.friction_law import FrictionLaw
 from contact_locking.parameters import ContactParameters, LoadParameters, Parameters, Smoothing
 from contact_locking.smoothing import Convolution, HelmholtzFilter, Identity
 from contact_locking.smoothing import Smoothing as SmoothingOperator
@@ -112,9 +113,9 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
         normal = contact.normal.x.array.reshape(-1, domain.dim)[surface.blocks]
         free_nodes = surface.free_nodes(normal, constraints.free_dofs(u))
         smoothing = _smoothing(surface, free_nodes, parameters.friction.smoothing, warnings)
-        coefficient = _friction_coefficient(comm, parameters.friction.coefficient)
+        law = _friction_law(comm, parameters.friction.coefficient)
         frictionless = parameters.friction.coefficient == 0
-        bound = FrictionBound(surface, smoothing, coefficient, u, data, frictionless)
+        bound = FrictionBound(surface, smoothing, law, u, data, frictionless)
     return Problem(parameters, domain, material, data, u, constraints, bound, free, warnings)
 
 
@@ -237,10 +238,8 @@ def _smoothing(
     return HelmholtzFilter(comm, surface.whole(free), surface.laplacian(), radius)
 
 
-def _friction_coefficient(
-    comm: MPI.Intracomm, value: float | str
-) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """``mu(x, s)`` at points (k, d) and slips (k,); collective."""
+def _friction_law(comm: MPI.Intracomm, value: float | str) -> FrictionLaw:
+    """``mu(x, s)`` of a number or an expression; to evaluate it is collective."""
     key = "friction.coefficient"
     expression = parse(value, (*AXES, "s"))
 
@@ -252,7 +251,11 @@ def _friction_coefficient(
             raise InputError(f"the friction coefficient must not be negative, it is {least}", key)
         return mu
 
-    return lambda points, slip: agree(comm, lambda: local(points, slip))
+    return FrictionLaw(
+        lambda points, slip: agree(comm, lambda: local(points, slip)),
+        largest=float(expression.numpy()) if expression.is_constant else None,
+        lipschitz=None if "s" in expression.names else 0.0,
+    )
 
 
 def _check_rigid_motions(

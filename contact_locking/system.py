@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from petsc4py import PETSc
 
 from contact_locking import compiled, forms
 from contact_locking.conditions import Constraints, rigid_motions
+from contact_locking.friction_law import Coefficient, FrictionLaw
 from contact_locking.smoothing import Smoothing
 from contact_locking.surface import ContactSurface
 
@@ -23,15 +23,16 @@ FloatArray = npt.NDArray[np.float64]
 class FrictionBound:
     """``g = mu(x, |u_tau|) |R sigma_nu|`` at the nodes of Gamma_C (6), with ``sigma_nu = -p``.
 
-    ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,);
-    ``frictionless`` says that it is zero everywhere.
+    ``law`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,): a
+    :class:`~contact_locking.friction_law.FrictionLaw`, or any function, whose constants the
+    certificate samples.  ``frictionless`` says that mu is zero everywhere.
     """
 
     def __init__(
         self,
         surface: ContactSurface,
         smoothing: Smoothing,
-        coefficient: Callable[[FloatArray, FloatArray], FloatArray],
+        law: FrictionLaw | Coefficient,
         u: fem.Function,
         data: forms.ProblemData,
         frictionless: bool = False,
@@ -40,7 +41,7 @@ class FrictionBound:
         self.surface = surface
         self.frictionless = frictionless
         self.smoothing = smoothing
-        self._coefficient = coefficient
+        self.law = law if isinstance(law, FrictionLaw) else FrictionLaw(law)
         self._bound = data.contact.bound
         self._pressure = surface.average(forms.pressure(u, data))
         dim = surface.domain.dim
@@ -53,7 +54,7 @@ class FrictionBound:
         The pressure (k,) is that of the penalty law unless it is given.
         """
         smoothed = np.abs(self.smoothing.apply(self._pressure() if pressure is None else pressure))
-        return self._coefficient(self.surface.points, self._slip()) * smoothed
+        return self.law(self.surface.points, self._slip()) * smoothed
 
     def _slip(self) -> FloatArray:
         """``|u_tau|`` (k,)."""
@@ -64,7 +65,12 @@ class FrictionBound:
 
     def coefficient(self, slip: float) -> FloatArray:
         """``mu(x, s)`` (k,) at the nodes for one slip s everywhere; collective."""
-        return self._coefficient(self.surface.points, np.full(len(self.surface.nodes), slip))
+        return self.law(self.surface.points, np.full(len(self.surface.nodes), slip))
+
+    @property
+    def is_coulomb(self) -> bool:
+        """Whether the bound is that of (6), and not the user's own."""
+        return type(self).evaluate is FrictionBound.evaluate
 
     @property
     def values(self) -> FloatArray:

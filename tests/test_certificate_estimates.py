@@ -6,13 +6,22 @@ import math
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from certified import certificate, solved
+from mpi4py import MPI
 from problems import block, column, with_changes
 
+from contact_locking.assembly import assemble
 from contact_locking.certificate import elliptic, indicator
+from contact_locking.certificate.constants import SAMPLED
+from contact_locking.friction_law import FrictionLaw
 from contact_locking.parameters import Parameters
+from contact_locking.problem import solve_assembled
 from contact_locking.solver.linear import iterative_options
+from contact_locking.system import FrictionBound
+
+FloatArray = npt.NDArray[np.float64]
 
 # Proved bounds ------------------------------------------------------------------------------------
 
@@ -172,16 +181,63 @@ def test_constants_of_a_slip_dependent_coefficient_are_sampled() -> None:
     ("changes", "verdict", "why"),
     [
         ({"friction__coefficient": 0.0}, "covered by theory", "no friction"),
-        ({"friction__coefficient": 0.05, "penalty__epsilon": 0.1}, "covered by theory", "is below"),
+        ({"friction__coefficient": 0.05, "penalty__epsilon": 0.1}, SAMPLED, "is below"),
         ({"friction__coefficient": 0.3}, "not known", "is not below"),
         ({"penalty__n": math.inf}, "not known", "not explicit"),
     ],
 )
-def test_uniqueness_is_covered_by_theory_or_not_known(
+def test_uniqueness_is_covered_by_theory_by_sampled_constants_or_not_known(
     changes: dict[str, Any], verdict: str, why: str
 ) -> None:
     found = certificate(block(certificate__constants=True, **changes))["constants"]["uniqueness"]
     assert found["verdict"] == verdict and why in found["why"]
+
+
+def test_a_coefficient_of_place_alone_has_exact_constants() -> None:
+    found = certificate(block(friction__coefficient="0.1 + 0.2*x"))["constants"]
+    assert (found["friction_coefficient"], found["friction_lipschitz"]) == (pytest.approx(0.3), 0.0)
+    assert found["friction_constants"] == "exact"
+
+
+def constants_of(law: Any, bound: type[FrictionBound] = FrictionBound) -> dict[str, Any]:
+    """Of a soft block that is solved with another coefficient than that of its study file."""
+    study = block(h=0.2, penalty__epsilon=0.1, certificate__constants=True)
+    problem = assemble(study, MPI.COMM_WORLD)
+    given = problem.bound
+    assert given is not None
+    problem.bound = bound(given.surface, given.smoothing, law, problem.u, problem.data)
+    return dict(solve_assembled(problem).summary["certificate"]["constants"])
+
+
+def slip_weakening(points: FloatArray, slip: FloatArray) -> FloatArray:
+    """mu* = 0.02, L_mu = 0.01."""
+    return 0.01 + 0.01 * np.exp(-slip)
+
+
+def test_the_certificate_asks_a_law_of_the_users_own_for_its_constants() -> None:
+    plain = constants_of(slip_weakening)
+    assert plain["friction_constants"] == "sampled"
+    assert plain["friction_coefficient"] == pytest.approx(0.02)
+    assert plain["friction_lipschitz"] == pytest.approx(0.01, rel=0.01)
+    assert plain["uniqueness"]["verdict"] == SAMPLED and "sampled" in plain["uniqueness"]["why"]
+    stated = constants_of(FrictionLaw(slip_weakening, largest=0.02, lipschitz=0.011))
+    assert stated["friction_constants"] == "exact"
+    assert (stated["friction_coefficient"], stated["friction_lipschitz"]) == (0.02, 0.011)
+    assert "mu* and L_mu sampled" not in stated["uniqueness"]["why"]
+
+
+def test_a_law_that_exceeds_what_it_states_has_no_verdict() -> None:
+    found = constants_of(FrictionLaw(slip_weakening, largest=0.02, lipschitz=0.001))["uniqueness"]
+    assert found["verdict"] == "not known" and "exceeds" in found["why"]
+
+
+def test_a_bound_of_the_users_own_has_no_verdict() -> None:
+    class Capped(FrictionBound):
+        def evaluate(self, pressure: FloatArray | None = None) -> FloatArray:
+            return np.minimum(super().evaluate(pressure), 0.004)
+
+    found = constants_of(slip_weakening, Capped)["uniqueness"]
+    assert found["verdict"] == "not known" and "user's own" in found["why"]
 
 
 def test_the_observed_contraction_factor_stands_beside_the_verdict() -> None:
