@@ -184,8 +184,8 @@ def _collect(
     if report.converged and overstrain > _NOTABLE_OVERSTRAIN:
         warnings.append(
             f"the strain exceeds its limit by up to {100.0 * overstrain:.0f} %: raise penalty.n; "
-            "if that hardly helps, no displacement within the limit can follow the prescribed "
-            "ones, which penalty.n: .inf would report"
+            "if that hardly helps, no displacement on this mesh within the limit can follow the "
+            "prescribed ones, which penalty.n: .inf would report"
         )
     summary: dict[str, Any] = {
         "title": problem.parameters.title,

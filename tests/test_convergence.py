@@ -117,13 +117,13 @@ def measured_rate(key: str, values: list[float], **changes: Any) -> float:
 
 
 @pytest.mark.serial
-def test_theorem_4_9_the_locking_penalty_alone_has_rate_one() -> None:
+def test_theorem_4_9_the_locking_penalty_alone_has_rate_one_on_one_mesh() -> None:
     rate = measured_rate("n", [1e3, 1e4, 1e5], penalty__epsilon=1e-12)
     assert rate == pytest.approx(-1.0, abs=0.1)
 
 
 @pytest.mark.serial
-def test_theorem_4_9_the_contact_penalty_alone_has_rate_one() -> None:
+def test_theorem_4_9_the_contact_penalty_alone_has_rate_one_on_one_mesh() -> None:
     rate = measured_rate("epsilon", [1e-3, 1e-4, 1e-5], friction__coefficient=0.0)
     assert rate == pytest.approx(1.0, abs=0.1)
 
@@ -144,7 +144,7 @@ def test_theorem_4_9_the_regularisation_of_friction_is_slower_than_the_contact_p
 
 
 @pytest.mark.serial
-def test_theorem_4_9_the_bounds_hold_and_the_penalties_fall_with_rate_one() -> None:
+def test_theorem_4_9_the_bounds_hold_and_the_penalties_fall_with_rate_one_on_one_mesh() -> None:
     sizes = [1e3, 1e4, 1e5]
     bounds = [solved(8, penalty__n=n).summary["bounds"] for n in sizes]
     assert all(entry["holds"] for found in bounds for entry in found.values())
