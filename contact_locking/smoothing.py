@@ -50,7 +50,7 @@ class Convolution:
 
     The kernel vanishes for ``d >= r`` and is smooth.  The denominator keeps constants at every
     point, also near the ends of Gamma_C.  Integrals use the nodal weights of the vertex rule and
-    ``|x-y|`` is measured along Gamma_C (:meth:`SurfaceMesh.within`).
+    ``|x-y|`` is measured along Gamma_C (``SurfaceMesh.within``).
 
     ``surface`` is Gamma_C with the weight 0 at held nodes, those whose normal displacement is
     prescribed: they carry no pressure, and a weight in the denominator alone would lower R beside
