@@ -13,7 +13,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench verification studies docs format image image-test clean
+.PHONY: help demo test test-all lint serial serial-all parallel parallel-all bench sweep verification studies docs format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -41,6 +41,13 @@ parallel-all:
 
 bench: ## measure tangents and times (minutes) and write benchmarks/results.md
 	./in-env python3 benchmarks/bench.py
+
+SEEDS = 20
+FAMILIES =
+JOBS = 2
+sweep: ## solve and judge random problems of many families (SEEDS=20 FAMILIES= JOBS=2): results/sweep
+	./in-env env PYTHONPATH=tests OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --jobs $(JOBS) \
+		--families $(FAMILIES)
 
 verification: ## solve the problems with known answers and write docs/verification.md
 	./in-env python3 -m pytest -m "" tests/test_verification*.py tests/test_conic_reference.py \

@@ -17,19 +17,8 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
-try:  # DOLFINx >= 0.10
-    from dolfinx.io import gmsh as _gmshio
-except ImportError:  # DOLFINx 0.9
-    from dolfinx.io import gmshio as _gmshio
-
 # From Open MPI's first tag of a nonblocking collective, -27, to beyond the last in question, -51.
 _TAGS = 32
-
-
-def model_to_mesh(model: Any, comm: Any, rank: int, dim: int) -> tuple[dmesh.Mesh, Any, Any]:
-    """Mesh, cell tags and facet tags of a gmsh model that lives on one rank."""
-    data = _gmshio.model_to_mesh(model, comm, rank, gdim=dim)
-    return data[0], data[1], data[2]
 
 
 def interpolation_expression(expr: Any, space: Any) -> fem.Expression:

@@ -14,22 +14,21 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import compiled, forms, foundation
 from contact_locking import domain as domains
+from contact_locking import forms, foundation
 from contact_locking.coefficients import AXES, Material, build_material, evaluate
 from contact_locking.conditions import (
     ComponentCondition,
     Constraints,
-    check_held,
     constrain,
-    free_motions,
-    rigid_motions,
 )
 from contact_locking.domain import Domain, agree
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
 from contact_locking.friction_law import FrictionLaw
+from contact_locking.groups import groups
 from contact_locking.parameters import ContactParameters, LoadParameters, Parameters, Smoothing
+from contact_locking.parts import Held, check_parts_held
 from contact_locking.smoothing import Convolution, HelmholtzFilter, Identity
 from contact_locking.smoothing import Smoothing as SmoothingOperator
 from contact_locking.surface import ContactSurface
@@ -55,11 +54,16 @@ class Problem:
     u: fem.Function
     constraints: Constraints
     bound: FrictionBound | None
-    free: int
+    held: list[Held]
     warnings: list[str]
 
+    @property
+    def free(self) -> int:
+        """How many rigid motions contact alone holds."""
+        return sum(part.free for part in self.held)
+
     def facts(self) -> dict[str, Any]:
-        """What would be solved, for ``contact-locking check``."""
+        """What would be solved, for ``contact-locking check``; collective."""
         dofmap = self.u.function_space.dofmap
         facts = {
             "dimension": self.domain.dim,
@@ -67,6 +71,8 @@ class Problem:
             "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
             "regions": sorted(self.domain.cell_names),
             "boundary parts": sorted(self.domain.facet_names),
+            "groups": groups(self.domain),
+            "held by": {part.name: str(part) for part in self.held},
             "smallest eigenvalue of A": self.material.ellipticity,
         }
         if self.bound is not None:
@@ -75,10 +81,16 @@ class Problem:
         return facts
 
 
-def penalty(parameters: Parameters) -> tuple[float, float]:
-    """``n`` and ``epsilon``, the latter ``1/n`` unless it is given."""
+def penalty(parameters: Parameters, young: float) -> tuple[float, float, float]:
+    """``n``, ``epsilon`` and the regularisation of friction.
+
+    ``epsilon`` is ``1/n`` unless it is given.  The paper has the same epsilon, a compliance, in
+    (22) in the place of a length: Young's modulus makes a length of it where none is given.
+    """
     n, epsilon = parameters.penalty.n, parameters.penalty.epsilon
-    return n, 1.0 / n if epsilon is None else epsilon
+    epsilon = 1.0 / n if epsilon is None else epsilon
+    regularisation = parameters.friction.regularisation
+    return n, epsilon, young * epsilon if regularisation is None else regularisation
 
 
 def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None = None) -> Problem:
@@ -87,26 +99,28 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     ``domain`` is used where it is given, in place of a new mesh.
     Raises InputError for everything about the data that only the mesh can tell.
     """
-    warnings: list[str] = []
     domain = domain or _domain(parameters, comm)
+    warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
     material = build_material(domain, parameters.material)
     space = fem.functionspace(domain.mesh, ("P", 1, (domain.dim,)))
     _check_parts(domain, parameters)
     constraints = constrain(domain, space, _conditions(domain, parameters.loads))
-    n, epsilon = penalty(parameters)
+    n, epsilon, regularisation = penalty(parameters, material.young)
     surface, contact = _contact(domain, space, parameters.contact)
     data = forms.ProblemData(
         elastic_stress=material.elastic_stress,
+        largest_eigenvalue=material.largest_eigenvalue,
         inverse_limit=material.inverse_limit,
         dx=ufl.Measure("dx", domain=domain.mesh),
         loads=_loads(domain, parameters.loads),
         contact=contact,
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
+        regularisation=fem.Constant(domain.mesh, regularisation),
     )
     u = fem.Function(space, name="displacement")
-    free = _check_rigid_motions(domain, space, data, constraints, surface, parameters)
+    held = check_parts_held(domain, space, data, constraints, surface, parameters)
     bound = None
     if surface is not None:
         assert contact is not None
@@ -116,7 +130,7 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
         law = _friction_law(comm, parameters.friction.coefficient)
         frictionless = parameters.friction.coefficient == 0
         bound = FrictionBound(surface, smoothing, law, u, data, frictionless)
-    return Problem(parameters, domain, material, data, u, constraints, bound, free, warnings)
+    return Problem(parameters, domain, material, data, u, constraints, bound, held, warnings)
 
 
 def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
@@ -256,33 +270,6 @@ def _friction_law(comm: MPI.Intracomm, value: float | str) -> FrictionLaw:
         largest=float(expression.numpy()) if expression.is_constant else None,
         lipschitz=None if "s" in expression.names else 0.0,
     )
-
-
-def _check_rigid_motions(
-    domain: Domain,
-    space: fem.FunctionSpace,
-    data: forms.ProblemData,
-    constraints: Constraints,
-    surface: ContactSurface | None,
-    parameters: Parameters,
-) -> int:
-    """How many rigid motions contact alone holds; InputError if one is not held at all."""
-    free = free_motions(domain, space, constraints)
-    if not free.shape[1]:
-        return 0
-    motions = free.T @ rigid_motions(space)
-    work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
-    load = fem.assemble_vector(work_form).array
-    work = domain.comm.allreduce(motions @ load)
-    normals = None
-    if surface is not None and data.contact is not None:
-        blocks = motions.reshape(len(motions), -1, domain.dim)[:, surface.blocks]
-        nu = data.contact.normal.x.array.reshape(-1, domain.dim)[surface.blocks]
-        local = np.einsum("fkd,kd->kf", blocks, nu)
-        normals = np.concatenate(domain.comm.allgather(local))
-    friction = parameters.friction.coefficient != 0
-    check_held(free, normals, work, domain.dim, friction)
-    return int(free.shape[1])
 
 
 def _ufl_vector(domain: Domain, values: Sequence[float | str], key: str) -> tuple[Any, int]:

@@ -151,7 +151,7 @@ def check(arguments: argparse.Namespace) -> int:
     study = _load(arguments.file, arguments.set)
     parameters = study.parameters
     comm = _world_with_dolfinx(arguments)
-    from contact_locking import output, problem
+    from contact_locking import groups, output, problem
 
     with _explained(study):
         output.prepare(parameters.output.directory, comm)
@@ -160,14 +160,18 @@ def check(arguments: argparse.Namespace) -> int:
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
+        table, held = facts.pop("groups"), facts.pop("held by")
+        del facts["regions"], facts["boundary parts"]  # which the table has
         rows += [(name, _shown(value)) for name, value in facts.items()]
+        rows += [(f"{part} is held by", words) for part, words in held.items()]
         if parameters.study is not None:
             from contact_locking import studies
 
             cases = studies.Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
-        print(f"{arguments.file} can be run:\n{terminal.two_columns(rows)}")
+        print(f"{arguments.file} can be run:\n{terminal.two_columns(rows)}\n")
+        print(terminal.columns(groups.table(table)))
     return 0
 
 
@@ -271,12 +275,13 @@ def _explained(study: StudyFile) -> Iterator[None]:
 
 
 def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
-    """MPI's world, with PETSc initialised for it without the command line's words."""
+    """MPI's world, with PETSc initialised without the command line's words and petscrc files."""
     try:
         import petsc4py
 
         before = signal.getsignal(signal.SIGPIPE)
-        petsc4py.init([])
+        # A folder that a study came in may hold options that run code; PETSC_OPTIONS is the user's.
+        petsc4py.init(["contact-locking", "-skip_petscrc"])
         import dolfinx.fem.petsc  # noqa: F401
         from mpi4py import MPI
     except ImportError as error:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +35,8 @@ class Material:
 
     ``elastic_stress`` maps a UFL strain to a stress; ``limit`` is M as a P0 function (inf where
     nothing locks) and ``inverse_limit`` 1/M; ``ellipticity`` and ``stiffness`` are the smallest
-    (alpha) and largest eigenvalue of A over the body.
+    (alpha) and largest eigenvalue of A over the body, ``young`` is its smallest Young's modulus.
+    ``largest_eigenvalue`` is that of A in each cell, as a P0 function.
     """
 
     elastic_stress: Callable[[Expr], Expr]
@@ -42,6 +44,8 @@ class Material:
     inverse_limit: fem.Function
     ellipticity: float
     stiffness: float
+    young: float
+    largest_eigenvalue: fem.Function
 
 
 def build_material(domain: Domain, given: MaterialParameters) -> Material:
@@ -58,8 +62,11 @@ def build_material(domain: Domain, given: MaterialParameters) -> Material:
         if not smallest > 0.0:
             raise InputError(f"the locking limit must be positive, it reaches {smallest:g}", key)
     inverse.x.array[:] = 1.0 / limit.x.array
-    stress, lowest, highest = _elasticity(domain, cells, given)
-    return Material(stress, limit, inverse, lowest, highest)
+    stress, eigenvalues, young, key = _elasticity(domain, cells, given)
+    lowest, highest = _eigenvalue_range(domain, eigenvalues, key)
+    largest = fem.Function(cells.space)
+    largest.x.array[cells.dofs] = eigenvalues.max(axis=0)
+    return Material(stress, limit, inverse, lowest, highest, _minimum(domain, young), largest)
 
 
 class Cells:
@@ -123,29 +130,32 @@ def _elasticities(
 
 def _elasticity(
     domain: Domain, cells: Cells, given: MaterialParameters
-) -> tuple[Callable[[Expr], Expr], float, float]:
-    """The stress law and the extreme eigenvalues of A."""
+) -> tuple[Callable[[Expr], Expr], FloatArray, FloatArray, str]:
+    """The stress law, the eigenvalues of A (s, k), Young's moduli (k,), and the key given last."""
     parts = _elasticities(domain, cells, given)
     if any(elasticity.stiffness is not None for _, elasticity, _ in parts):
         return _anisotropic(domain, cells, parts)
     lame = np.empty((2, len(cells.all)))
     for where, elasticity, key in parts:
         lame[:, where] = _lame(cells, where, elasticity, key)
-    eigenvalues = law.isotropic_eigenvalues(lame[0], lame[1], domain.dim)
-    lowest, highest = _eigenvalue_range(domain, np.array(eigenvalues), parts[-1][2])
+    eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], domain.dim))
+    with np.errstate(all="ignore"):  # what is not elliptic is refused by its eigenvalues
+        young = law.young_from_lame(lame[0], lame[1])
     least = [_minimum(domain, row) for row in lame]
     if len(parts) == 1 and least == [-_minimum(domain, -row) for row in lame]:
         constants = [fem.Constant(domain.mesh, value) for value in least]
-        return lambda eps: law.isotropic_stress(eps, *constants), lowest, highest
+        stress = partial(law.isotropic_stress, lame_lambda=constants[0], lame_mu=constants[1])
+        return stress, eigenvalues, young, parts[-1][2]
     fields = [fem.Function(cells.space) for _ in range(2)]
     for field, values in zip(fields, lame, strict=True):
         field.x.array[cells.dofs] = values
-    return lambda eps: law.isotropic_stress(eps, *fields), lowest, highest
+    stress = partial(law.isotropic_stress, lame_lambda=fields[0], lame_mu=fields[1])
+    return stress, eigenvalues, young, parts[-1][2]
 
 
 def _anisotropic(
     domain: Domain, cells: Cells, parts: list[tuple[IntArray, Elasticity, str]]
-) -> tuple[Callable[[Expr], Expr], float, float]:
+) -> tuple[Callable[[Expr], Expr], FloatArray, FloatArray, str]:
     size = len(law.MANDEL_PAIRS[domain.dim])
     matrices = np.empty((len(cells.all), size, size))
     for where, elasticity, key in parts:
@@ -161,13 +171,14 @@ def _anisotropic(
         skew = np.abs(part - np.swapaxes(part, 1, 2))
         if -_minimum(domain, -skew) > 1e-10 * -_minimum(domain, -np.abs(part)):
             raise InputError("the stiffness matrix is not symmetric", f"{key}.stiffness")
-    eigenvalues = np.asarray(np.linalg.eigvalsh(matrices), dtype=float)
-    lowest, highest = _eigenvalue_range(domain, eigenvalues, parts[-1][2])
+    eigenvalues = np.asarray(np.linalg.eigvalsh(matrices), dtype=float).T
+    with np.errstate(all="ignore"):  # what is not elliptic is refused by its eigenvalues
+        young = law.mean_young(matrices, domain.dim)
     space = fem.functionspace(domain.mesh, ("DG", 0, (size, size)))
     field = fem.Function(space)
     dofs = space.dofmap.list.reshape(-1)
     field.x.array.reshape(-1, size, size)[dofs] = matrices
-    return lambda eps: law.anisotropic_stress(eps, field), lowest, highest
+    return partial(law.anisotropic_stress, stiffness=field), eigenvalues, young, parts[-1][2]
 
 
 def _lame(cells: Cells, where: IntArray, given: Elasticity, key: str) -> FloatArray:

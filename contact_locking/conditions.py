@@ -88,12 +88,18 @@ def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
     return motions.reshape(len(motions), -1)
 
 
-def free_motions(domain: Domain, space: fem.FunctionSpace, constraints: Constraints) -> FloatArray:
-    """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective."""
+def free_motions(
+    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: npt.NDArray[np.bool_]
+) -> FloatArray:
+    """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective.
+
+    Of a part of the body, of which ``part`` marks the local dofs.
+    """
     motions = rigid_motions(space)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    fixed = motions[:, constraints.dofs[constraints.dofs < owned]]
-    everything = motions[:, :owned]
+    held = constraints.dofs[constraints.dofs < owned]
+    fixed = motions[:, held[part[held]]]
+    everything = motions[:, :owned][:, part[:owned]]
     gram = domain.comm.allreduce(fixed @ fixed.T)
     # Rotations are lengths: measured against the whole body, the numbers are comparable.
     scale = 1.0 / np.sqrt(np.diag(domain.comm.allreduce(everything @ everything.T)))

@@ -5,10 +5,8 @@ Boundaries and regions are known by the names of Gmsh's physical groups, never b
 
 from __future__ import annotations
 
-import contextlib
 import difflib
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,28 +18,35 @@ import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from contact_locking import _compat
-from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.distribution import distribute
+from contact_locking.errors import ContactLockingError, InputError, with_key
+from contact_locking.mesh_file.data import MeshData
+from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
+from contact_locking.mesh_file.gmsh_model import extract
+from contact_locking.mesh_file.reader import read
 
 IntArray = npt.NDArray[np.int32]
 T = TypeVar("T")
-
-# Gmsh's element numbers of the first-order simplices.
-_SIMPLEX = {2: 2, 3: 4}
 
 
 @dataclass(frozen=True)
 class Domain:
     """A simplicial mesh of the body with named boundary parts and regions.
 
-    ``facet_tags`` holds exterior facets only, and every one of them that has a name.
+    ``facet_tags`` holds exterior facets only, and every one of them that has a name.  ``parts``
+    is, of each local cell, which of the ``part_names`` it belongs to: parts share no facets.
+    ``unusable`` are other groups of facets, each with the reason.
     """
 
     mesh: dmesh.Mesh
     cell_tags: Any
     facet_tags: Any
+    parts: IntArray
     cell_names: dict[str, int]
     facet_names: dict[str, int]
+    part_names: tuple[str, ...] = ("the body",)
+    unusable: dict[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
     origin: str = field(default="the mesh")
 
     @property
@@ -74,6 +79,11 @@ class Domain:
         measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)
         return measure(tags, metadata=metadata)
 
+    def owners(self, facets: IntArray) -> IntArray:
+        """The local cell of each of the given exterior facets."""
+        to_cell = self.mesh.topology.connectivity(self.dim - 1, self.dim)
+        return to_cell.array[to_cell.offsets[facets]]
+
     def facet_diameter(self, facets: IntArray) -> float:
         """The largest edge among the given facets, over all ranks."""
         fdim = self.dim - 1
@@ -82,6 +92,8 @@ class Domain:
         return float(self.comm.allreduce(local, op=MPI.MAX))
 
     def _tag(self, name: str, table: dict[str, int], key: str | None) -> int:
+        if name not in table and table is self.facet_names and name in self.unusable:
+            raise InputError(f"in {self.origin}, {self.unusable[name]}", key)
         if name not in table:
             what = "boundary part" if table is self.facet_names else "region"
             there = ", ".join(sorted(table)) or "none at all"
@@ -95,105 +107,56 @@ class Domain:
 
 def from_geometry(geometry: Any, comm: MPI.Intracomm) -> Domain:
     """Generate a geometry of ``meshes`` with Gmsh on rank 0 and distribute it; collective."""
+    origin = type(geometry).__name__.lower()
 
-    def source() -> AbstractContextManager[Any]:
+    def make() -> tuple[MeshData, Diagnosis]:
         from contact_locking import meshes
 
-        return meshes.build(geometry)
+        with meshes.build(geometry) as model:
+            mesh = extract(model, origin)
+        return mesh, Diagnosis.of_sound(mesh)
 
-    return _from_gmsh(source, comm, type(geometry).__name__.lower(), "mesh.builder")
+    return with_key("mesh.builder", lambda: _distributed(make, comm, origin))
 
 
 def from_file(path: Path, comm: MPI.Intracomm) -> Domain:
     """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
 
     Raises InputError if it cannot be read, is not made of first-order triangles or tetrahedra,
-    or lacks physical groups.
+    or is no body, as `mesh_file.diagnosis` says.
     """
 
-    @contextlib.contextmanager
-    def source() -> Iterator[Any]:
-        import gmsh
+    def make() -> tuple[MeshData, Diagnosis]:
+        mesh = read(path)
+        return mesh, diagnose(mesh, str(path))
 
-        from contact_locking import meshes
-
-        if not path.is_file():
-            raise InputError(f"there is no mesh file {path}", "mesh.file")
-        with meshes.empty_model() as model:
-            try:
-                gmsh.merge(str(path))
-            except Exception as error:  # Gmsh's own errors have no type of their own
-                raise InputError(f"Gmsh cannot read {path}: {error}", "mesh.file") from error
-            yield model
-
-    return _from_gmsh(source, comm, str(path), "mesh.file")
+    return with_key("mesh.file", lambda: _distributed(make, comm, str(path)))
 
 
-def _from_gmsh(
-    source: Callable[[], AbstractContextManager[Any]], comm: MPI.Intracomm, origin: str, key: str
+def _distributed(
+    make: Callable[[], tuple[MeshData, Diagnosis]], comm: MPI.Intracomm, origin: str
 ) -> Domain:
-    with contextlib.ExitStack() as stack:
+    held: list[tuple[MeshData, Diagnosis]] = []
 
-        def prepare() -> tuple[int, dict[str, int], dict[str, int]]:
-            held.append(stack.enter_context(source()))
-            return _check_model(held[0], origin, key)
+    def prepare() -> tuple[int, dict[str, Any]]:
+        mesh, found = make()
+        held.append((mesh, found))
+        facts = {
+            "cell_names": mesh.cells.names,
+            "facet_names": found.facets.names,
+            "unusable": found.unusable,
+            "warnings": tuple(found.warnings),
+            "part_names": found.part_names,
+        }
+        return mesh.dim, facts
 
-        held: list[Any] = []
-        dim, cell_names, facet_names = on_root(comm, prepare)
-        model = held[0] if held else None
-        mesh, cell_tags, facet_tags = _compat.model_to_mesh(model, comm, 0, dim)
-    fdim = dim - 1
-    mesh.topology.create_connectivity(fdim, dim)
-    mesh.topology.create_connectivity(dim, fdim)
-    exterior = np.isin(facet_tags.indices, dmesh.exterior_facet_indices(mesh.topology))
-    facet_tags = dmesh.meshtags(
-        mesh, fdim, facet_tags.indices[exterior], facet_tags.values[exterior]
-    )
-    for name, tag in list(facet_names.items()):
-        if comm.allreduce(len(facet_tags.find(tag))) == 0:
-            del facet_names[name]
-    return Domain(mesh, cell_tags, facet_tags, cell_names, facet_names, origin)
-
-
-def _check_model(model: Any, origin: str, key: str) -> tuple[int, dict[str, int], dict[str, int]]:
-    """Dimension and names of a meshed model, or an InputError that says why it will not do."""
-    dim = max((d for d, _ in model.getEntities()), default=0)
-    if dim < 2:
-        raise InputError(f"{origin} is a {dim}D mesh; a body in 2D or 3D is needed", key)
-    types = {int(t) for t in model.mesh.getElementTypes(dim)}
-    if not types:
-        raise InputError(f"{origin} holds no cells of dimension {dim}; generate the mesh", key)
-    if types != {_SIMPLEX[dim]}:
-        shape = "triangles" if dim == 2 else "tetrahedra"
-        raise InputError(f"{origin}: only first-order {shape} are supported", key)
-    if dim == 2:
-        coordinates = model.mesh.getNodes()[1]
-        if np.any(np.abs(coordinates[2::3]) > 1e-12 * np.abs(coordinates).max()):
-            raise InputError(f"{origin} is a surface in space; a 2D body lies in z = 0", key)
-    cells, facets = (_group_names(model, d, origin, key) for d in (dim, dim - 1))
-    if not cells:
-        raise InputError(f"{origin} has no physical group of cells; name the body's regions", key)
-    covered = {int(e) for t in cells.values() for e in model.getEntitiesForPhysicalGroup(dim, t)}
-    if covered != {int(tag) for _, tag in model.getEntities(dim)}:
-        raise InputError(f"{origin} has cells outside every physical group; name them all", key)
-    return dim, cells, facets
-
-
-def _group_names(model: Any, dim: int, origin: str, key: str) -> dict[str, int]:
-    names: dict[str, int] = {}
-    owner: dict[int, str] = {}
-    for _, tag in model.getPhysicalGroups(dim):
-        name = model.getPhysicalName(dim, tag) or str(tag)
-        names[name] = int(tag)
-        for entity in model.getEntitiesForPhysicalGroup(dim, tag):
-            if int(entity) in owner:
-                raise InputError(
-                    f"{origin}: physical groups {owner[int(entity)]!r} and {name!r} share an "
-                    "entity; let each part of the mesh have one name",
-                    key,
-                )
-            owner[int(entity)] = name
-    return names
+    dim, facts = on_root(comm, prepare)
+    if held:
+        mesh, found = held[0]
+        made = distribute(comm, dim, mesh, found.facets, found.parts)
+    else:
+        made = distribute(comm, dim, None, None, np.empty(0, dtype=np.int64))
+    return Domain(made.mesh, made.cell_tags, made.facet_tags, made.parts, origin=origin, **facts)
 
 
 def on_root(comm: MPI.Intracomm, work: Callable[[], T]) -> T:

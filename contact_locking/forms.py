@@ -34,26 +34,42 @@ class ContactData:
 class ProblemData:
     """The data of (25) as UFL.
 
-    ``elastic_stress`` maps a strain to a stress, ``inverse_limit`` is 1/M, ``loads`` pairs a
+    ``elastic_stress`` maps a strain to a stress, ``largest_eigenvalue`` is that of A in each cell,
+    ``inverse_limit`` is 1/M, ``loads`` pairs a
     traction or body force with its measure; ``n`` and ``epsilon`` are the penalty parameters,
-    and ``contact`` is None for a body that touches nothing.  ``own_energy`` is for laws that this
+    ``regularisation`` is the length that smooths friction, and ``contact`` is None for a body that touches nothing.  ``own_energy`` is for laws that this
     package does not have: it maps u to a functional J(u), convex and differentiable, whose
     derivative is added to (25).
     """
 
     elastic_stress: Callable[[Expr], Expr]
+    largest_eigenvalue: Expr
     inverse_limit: Expr
     dx: ufl.Measure
     loads: Sequence[tuple[Expr, ufl.Measure]]
     contact: ContactData | None
     n: fem.Constant
     epsilon: fem.Constant
+    regularisation: fem.Constant
     own_energy: Callable[[fem.Function], Expr] | None = None
 
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
     """``a(u, v) = int A eps(u) : eps(v)``."""
     return ufl.inner(data.elastic_stress(strain(u)), strain(v)) * data.dx
+
+
+def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:
+    """``int (c/h^2) |u| (v_1 + ... + v_d)``: about the size of what ``a(u, .)`` is the sum of.
+
+    c is the largest eigenvalue of A in a cell, and h the height of the cell.
+    """
+    mesh = data.dx.ufl_domain()
+    dim = u.ufl_shape[0]
+    height = ufl.CellVolume(mesh) / ufl.Circumradius(mesh) ** (dim - 1)
+    size = data.largest_eigenvalue / height**2 * ufl.sqrt(ufl.inner(u, u))
+    dx = data.dx(metadata={"quadrature_degree": 1})
+    return size * sum(v[i] for i in range(dim)) * dx
 
 
 def external_work(v: Expr, data: ProblemData) -> Expr:
@@ -86,7 +102,7 @@ def friction(u: Expr, data: ProblemData) -> Expr:
     """The friction traction ``-sigma_tau`` of the regularised law."""
     assert data.contact is not None
     slip = tangential_part(u, data.contact.normal)
-    return friction_traction(slip, data.contact.bound, data.epsilon)
+    return friction_traction(slip, data.contact.bound, data.regularisation)
 
 
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
@@ -123,7 +139,7 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     if data.contact is not None:
         nu, bound = data.contact.normal, data.contact.bound
         density = contact_energy(normal_part(u, nu), data.contact.gap, data.epsilon)
-        density += friction_energy(tangential_part(u, nu), bound, data.epsilon)
+        density += friction_energy(tangential_part(u, nu), bound, data.regularisation)
         form += density * data.contact.ds
     return form if data.own_energy is None else form + data.own_energy(u)
 

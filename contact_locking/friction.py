@@ -12,14 +12,14 @@ from ufl.core.expr import Expr
 from contact_locking.convex import regularised_norm
 
 
-def friction_traction(u_tangential: Expr, bound: Expr, epsilon: Expr) -> Expr:
+def friction_traction(u_tangential: Expr, bound: Expr, regularisation: Expr) -> Expr:
     """``g u_tau/sqrt(|u_tau|^2 + eps^2)``, so that ``sigma_tau`` is its negative (22).
 
-    ``bound`` has the unit of a stress, ``epsilon`` that of a length.
+    ``bound`` is a stress, ``regularisation`` is the length eps.
     """
-    return bound * u_tangential / regularised_norm(u_tangential, epsilon)
+    return bound * u_tangential / regularised_norm(u_tangential, regularisation)
 
 
-def friction_energy(u_tangential: Expr, bound: Expr, epsilon: Expr) -> Expr:
+def friction_energy(u_tangential: Expr, bound: Expr, regularisation: Expr) -> Expr:
     """``g sqrt(|u_tau|^2 + eps^2)`` (20), whose derivative is :func:`friction_traction`."""
-    return bound * regularised_norm(u_tangential, epsilon)
+    return bound * regularised_norm(u_tangential, regularisation)

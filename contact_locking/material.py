@@ -75,6 +75,23 @@ def isotropic_stiffness(lame_lambda: Any, lame_mu: Any, dim: int) -> FloatArray:
     return volumetric + 2.0 * np.multiply.outer(np.asarray(lame_mu), np.eye(size))
 
 
+def mean_young(stiffness: FloatArray, dim: int) -> FloatArray:
+    """Young's modulus of the isotropic tensor that is nearest to A in Frobenius's norm (Voigt).
+
+    ``stiffness`` holds Mandel matrices (k, s, s), the result is (k,).  An isotropic A has its own.
+    """
+    # I : A : I = d (2 mu + d lambda), and the trace of A is this over d and 2 mu (s - 1).
+    volumetric = stiffness[:, :dim, :dim].sum(axis=(1, 2)) / dim
+    trace = np.trace(stiffness, axis1=1, axis2=2)
+    lame_mu = 0.5 * (trace - volumetric) / (stiffness.shape[1] - 1)
+    return young_from_lame((volumetric - 2.0 * lame_mu) / dim, lame_mu)
+
+
+def young_from_lame(lame_lambda: Any, lame_mu: Any) -> Any:
+    """``E = mu (3 lambda + 2 mu)/(lambda + mu)``; numbers or arrays."""
+    return lame_mu * (3.0 * lame_lambda + 2.0 * lame_mu) / (lame_lambda + lame_mu)
+
+
 def isotropic_eigenvalues(lame_lambda: Any, lame_mu: Any, dim: int) -> tuple[Any, Any]:
     """The two eigenvalues of isotropic A: ``2 mu`` (shear), ``2 mu + d lambda`` (volume)."""
     return 2.0 * lame_mu, 2.0 * lame_mu + dim * lame_lambda

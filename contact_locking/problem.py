@@ -27,12 +27,13 @@ from contact_locking.results import (
     BodyFields,
     ContactFields,
     body_summary,
+    integral,
     no_contact_summary,
 )
 from contact_locking.solution import Solution
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver import solve as solve_system
-from contact_locking.solver.options import UserOptions, require_known
+from contact_locking.solver.options import UserOptions, require_harmless, require_known
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
@@ -112,14 +113,23 @@ def solve_assembled(
     system = PenalisedSystem(
         problem.data, problem.u, problem.constraints, problem.bound, problem.free > 0
     )
-    n, epsilon = penalty(problem.parameters)
-    length = float(np.ptp(_bounding_box(problem.domain), axis=0).max())
-    target = Target(n, epsilon, problem.material.stiffness, length)
+    material, domain = problem.material, problem.domain
+    n, epsilon, regularisation = penalty(problem.parameters, material.young)
+    target = Target(
+        n,
+        epsilon,
+        regularisation,
+        stiffness=material.stiffness,
+        ellipticity=material.ellipticity,
+        young=material.young,
+        length=float(np.ptp(_bounding_box(domain), axis=0).max()),
+        volume=integral(domain, fem.Constant(domain.mesh, 1.0) * problem.data.dx),
+    )
     report = None if restarted is None else restarted.solved_already(system, target, settings)
     if report is None:
         saved = None if restarted is None else restarted.state
         report = solve_system(method, system, target, settings, monitor, saved)
-    system.set_penalty(n, epsilon)
+    system.set_penalty(n, epsilon, regularisation)
     monitor.message("computing fields and the certificate")
     solution = _collect(problem, system, target, report, settings)
     if unused := options.unused():
@@ -145,9 +155,13 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
 def _require_known_options(
     parameters: Parameters, petsc_options: Mapping[str, Any] | None = None
 ) -> None:
-    """Raise InputError for a misspelt option: before the solve, for which PETSc would not ask."""
-    require_known(parameters.solver.petsc, "solver.petsc")
-    require_known(petsc_options or ())
+    """Raise InputError for a misspelt or harmful option, before PETSc asks for it, or does not."""
+    for options, section in (
+        (parameters.solver.petsc, "solver.petsc"),
+        (petsc_options or {}, None),
+    ):
+        require_known(options, section)
+        require_harmless(options, section)
 
 
 def _method(problem: Problem) -> str:
@@ -204,6 +218,11 @@ def _collect(
             "change": report.friction_change,
             "contraction": report.contraction,
         },
+        "penalty": {
+            "n": target.n,
+            "epsilon": target.epsilon,
+            "regularisation": target.regularisation,
+        },
         "duality_gap": report.duality_gap,
         "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),
         "stages": report.stages,
@@ -228,6 +247,7 @@ def _measure_against_limit(
     limit = given.model_copy(
         update={
             "penalty": given.penalty.model_copy(update={"n": math.inf, "epsilon": None}),
+            "friction": given.friction.model_copy(update={"regularisation": None}),
             "solver": given.solver.model_copy(update={"method": "auto"}),
         }
     )

@@ -10,6 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from contact_locking.plain_text import printable
+
 
 class Monitor:
     """Hears of a solve's progress and says nothing; the base of those that do.
@@ -127,7 +129,7 @@ class TerminalMonitor(Monitor):
         # Brackets in names and numbers are not rich's markup, and a live line has to be one line.
         from rich.text import Text
 
-        return Text(text, no_wrap=True, overflow="ellipsis")
+        return Text(printable(text), no_wrap=True, overflow="ellipsis")
 
 
 class ProgressFile(Monitor):

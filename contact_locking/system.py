@@ -9,6 +9,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import compiled, forms
@@ -18,6 +19,11 @@ from contact_locking.smoothing import Smoothing
 from contact_locking.surface import ContactSurface
 
 FloatArray = npt.NDArray[np.float64]
+
+# Rounding in a sum of products is a few times this share of what is summed.
+ROUNDING = 64.0 * float(np.finfo(float).eps)
+# Differences of mu are taken over this share of the slip.
+_DIFFERENCE = 1e-3
 
 
 class FrictionBound:
@@ -54,9 +60,22 @@ class FrictionBound:
         The pressure (k,) is that of the penalty law unless it is given.
         """
         smoothed = np.abs(self.smoothing.apply(self._pressure() if pressure is None else pressure))
-        return self.law(self.surface.points, self._slip()) * smoothed
+        return self.law(self.surface.points, self.slips()) * smoothed
 
-    def _slip(self) -> FloatArray:
+    def slope(self) -> tuple[FloatArray, FloatArray]:
+        """``mu`` and ``d mu/ds`` (k,) at the present slips, by central differences; collective."""
+        slip = self.slips()
+        largest = float(np.max(slip, initial=0.0))
+        largest = self.surface.domain.comm.allreduce(largest, op=MPI.MAX)
+        width = _DIFFERENCE * slip + _DIFFERENCE**2 * largest
+        if largest == 0.0:
+            return self.law(self.surface.points, slip), np.zeros_like(slip)
+        low, high = np.maximum(slip - width, 0.0), slip + width
+        change = self.law(self.surface.points, high)
+        change = change - self.law(self.surface.points, low)
+        return self.law(self.surface.points, slip), change / (high - low)
+
+    def slips(self) -> FloatArray:
         """``|u_tau|`` (k,)."""
         nu = self._normal
         values = self._u.x.array.reshape(-1, nu.shape[1])[self.surface.blocks]
@@ -113,8 +132,9 @@ class PenalisedSystem:
         self.comm, self.dim = space.mesh.comm, space.mesh.topology.dim
         self._constraints = constraints
         constraints.apply(u)
-        self._held_by_contact = held_by_contact
+        self.held_by_contact = held_by_contact
         self._elastic = compiled.form(forms.elastic_form(u, v, data))
+        self._magnitudes = compiled.form(forms.force_magnitudes(u, v, data))
         self._elastic_energy = compiled.form(0.5 * forms.elastic_form(u, u, data))
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
@@ -135,7 +155,7 @@ class PenalisedSystem:
         space = self.u.function_space
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         tangent = forms.tangent(self.u, v, du, self.data)
-        if self._held_by_contact:
+        if self.held_by_contact:
             floor = fem.Constant(space.mesh, self.CONTACT_FLOOR)
             tangent += forms.contact_stiffness(v, du, self.data, floor)
         # With more than DOLFINx's own flags this takes GCC a minute in 3D, and is as fast.
@@ -147,9 +167,10 @@ class PenalisedSystem:
         dofmap = self.u.function_space.dofmap
         return int(dofmap.index_map.size_global * dofmap.index_map_bs)
 
-    def set_penalty(self, n: float, epsilon: float) -> None:
+    def set_penalty(self, n: float, epsilon: float, regularisation: float) -> None:
         self.data.n.value = n
         self.data.epsilon.value = epsilon
+        self.data.regularisation.value = regularisation
 
     def create_matrix(self) -> PETSc.Mat:
         """A matrix with the tangent's sparsity and its near-nullspace; collective."""
@@ -204,10 +225,19 @@ class PenalisedSystem:
         self._work.x.array[self._constraints.dofs] = 0.0
         f.array_w[:] = self._work.x.array[: self._owned]
 
-    def force_scale(self) -> float:
-        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included."""
+    def force_scale(self, tolerance: float) -> float:
+        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included.
+
+        It is never so small that its share ``tolerance`` is rounding; collective.
+        """
         self._assemble(self._elastic)
-        return max(self._load_norm, float(la.norm(self._work.x)))
+        acting = max(self._load_norm, float(la.norm(self._work.x)))
+        return max(acting, self.force_rounding() / tolerance)
+
+    def force_rounding(self) -> float:
+        """What rounding in ``a(u, .)`` may leave, as a norm over all dofs; collective."""
+        self._assemble(self._magnitudes)
+        return ROUNDING * float(la.norm(self._work.x))
 
     def energy(self) -> float:
         """The elastic energy ``a(u, u)/2``; collective."""
@@ -235,11 +265,11 @@ class PenalisedSystem:
         if self.bound is not None:
             self.bound.values = np.zeros_like(self.bound.values)
 
-    def relative_residual(self) -> float:
-        """``|F(u)|/max(|f|, |a(u, .)|)`` over the free dofs; collective."""
+    def relative_residual(self, tolerance: float = 1e-8) -> float:
+        """``|F(u)|`` over the free dofs, relative to :meth:`force_scale`; collective."""
         f = self.u.x.petsc_vec.duplicate()
         self.assemble_free(self._residual, f)
-        residual, scale = float(f.norm()), self.force_scale()
+        residual, scale = float(f.norm()), self.force_scale(tolerance)
         f.destroy()
         return residual / scale if scale > 0.0 else residual
 

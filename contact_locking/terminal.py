@@ -10,6 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from contact_locking.plain_text import printable
+
 if TYPE_CHECKING:
     from mpi4py import MPI
     from rich.console import Console
@@ -55,7 +57,7 @@ def console() -> Console:
 def complain(text: str) -> None:
     """Print to standard error, from rank 0; lines after the first are indented."""
     if is_root():
-        head, *rest = text.splitlines()
+        head, *rest = printable(text).split("\n")
         print("\n".join([head, *(f"       {line}" for line in rest)]), file=sys.stderr, flush=True)
 
 
@@ -79,7 +81,7 @@ def abort(code: int, text: str, error: BaseException | None = None) -> int:
         text = f"{text} (on rank {comm.rank})"
     if error is not None:
         traceback.print_exception(error)
-    print(text, file=sys.stderr, flush=True)
+    print(printable(text), file=sys.stderr, flush=True)
     sys.stdout.flush()
     if comm is not None:
         comm.Abort(code)
@@ -88,8 +90,17 @@ def abort(code: int, text: str, error: BaseException | None = None) -> int:
 
 def two_columns(rows: Sequence[tuple[str, str]]) -> str:
     """Names and values, a line each."""
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:{width}}  {value}" for name, value in rows)
+    return columns(rows)
+
+
+def columns(rows: Sequence[Sequence[str]]) -> str:
+    """A table without lines, each column as wide as its longest entry."""
+    rows = [[printable(text, keep="") for text in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(f"{text:{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    )
 
 
 def summary_rows(

@@ -203,7 +203,7 @@ def test_check_says_what_would_run_and_leaves_no_trace(
     output = capsys.readouterr().out
     assert not (folder / "out").exists()
     if comm.rank == 0:
-        assert "can be run" in output and "dofs" in output and "left, right, top" in output
+        assert "can be run" in output and "dofs" in output and "(0, -1)" in output
 
 
 def test_check_finds_what_only_the_mesh_can_tell(

@@ -147,7 +147,7 @@ def under_tresca(n: float, domain: Domain | None = None) -> Solution:
 
 @pytest.mark.serial
 def test_with_the_bound_frozen_the_error_of_the_penalties_is_bounded_by_the_multipliers() -> None:
-    # a(e, e) <= |Z|^2/4n + eps |p|^2/2 + eps int G: docs/problem.md.
+    # a(e, e) <= |Z|^2/4n + eps |p|^2/2 + delta int G, here with delta = eps: docs/problem.md.
     exact = under_tresca(math.inf)
     domain = exact.domain
     stress = integral(domain, squared_norm(exact.locking_stress) * ufl.dx(domain=domain.mesh))

@@ -15,7 +15,7 @@ from contact_locking import check, cli, solve
 from contact_locking.errors import InputError
 from contact_locking.solver import options
 from contact_locking.solver.linear import create_ksp, destroy_ksp
-from contact_locking.solver.options import PREFIX, UserOptions, require_known
+from contact_locking.solver.options import PREFIX, UserOptions, require_harmless, require_known
 
 KNOWN = """
 ksp_type ksp_rtol ksp_monitor ksp_monitor_true_residual ksp_view ksp_converged_reason ksp_norm_type
@@ -77,6 +77,85 @@ def test_nothing_is_refused_where_the_library_cannot_be_read(
 def test_options_of_the_user_have_no_prefix_yet() -> None:
     with pytest.raises(InputError, match="leave out contact_locking_, which is put before"):
         require_known(["contact_locking_pc_type"], "solver.petsc")
+
+
+HARMFUL = {
+    "pc_type": "python",
+    "pc_python_type": "some.module",
+    "ksp_monitor_python": "some.module",
+    "mg_coarse_ksp_type": "Python",
+    "options_file": "body.opts",
+    "options_file_yaml": "body.yml",
+    "options_string_yaml": "pc_type: python",
+    "dll_append": "evil.so",
+    "dll_prepend": "evil.so",
+    "on_error_attach_debugger": "true",
+    "start_in_debugger": None,
+    "debug_terminal": "touch ran",
+    "popen_machine": "somewhere",
+    "saws_options": None,
+    "malloc_dump": "report.txt",
+    "mat_factor_dump_on_error": None,
+    "pc_bddc_save": "state",
+    "pc_bddc_load": "state",
+    "snes_mf_noise_file": "noise",
+    "ksp_monitor_lg_range": None,
+    "info": ":log.txt",
+    "log_view": ":log.txt",
+    "log_trace": "trace",
+    "citations": "cite.bib",
+    "history": "history.txt",
+    "ksp_view": ":summary.json",
+    "ksp_view_mat": "binary",
+    "ksp_view_rhs": "binary:matrix.bin",
+    "ksp_view_solution": "socket",
+    "ksp_monitor": "ascii:summary.json",
+    "ksp_monitor_true_residual": "draw::draw_lg",
+    "ksp_converged_reason": ":reason.txt",
+    "mg_levels_ksp_view": "ascii:summary.json:ascii_info_detail:append",
+    "mat_view": "ascii:somewhere/else",
+    "snes_monitor_solution": "vtk:u.vtu",
+    "SNES_Monitor": ":u.txt",
+    "mat_type": "evil.so:create",
+}
+HARMLESS: dict[str, Any] = {
+    "ksp_monitor": None,
+    "ksp_monitor_true_residual": "",
+    "snes_monitor": True,
+    "ksp_view": "::ascii_info_detail",
+    "ksp_view_mat": "ascii::ascii_info",
+    "ksp_view_pmat": "ascii:stdout:ascii_info",
+    "ksp_converged_reason": "true",
+    "log_view": None,
+    "pc_type": "gamg",
+    "ksp_rtol": 1e-3,
+    "mat_mumps_icntl_14": 40,
+    "mat_cholmod_factor": "simplicial",
+    "mg_levels_pc_type": "jacobi",
+    "pc_fieldsplit_0_fields": "0,1",
+}
+
+
+@pytest.mark.parametrize("name", HARMFUL)
+def test_options_that_run_code_or_take_files_are_refused(name: str) -> None:
+    for section, key in (("solver.petsc", f"solver.petsc.{name}"), (None, None)):
+        with pytest.raises(InputError, match=r"are refused|is refused") as caught:
+            require_harmless({name: HARMFUL[name]}, section)
+        assert caught.value.key == key
+
+
+def test_what_prints_to_standard_output_is_accepted() -> None:
+    require_harmless(HARMLESS)
+
+
+def test_a_harmful_option_is_found_before_the_mesh_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contact_locking.problem.assemble", lambda *_: pytest.fail("too late"))
+    for work in (check, solve):
+        with pytest.raises(InputError, match="runs code") as caught:
+            work(block(solver__petsc={"pc_type": "python", "pc_python_type": "this"}))
+        assert caught.value.key == "solver.petsc.pc_type"
+    with pytest.raises(InputError, match="-ksp_view: ':out' may be a file"):
+        solve(block(), petsc_options={"ksp_view": ":out"})
 
 
 def test_a_misspelt_option_is_found_before_the_mesh_is_made(

@@ -126,8 +126,9 @@ def surface_of(
     mesh = make(comm, corners, list(cells))
     facets = np.sort(dmesh.locate_entities_boundary(mesh, dim - 1, on))
     tags = dmesh.meshtags(mesh, dim - 1, facets, np.full(len(facets), 1, dtype=np.int32))
-    everywhere = dmesh.meshtags(mesh, dim, np.empty(0, np.int32), np.empty(0, np.int32))
-    domain = Domain(mesh, everywhere, tags, {}, {"contact": 1})
+    regions = dmesh.meshtags(mesh, dim, np.empty(0, np.int32), np.empty(0, np.int32))
+    one_part = np.zeros(len(mesh.geometry.dofmap), dtype=np.int32)
+    domain = Domain(mesh, regions, tags, one_part, {}, {"contact": 1})
     return ContactSurface(domain, fem.functionspace(mesh, ("P", 1, (dim,))), ("contact",))
 
 

@@ -28,6 +28,7 @@ class Equilibrium:
 
     ``residual`` is ``|a(u, v) + (Z, eps(v)) + int p v_nu - int sigma_tau . v_tau - (f, v)|`` over
     the free dofs, divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
+    Forces that rounding in ``u`` makes are not told from zero.
     ``force`` and ``moment`` are what loads, contact and reactions together leave, relative to the
     largest of the three sums of nodal force magnitudes, and to that times the body's extent.
     An energy of the user's own takes part in both.
@@ -81,7 +82,8 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     def norm(vector: FloatArray) -> float:
         return float(np.sqrt(state.sum(vector[:owned] ** 2)))
 
-    scale = max(norm(load), norm(elastic)) or 1.0
+    rounding, tolerance = state.system.force_rounding(), state.settings.tolerance
+    scale = max(norm(load), norm(elastic), rounding / tolerance) or 1.0
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
     total, magnitude, moment = [], 0.0, 0.0
     centre = _centre(state, x)
@@ -93,7 +95,9 @@ def equilibrium(state: SolvedState) -> Equilibrium:
             magnitude = max(magnitude, state.sum(np.linalg.norm(nodal, axis=1)))
         turning = _moments(x - centre, nodal).sum(axis=0)
         moment = moment + state.problem.domain.comm.allreduce(turning)
-    size = magnitude or 1.0
+    # Sums of rounding over the nodes, at rest or in a rigid motion, are nothing to judge by.
+    count = np.sqrt(state.problem.domain.comm.allreduce(owned))
+    size = max(magnitude, count * rounding / (_BALANCE_SHARE * tolerance)) or 1.0
     return Equilibrium(
         residual=norm(unbalanced) / scale,
         force=float(np.linalg.norm(np.sum(total, axis=0))) / size,

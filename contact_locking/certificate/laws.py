@@ -25,14 +25,12 @@ FloatArray = npt.NDArray[np.float64]
 # leaves 1e-5 and more up to n = 1e4.  A solver that was told to be coarser is judged accordingly.
 _TOLERANCE = 1e-8
 _MARGIN = 100.0
-# The interior point method keeps bounds positive: this share of the stiffness stands for none.
-_NO_BOUND = 1e-13
 # R is applied once, by a product or a direct solve: rounding leaves 1e-14.
 _CONSTANTS = 1e-10
 
 
 def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Criterion]:
-    """Complementarity and violation of every law, in units of the elastic energy; collective.
+    """Complementarity and violation of every law, relative to the work of the state; collective.
 
     Limits are the solver's tolerances times ``margin``.
     """
@@ -74,9 +72,10 @@ def _friction_criteria(state: SolvedState, law: float, margin: float) -> dict[st
 
 
 def locking(state: SolvedState) -> tuple[float, float]:
-    """``int |Z| max(M, |eps|) - Z : eps`` and ``|sigma| int |[|eps| - M]^+ - |Z|/(2n)|``.
+    """``int |Z| max(M, |eps|) - Z : eps`` and ``s int |[|eps| - M]^+ - |Z|/(2n)|``.
 
-    Where both vanish ``Z`` is ``R_n(eps)`` (23), for n = inf an element of ``dI_B(eps)`` (1).
+    Where both vanish ``Z`` is ``R_n(eps)`` (23), for n = inf an element of ``dI_B(eps)`` (1).  The
+    stress s is the mean stress; a soft penalty answers a strain by less, ``2n`` times the mean.
     """
     cells = state.cells
     norm = np.linalg.norm(cells.strain, axis=(1, 2))
@@ -88,38 +87,41 @@ def locking(state: SolvedState) -> tuple[float, float]:
     products = np.abs(size * largest - work)
     excess = np.maximum(norm - cells.limit, 0.0)
     violation = np.abs(excess - size / (2.0 * state.target.n))
+    stress = min(state.mean_stress, 2.0 * state.target.n * state.mean_strain)
     return (
-        state.share_of_energy(state.sum(cells.volumes * products)),
-        state.share_of_energy(state.mean_stress * state.sum(cells.volumes * violation)),
+        state.share_of_work(state.sum(cells.volumes * products)),
+        state.share_of_work(stress * state.sum(cells.volumes * violation)),
     )
 
 
 def contact(state: SolvedState) -> tuple[float, float]:
-    """``int |p c|`` and ``|sigma| int [-c]^+ + |eps| L int [-p]^+``, ``c = gap + eps p - u_nu``.
+    """``int |p c|`` and ``s int [-c]^+ + |eps| L int [-p]^+``, ``c = gap + eps p - u_nu``.
 
-    Where both vanish ``p = [u_nu - gap]^+/eps`` (25), for eps = 0 Signorini's conditions (5).
+    Where both vanish ``p = [u_nu - gap]^+/eps`` (25), for eps = 0 Signorini's conditions (5).  The
+    stress s is the mean stress, or ``|eps| L/eps`` if a soft foundation answers by less.
     """
     fields = state.contact
     assert fields is not None
     weights = fields.surface.weights * state.free_nodes
     opening = fields.gap + state.target.epsilon * fields.pressure - fields.u_normal
-    length = state.target.length * state.mean_stress / state.problem.material.ellipticity
+    length, epsilon = state.target.length * state.mean_strain, state.target.epsilon
+    stress = state.mean_stress if epsilon == 0.0 else min(state.mean_stress, length / epsilon)
     entering = state.sum(weights * np.maximum(-opening, 0.0))
     pulling = state.sum(weights * np.maximum(-fields.pressure, 0.0))
     return (
-        state.share_of_energy(state.sum(weights * np.abs(fields.pressure * opening))),
-        state.share_of_energy(state.mean_stress * entering + length * pulling),
+        state.share_of_work(state.sum(weights * np.abs(fields.pressure * opening))),
+        state.share_of_work(stress * entering + length * pulling),
     )
 
 
 def friction(state: SolvedState) -> tuple[float, float, float]:
     """Complementarity, the cone, and the sign, with ``t = -sigma_tau``, ``s = u_tau``, ``G``.
 
-    ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the elastic energy, zero
-    exactly where (22) holds; ``int [|t| - G]^+`` over ``int G``; ``int [-t . s]^+`` over the
-    energy: friction takes work, it never gives any.
+    ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the work, zero exactly where
+    (22) holds; ``int [|t| - G]^+`` over ``int G``; ``int [-t . s]^+`` over the work: friction takes
+    work, it never gives any.
     """
-    fields, epsilon = state.contact, state.target.epsilon
+    fields, epsilon = state.contact, state.target.regularisation
     assert fields is not None
     weights = fields.surface.weights * state.free_nodes
     size = np.linalg.norm(fields.traction, axis=1)
@@ -131,9 +133,9 @@ def friction(state: SolvedState) -> tuple[float, float, float]:
     least = _least_bound(state)
     outside = state.sum(weights * np.maximum(size - fields.bound, 0.0))
     return (
-        state.share_of_energy(state.sum(weights * products)),
+        state.share_of_work(state.sum(weights * products)),
         outside / max(total, least) if max(total, least) > 0.0 else outside,
-        state.share_of_energy(state.sum(weights * np.maximum(-work, 0.0))),
+        state.share_of_work(state.sum(weights * np.maximum(-work, 0.0))),
     )
 
 
@@ -143,9 +145,7 @@ def bound_change(state: SolvedState) -> float:
     assert bound is not None and fields is not None
     wanted = bound.evaluate(fields.pressure)
     size = max(bound.norm(wanted), state.target.least_bound(state.energy, state.dim))
-    floor = _NO_BOUND * state.target.stiffness
-    difference = np.maximum(fields.bound, floor) - np.maximum(wanted, floor)
-    change = bound.norm(np.where(state.free_nodes, difference, 0.0))
+    change = bound.norm(np.where(state.free_nodes, fields.bound - wanted, 0.0))
     return change / size if size > 0.0 else change
 
 

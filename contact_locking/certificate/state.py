@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking import _compat, compiled, forms
@@ -66,19 +67,37 @@ class SolvedState:
         u = self.problem.u
         return integral(self.problem.domain, 0.5 * forms.elastic_form(u, u, self.problem.data))
 
-    def share_of_energy(self, value: float) -> float:
-        """A work relative to the elastic energy; as it is where there is no energy."""
-        return value / self.energy if self.energy > 0.0 else value
+    @cached_property
+    def mean_strain(self) -> float:
+        """``sqrt(a(u, u)/(alpha |Omega|))``, never less than rounding in ``u`` makes of a strain.
+
+        With alpha, and not with the largest eigenvalue of A, it does not shrink for nearly
+        incompressible bodies, whose strains meet no more resistance than others.  Collective.
+        """
+        local = float(np.max(np.abs(self.problem.u.x.array), initial=0.0))
+        largest = self.problem.domain.comm.allreduce(local, op=MPI.MAX)
+        return self.target.mean_strain(self.energy, largest, self.settings.tolerance)
+
+    @property
+    def mean_stress(self) -> float:
+        """``alpha`` times the mean strain."""
+        return self.problem.material.ellipticity * self.mean_strain
 
     @cached_property
-    def mean_stress(self) -> float:
-        """``sqrt(a(u, u) alpha/|Omega|)``; over alpha it is a mean strain.
+    def work(self) -> float:
+        """What work is compared with: ``alpha |Omega| |eps|^2/2 + |int Z : eps|``; collective.
 
-        With alpha, and not with the largest eigenvalue of A, it does not grow for nearly
-        incompressible bodies, whose strains meet no more resistance than others.
+        The first is the elastic energy, but for rounding; the second is the share of locking, next
+        to which the energy of a small strain can be nothing.
         """
-        alpha = self.problem.material.ellipticity
-        return float(np.sqrt(2.0 * self.energy * alpha / self.cells.volume))
+        elastic = 0.5 * self.mean_stress * self.mean_strain * self.cells.volume
+        cells = self.cells
+        products = np.einsum("kij,kij->k", cells.locking_stress, cells.strain)
+        return elastic + abs(self.sum(cells.volumes * products))
+
+    def share_of_work(self, value: float) -> float:
+        """A work relative to :attr:`work`; a body at rest has none, and its share is the value."""
+        return value / self.work if self.work > 0.0 else value
 
     @cached_property
     def free_nodes(self) -> BoolArray:

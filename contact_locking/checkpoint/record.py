@@ -15,7 +15,7 @@ from contact_locking import __version__, study_file
 from contact_locking.errors import InputError
 
 # Raised when what is written changes.
-FORMAT = 1
+FORMAT = 2
 # The folder of a checkpoint in that of a run, and what is in it.
 NAME, RECORD, FIELDS = "checkpoint", "record.json", "state.bp"
 _AGAIN = "save it again with contact-locking run --checkpoint"
@@ -33,6 +33,7 @@ class Record:
     converged: bool
     n: float
     epsilon: float
+    regularisation: float
     dimension: int
     degree: int
     cells: int
@@ -51,6 +52,7 @@ def save(record: Record, folder: Path) -> None:
         # JSON has no infinity.
         "n": str(record.n),
         "epsilon": str(record.epsilon),
+        "regularisation": str(record.regularisation),
         "files": {path.name: _seen(path) for path in sorted((folder / FIELDS).iterdir())},
     }
     (folder / RECORD).write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
@@ -105,6 +107,7 @@ def _record(data: Mapping[str, Any]) -> Record:
         converged=bool(data["converged"]),
         n=float(data["n"]),
         epsilon=float(data["epsilon"]),
+        regularisation=float(data["regularisation"]),
         contact=bool(data["contact"]),
         mesh=dict(data["mesh"]),
         problem=str(data["problem"]),

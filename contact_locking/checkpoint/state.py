@@ -94,15 +94,16 @@ def write(solution: Solution, folder: Path) -> None:
             # The other ranks may be waiting inside ADIOS2, and cannot be told.
             raise
         raise ContactLockingError(f"ADIOS2 cannot write it: {_plain(error)}") from error
-    n, epsilon = penalty(parameters)
+    penalties = solution.summary["penalty"]
     nodes = solution.displacement.function_space.dofmap.index_map.size_global
 
     def finish() -> None:
         record = Record(
             version=__version__,
             converged=solution.converged,
-            n=n,
-            epsilon=epsilon,
+            n=penalties["n"],
+            epsilon=penalties["epsilon"],
+            regularisation=penalties["regularisation"],
             dimension=domain.dim,
             degree=_DEGREE,
             cells=domain.num_cells,
@@ -151,7 +152,9 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     if problem.bound is not None and multipliers is not None:
         pressure = multipliers.pressure
     displacement = load("displacement", space).x.array
-    state = SavedState(displacement, pressure, record.n, record.epsilon)
+    state = SavedState(
+        displacement, pressure, record.n, record.epsilon, record.regularisation
+    )
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
     return Checkpoint(state, multipliers, bound, record.converged and same)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable
 from typing import Annotated, Any, NamedTuple
@@ -162,6 +163,11 @@ def _text(value: Any) -> str:
         raise ValueError(f"must be text (in quotes, if it looks like a number), not {show(value)}")
     if any("\ud800" <= character <= "\udfff" for character in value):
         raise ValueError(f"contains what is no character: {ascii(value)[:60]}")
+    if any(
+        unicodedata.category(character) == "Cc" for character in value if character not in "\n\t"
+    ):
+        # They would be written to terminals, which obey them.
+        raise ValueError(f"contains a control character: {ascii(value)[:60]}")
     return value
 
 

@@ -206,6 +206,12 @@ class FrictionParameters(Section):
         0.0, "mu >= 0, a number or an expression of x, y, z and s = |u_tau|", "1", scalar="s"
     )
     smoothing: Smoothing = entry(Smoothing(), "the mollifier R")
+    regularisation: Positive | None = entry(
+        None,
+        "the slip at which friction reaches 71 % of its bound, eps of (22); null: penalty.epsilon "
+        "times Young's modulus",
+        "length",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> FrictionParameters:

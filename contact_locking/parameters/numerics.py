@@ -17,10 +17,10 @@ class PenaltyParameters(Section):
     """n of the locking penalty R_n (23), epsilon of contact and friction (22), (25)."""
 
     n: PositiveOrInfinite = entry(
-        1e4, "locking penalty; .inf: the variational inequality itself", "stress"
+        math.inf, "locking penalty; .inf: the variational inequality itself", "stress"
     )
     epsilon: Positive | None = entry(
-        None, "1/epsilon is the contact penalty; also smooths friction; null: 1/n", "length/stress"
+        None, "compliance of the foundation, 1/epsilon is the penalty; null: 1/n", "length/stress"
     )
 
 
@@ -58,7 +58,10 @@ class SolverParameters(Section):
     friction_tolerance: Tolerance = entry(1e-8, "relative change of the friction bound", "1")
     max_friction_updates: Count = entry(100, "updates of the friction bound", "1")
     linear: Literal["auto", "direct", "iterative"] = entry("auto", "auto, direct or iterative")
-    petsc: dict[str, Option] = entry({}, "further PETSc options, such as {snes_monitor: null}")
+    petsc: dict[str, Option] = entry(
+        {},
+        "further PETSc options, such as {snes_monitor: null}; none that runs code or takes files",
+    )
 
     @field_validator("petsc")
     @classmethod

@@ -158,6 +158,10 @@ class ContactBlock:
         dz = self._multiplier_step(self._gap - d_normal)
         return self.compliance * dz - d_normal + self._gap, dz
 
+    def response(self, d_normal: FloatArray) -> FloatArray:
+        """The change of the pressure (k,) with the normal displacement."""
+        return self.z * d_normal / (self.x + self.compliance * self.z)
+
     def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
         return dx * dz
 
@@ -213,10 +217,6 @@ class FrictionBlock(LorentzBlock):
         """G (k,)."""
         return self.z[0]
 
-    def set_bound(self, bound: FloatArray) -> None:
-        """Scale the multipliers to the bound (k,), which keeps them inside their cones."""
-        self.z *= bound / self.z[0]
-
     def linearise(self, slip: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``D = a I - b w w^T``: a (k,), b (k,), w (d, k); remembers the primal residual."""
         self._gap = self._fixed_rows(slip) - self.x[1:]
@@ -235,6 +235,12 @@ class FrictionBlock(LorentzBlock):
         d_rest = self._gap.copy()
         d_rest[: self._dim] += d_slip
         return self._steps(d_rest)
+
+    def response(self, bound_step: FloatArray) -> FloatArray:
+        """The change of ``-sigma_tau`` (d, k) with the bound where nothing moves."""
+        w = self._scaling.w
+        share = 2.0 * w[0] / (2.0 * w[0] ** 2 - 1.0) * bound_step
+        return np.asarray(share * w[1 : 1 + self._dim])
 
     def _fixed_rows(self, slip: FloatArray) -> FloatArray:
         self._dim = len(slip)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -34,7 +33,7 @@ class ConePoint:
         contact: ContactBlock | None = None,
         friction: FrictionBlock | None = None,
     ) -> None:
-        self._cones, self._length = cones, length
+        self.cones, self._length = cones, length
         self.locking, self.contact, self.friction = locking, contact, friction
         every = (locking, contact, friction)
         self._blocks: list[Any] = [block for block in every if block is not None]
@@ -45,7 +44,7 @@ class ConePoint:
 
     def visit(self) -> None:
         """Look at the system's displacement: everything below is about it; collective."""
-        cones = self._cones
+        cones = self.cones
         displacement = cones.system.u.x.array
         cones.visit()
         self.strain = cones.strains(displacement)
@@ -59,11 +58,11 @@ class ConePoint:
         locking = self.locking.linearise(self.strain)
         contact = None if self.contact is None else self.contact.linearise(self._opening)
         friction = None if self.friction is None else self.friction.linearise(self._slip)
-        self._cones.set_scaling(locking, contact, friction)
+        self.cones.set_scaling(locking, contact, friction)
 
     def direction(self, target: float, corrections: list[Any] | None, accuracy: float) -> Direction:
         """The steps of displacement and blocks towards products of ``target``; collective."""
-        cones = self._cones
+        cones = self.cones
         given = corrections or [None] * len(self._blocks)
         aims: list[Any] = [None, None, None]
         for i, (block, scale) in enumerate(zip(self._blocks, self._scales, strict=True)):
@@ -76,10 +75,18 @@ class ConePoint:
             steps.append(self.friction.step(cones.slips(du)))
         return du, steps
 
-    def corrections(self, direction: Direction) -> list[Any]:
-        """Mehrotra's second-order terms of a direction."""
+    def response(self, bound_step: FloatArray, accuracy: float) -> tuple[FloatArray, FloatArray]:
+        """The steps of pressure (k,) and slip (d, k) that a step of the bound causes; collective."""
+        assert self.contact is not None and self.friction is not None
+        cones = self.cones
+        du = cones.respond(self.friction.response(bound_step), accuracy)
+        return self.contact.response(cones.normal_displacements(du)), cones.slips(du)
+
+    def corrections(self, direction: Direction, weight: float) -> list[Any]:
+        """Mehrotra's second-order terms of a direction, times ``weight``."""
         return [
-            block.correction(*step) for block, step in zip(self._blocks, direction[1], strict=True)
+            weight * block.correction(*step)
+            for block, step in zip(self._blocks, direction[1], strict=True)
         ]
 
     def recentred(
@@ -97,17 +104,17 @@ class ConePoint:
         """How far a direction leads before a cone ends; collective."""
         pairs = zip(self._blocks, direction[1], strict=True)
         local = min(block.longest_step(*step) for block, step in pairs)
-        return float(self._cones.comm.allreduce(local, op=MPI.MIN))
+        return float(self.cones.comm.allreduce(local, op=MPI.MIN))
 
     def advance(self, t: float, direction: Direction) -> None:
         """Take a step of length t; collective."""
-        self._cones.move(t, direction[0])
+        self.cones.move(t, direction[0])
         for block, step in zip(self._blocks, direction[1], strict=True):
             block.advance(t, *step)
 
     def total_product(self) -> float:
         """The duality gap: all complementarity products, integrated; collective."""
-        return float(self._cones.comm.allreduce(sum(block.total() for block in self._blocks)))
+        return float(self.cones.comm.allreduce(sum(block.total() for block in self._blocks)))
 
     def mean_product(self) -> float:
         """The mean over all cones; collective."""
@@ -117,53 +124,47 @@ class ConePoint:
         """The mean after a step of length t; collective."""
         pairs = zip(self._blocks, direction[1], strict=True)
         local = sum(block.total(t, step) for block, step in pairs)
-        return float(self._cones.comm.allreduce(local)) / self._measure
+        return float(self.cones.comm.allreduce(local)) / self._measure
 
-    def primal_residual(self) -> float:
-        """How far strains and openings are from the points of their cones, relative; collective."""
-        cones, locking, contact = self._cones, self.locking, self.contact
+    def locking_work(self) -> float:
+        """``|int Z : eps(u)|`` at the displacement visited last; collective."""
+        work = np.sum(self.locking.stress * self.strain, axis=0)
+        return abs(float(self.cones.comm.allreduce(float(self.cones.volumes @ work))))
+
+    def primal_residual(self, deformation: float) -> float:
+        """How far strains and openings are from the points of their cones, relative; collective.
+
+        ``deformation`` is the length that openings are judged against.
+        """
+        cones, locking, contact = self.cones, self.locking, self.contact
         residual = locking.primal_residual(self.strain)
         result = relative_rms(cones.comm, cones.volumes, residual, locking.x)
         if contact is None:
             return result
         residual = contact.primal_residual(self._opening)
-        # Openings may all be zero; what is small is judged against the body, too.
-        size = np.abs(contact.x) + 1e-3 * self._length
+        size = np.full_like(residual, deformation)
         return max(result, relative_rms(cones.comm, contact.weights, residual, size))
 
     def equilibrium_residual(self) -> float:
         """The norm of the forces that displacement and multipliers leave unbalanced; collective."""
         pressure = None if self.contact is None else self.contact.z
         traction = None if self.friction is None else self.friction.traction
-        return self._cones.residual_norm(self.locking.stress, pressure, traction)
+        return self.cones.residual_norm(self.locking.stress, pressure, traction)
 
     def largest_multiplier(self) -> float:
         """The largest locking multiplier or pressure; collective."""
         local = float(self.locking.z[0].max(initial=0.0))
         if self.contact is not None:
             local = max(local, float(self.contact.z.max(initial=0.0)))
-        return float(self._cones.comm.allreduce(local, op=MPI.MAX))
-
-    def excluded_factor(self) -> float:
-        """The factor on the prescribed values u_D that the multipliers prove too large; collective.
-
-        Diverging multipliers balance themselves, next to them loads and elasticity are nothing.  So
-        ``P = int Z : eps(v) + int p v_nu`` is the same for every v that follows u_D, and s P for
-        those that follow s u_D; but it is ``int M |Z| + int p gap`` at most if v is admissible.
-        """
-        cones, stress = self._cones, self.locking.stress
-        pressure = None if self.contact is None else self.contact.z
-        power = cones.power(cones.system.u.x.array, stress, pressure)
-        resistance = cones.resistance(stress, pressure)
-        return resistance / power if 0.0 < resistance < power else math.inf
+        return float(self.cones.comm.allreduce(local, op=MPI.MAX))
 
     def multipliers(self, stiffness: float) -> Multipliers:
         """As functions and nodal values; ``stiffness`` compares pressures with openings."""
         stress, contact, friction = self.locking.stress, self.contact, self.friction
         if contact is None:
-            return self._cones.multipliers(stress, None, None, None)
+            return self.cones.multipliers(stress, None, None, None)
         # On the central path opening times pressure is constant; the larger one, in comparable
         # units, is the one that does not vanish.
         touches = contact.z > contact.x * stiffness / self._length
         traction = None if friction is None else friction.traction
-        return self._cones.multipliers(stress, contact.z, traction, touches)
+        return self.cones.multipliers(stress, contact.z, traction, touches)

@@ -14,7 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import compiled, forms
-from contact_locking.material import MANDEL_PAIRS, mandel_factor
+from contact_locking.material import MANDEL_PAIRS, mandel_factor, strain
 from contact_locking.solver.filtered_multigrid import StiffPart
 from contact_locking.solver.linear import is_direct
 from contact_locking.solver.multipliers import Multipliers
@@ -43,7 +43,7 @@ class ConeSystem:
 
     def __init__(self, system: PenalisedSystem, settings: Settings, stiffness: float) -> None:
         self.system, data = system, system.data
-        self._stiffness = stiffness
+        self._stiffness, self._tolerance = stiffness, settings.tolerance
         space = system.u.function_space
         mesh = space.mesh
         self.dim = mesh.topology.dim
@@ -60,6 +60,7 @@ class ConeSystem:
         self.limit = 1.0 / inverse_limit[self._cell_numbers]
         self._operator = StrainOperator(space, data.dx, self._cells)
         self.volumes = self._operator.volumes
+        self.rows = len(MANDEL_PAIRS[self.dim])
         self._a, self._b = fem.Function(scalars), fem.Function(scalars)
         self._tensors = fem.functionspace(mesh, ("DG", 0, (self.dim, self.dim)))
         self._w = fem.Function(self._tensors)
@@ -82,8 +83,9 @@ class ConeSystem:
         self.matrix.setNearNullSpace(self._near_nullspace)
         self._elasticity = petsc.assemble_matrix(compiled.form(forms.elastic_form(du, v, data)))
         self._elasticity.assemble()
-        vectors = [self.matrix.createVecRight() for _ in range(6)]
-        self._load, self._stretched, self._unbalanced, self._right, self._step, self._seen = vectors
+        vectors = [self.matrix.createVecRight() for _ in range(7)]
+        self._load, self._stretched, self._unbalanced, self._right = vectors[:4]
+        self._step, self._answer, self._seen = vectors[4:]
         self._load.array_w[:] = system.load
         self._linear = TangentSolver(self.matrix, self.dim, settings, factorises)
 
@@ -92,7 +94,8 @@ class ConeSystem:
         self._seen.array_w[:] = self.system.u.x.array[: self._owned]
         self._elasticity.mult(self._seen, self._stretched)
         self.energy = 0.5 * float(self._stretched.dot(self._seen))
-        self.force_scale = float(max(self._load.norm(), self._stretched.norm()))
+        acting = max(self._load.norm(), self._stretched.norm())
+        self.force_scale = float(max(acting, self.system.force_rounding() / self._tolerance))
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
 
     def strains(self, displacement: FloatArray) -> FloatArray:
@@ -169,6 +172,57 @@ class ConeSystem:
         self._linear.solve(self._right, self._step, accuracy * self.force_scale)
         return self._step.array_r * self._free
 
+    def elastic_parts(
+        self, accuracy: float, pressure: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Steps (owned values) with the tangent that is set: by prescribed values, by loads.
+
+        The first balances the elastic forces of the displacement visited last, and a pressure; an
+        iterative solver leaves the share ``accuracy`` of either; collective.
+        """
+        parts = []
+        for vector in (self._stretched, self._load):
+            vector.copy(self._right)
+            right = self._right.array_w
+            if vector is self._stretched:
+                if pressure is not None:
+                    traction = (self.node_weights * pressure * self.normal).T
+                    right.reshape(-1, self.dim)[self._blocks] += traction
+                right *= -1.0
+            right *= self._free
+            size = float(self._right.norm())
+            self._answer.set(0.0)
+            if size > 0.0:
+                self._linear.solve(self._right, self._answer, accuracy * size)
+            parts.append(self._answer.array_r * self._free)
+        return parts[0], parts[1]
+
+    def balance(
+        self, stress: FloatArray, pressure: FloatArray | None, accuracy: float
+    ) -> FloatArray:
+        """The displacement (owned values) whose forces, with the tangent that is set, are those.
+
+        An iterative solver leaves the share ``accuracy`` of the forces; collective.
+        """
+        self._right.set(0.0)
+        self._add_multipliers(stress, pressure, None)
+        self._answer.set(0.0)
+        self._linear.solve(self._right, self._answer, accuracy * float(self._right.norm()))
+        return self._answer.array_r * self._free
+
+    def respond(self, friction: FloatArray, accuracy: float) -> FloatArray:
+        """The displacement (owned values) that answers a change of ``-sigma_tau`` (d, k).
+
+        An iterative solver leaves the share ``accuracy`` of the change; collective.
+        """
+        right = self._right.array_w
+        right[:] = 0.0
+        right.reshape(-1, self.dim)[self._blocks] -= (self.node_weights * friction).T
+        right *= self._free
+        self._answer.set(0.0)
+        self._linear.solve(self._right, self._answer, accuracy * float(self._right.norm()))
+        return self._answer.array_r * self._free
+
     def move(self, t: float, step: FloatArray) -> None:
         """Add ``t step`` (owned values) to the system's displacement; collective."""
         self.system.u.x.array[: self._owned] += t * step
@@ -178,6 +232,11 @@ class ConeSystem:
     def direct(self) -> PETSc.KSP | None:
         """What factorises the tangents, for others, until this is destroyed."""
         return self._linear.direct
+
+    def largest_displacement(self) -> float:
+        """The largest component of the system's displacement; collective."""
+        local = float(np.max(np.abs(self.system.u.x.array), initial=0.0))
+        return float(self.comm.allreduce(local, op=MPI.MAX))
 
     def take_iterations(self) -> int:
         """The Krylov iterations since the last call."""
@@ -229,9 +288,26 @@ class ConeSystem:
             local += float(self.node_weights @ (self.node_gap * pressure))
         return float(self.comm.allreduce(local))
 
-    def describe_excess(self, strain: FloatArray) -> str:
+    def work_beyond(self, displacement: FloatArray, unlimited: float) -> float:
+        """``int c |eps(v)| (M + |eps(u)|)`` of ``v`` (owned values), u being the system's.
+
+        c is the largest eigenvalue of A, and ``unlimited`` takes the place of an infinite M;
+        collective.
+        """
+        space = self.system.u.function_space
+        v = fem.Function(space)
+        v.x.array[: self._owned] = displacement[: self._owned]
+        v.x.scatter_forward()
+        data = self.system.data
+        limit = 1.0 / ufl.max_value(data.inverse_limit, 1e-300)
+        limit = ufl.conditional(ufl.gt(data.inverse_limit, 0.0), limit, unlimited)
+        sizes = [ufl.sqrt(ufl.inner(strain(w), strain(w))) for w in (v, self.system.u)]
+        form = data.largest_eigenvalue * sizes[0] * (limit + sizes[1]) * data.dx
+        return float(self.comm.allreduce(fem.assemble_scalar(compiled.form(form))))
+
+    def describe_excess(self, strains: FloatArray) -> str:
         """Where, and by how much, strains (m, k) exceed their limit the most; collective."""
-        ratio = np.linalg.norm(strain, axis=0) / self.limit
+        ratio = np.linalg.norm(strains, axis=0) / self.limit
         found: tuple[float, list[float]] = (0.0, [])
         if len(ratio):
             worst = int(np.argmax(ratio))
@@ -258,6 +334,7 @@ class ConeSystem:
             self._unbalanced,
             self._right,
             self._step,
+            self._answer,
             self._seen,
         ):
             item.destroy()
@@ -313,6 +390,11 @@ class ConeSystem:
         self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None
     ) -> None:
         self._unbalanced.copy(self._right)
+        self._add_multipliers(stress, pressure, friction)
+
+    def _add_multipliers(
+        self, stress: FloatArray, pressure: FloatArray | None, friction: FloatArray | None
+    ) -> None:
         self._operator.add_forces(stress, self._right)
         right = self._right.array_w
         if pressure is not None:

@@ -47,7 +47,7 @@ def judge(
         return None
     bound = system.bound
     bound_kept = None if bound is None else bound.values
-    target = dataclasses.replace(target, n=math.inf, epsilon=0.0)
+    target = target.inequality()
     solver = InteriorPoint(system, target, settings, Monitor(), bound_moves=False)
     tries = SolverReport()
 

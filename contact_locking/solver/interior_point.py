@@ -4,8 +4,8 @@ For a given friction bound the problem is a second-order cone programme.  Its co
 many, one per cell and two per node of Gamma_C, so each is eliminated where it stands and what is
 left is an elasticity system in the displacement.  Scaling: Nesterov and Todd,
 doi:10.1287/moor.22.1.1; predictor and corrector: Mehrotra, doi:10.1137/0802028.  The friction
-bound follows the pressure once per iteration, so that the non-local problem costs no more than
-one with a known bound.
+bound takes part in every step by Newton's method (:mod:`bound_step`), so that the non-local problem
+costs few back-substitutions more than one with a known bound.
 """
 
 from __future__ import annotations
@@ -19,16 +19,18 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.errors import Infeasible, NotConverged
-from contact_locking.material import MANDEL_PAIRS
 from contact_locking.progress import Monitor
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
+from contact_locking.solver.bound_step import BoundStep
 from contact_locking.solver.cone_point import ConePoint, Direction
 from contact_locking.solver.cone_system import ConeSystem
-from contact_locking.solver.cones import Lorentz, norm
+from contact_locking.solver.cones import Lorentz
+from contact_locking.solver.farkas import excluded_factor
 from contact_locking.solver.linear import LINEAR_FAILURE
-from contact_locking.solver.measures import Measures, mean
+from contact_locking.solver.measures import Measures
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings, SolverReport
+from contact_locking.solver.start import ElasticStart
 from contact_locking.solver.target import Target
 from contact_locking.system import FrictionBound, PenalisedSystem
 
@@ -36,27 +38,25 @@ FloatArray = npt.NDArray[np.float64]
 
 # How far a step goes towards the boundary of the cones.
 _TO_BOUNDARY = 0.97
+# Steps that are shorter lead nowhere.
+_SHORTEST = 1e-8
+# Mehrotra's second-order terms are taken in full where the predictor goes this far, and in
+# proportion where it does not: terms of a direction that hardly leads anywhere mislead.
+_TRUSTED = 1.0 / 3.0
 # Recentrings (Gondzio's correctors) after each predictor and corrector: at most this many, while
 # the step is shorter than this, reaching this much farther, kept if the step grows by this factor.
 _RECENTRINGS = 2
 _LONG_ENOUGH = 0.95
 _REACH = 0.3
 _GAIN = 1.01
-# The predictor tells where the bound goes, until it has changed by less than this: then the
-# complementarity that the predictor takes away is all it sees.  From there on, and where a step is
-# longer than this, the bound at the step's own end is worth another solve.
-_ALMOST_AGREED = 1e-5
-_NEARLY_FULL = 0.9
-# The duality gap, relative to the elastic energy, at which the iteration stops, and the share of
-# it that is aimed at.  Rounding in nearly singular cones leaves about 1e-9.
+# The duality gap, relative to the energy, at which the iteration stops, and the share of it that is
+# aimed at.  Rounding in nearly singular cones leaves about 1e-9.
 _GAP_TOLERANCE = 1e-8
 _GAP_LEFT = 0.5
 # A gap that has become smaller may grow by this factor in a step.
 _GAP_BACK = 10.0
 # The gap may not be a smaller share than this of the other residuals.
 _GAP_AHEAD = 1e-2
-# A friction bound that is waited for changes less by this factor in each iteration.
-_SETTLES = 0.5
 # The share of the duality gap, or of the tolerance, that a linear solve may leave as residual:
 # sharper solves save a tangent or two and cost more than these.
 _LINEAR_SHARE = 0.3
@@ -64,19 +64,16 @@ _LINEAR_SHARE = 0.3
 # times as large as they are, solves that left more led to short steps, at n = inf to five tangents
 # more or nowhere.
 _MOST_LEFT = 0.03
-# Multipliers that have grown by this factor while the laws stay violated will not come back.
-_DIVERGED = 1e4
-# Where nothing pulls, any strain is a start; the squares of smaller ones have no digits.
-_NO_STRAIN, _SOME_STRAIN = 1e-60, 1e-3
-# Forces and energies are judged against this share of those at the start if they are smaller:
-# a body at rest has none to compare with.
-_LEAST = 1e-4
-# The start: the elastic body, stiffer by this factor, so that few of its cells are far beyond their
-# limit; complementarity against stiffness times the square of the strain without that stiffness;
-# and the least opening against strain times length.  On coarse meshes all of this hardly matters;
-# at h = 1/256 a factor of 10 costs four tangents more, and a level three times higher two.
-_START_STIFFNESS = 100.0
-_START_LEVEL = 0.125
+# Multipliers that have grown by this factor while the laws stay violated may prove that nothing is
+# admissible.
+_DIVERGED = 1e2
+# Energies are judged against this share of that at the start if they are smaller.
+_LEAST = 1e-10
+# A bound is kept above this share of the largest, so that the friction cones have an inside.
+_LEAST_BOUND = 1e-12
+# The start: complementarity against the density of the elastic energy, and the least opening
+# against the strain times the length.
+_START_LEVEL = 0.1
 _START_OPENING = 0.1
 
 
@@ -100,9 +97,11 @@ class InteriorPoint:
         self._settings, self._monitor = settings, monitor
         self._lorentz = Lorentz(system.comm)
         self._cones = cones = ConeSystem(system, settings, target.stiffness)
-        self._unstrained = np.zeros((len(MANDEL_PAIRS[cones.dim]), len(cones.limit)))
-        self._point = ConePoint(cones, target.length, self._locking_block(self._unstrained))
-        self._friction_change, self._awaited = 0.0, math.inf
+        unstrained = np.zeros((cones.rows, len(cones.limit)))
+        self._point = ConePoint(cones, target.length, self._locking_block(unstrained))
+        self._friction_change = 0.0
+        #: Whether the elastic displacement alone is the solution.
+        self.is_elastic = False
         self._first: tuple[float, float] | None = None
 
     def solve(self, report: SolverReport) -> Multipliers:
@@ -116,13 +115,16 @@ class InteriorPoint:
 
     def _iterate_to_the_end(self, report: SolverReport) -> Multipliers:
         monitor, settings = self._monitor, self._settings
-        self._friction_change, self._first, self._awaited = 0.0, None, math.inf
+        self._friction_change, self._first = 0.0, None
         try:
             self._start(report)
         except PETSc.Error as error:
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
             report.linear += self._cones.take_iterations()
+        if self.is_elastic:
+            report.duality_gap = 0.0
+            return self.multipliers()
         limit = settings.max_iterations
         for iteration in range(limit + 1):
             measures = self._measured = self._measure()
@@ -133,10 +135,13 @@ class InteriorPoint:
                 break
             self._stop_if_infeasible(measures)
             if iteration == limit:
+                self._require_feasible()
                 raise NotConverged(
                     f"{limit} interior point iterations did not suffice ({measures})"
                 )
-            self._iterate(report)
+            if not self._iterate(report):
+                self._require_feasible()
+                raise NotConverged(f"the interior point step vanished ({measures})")
         report.duality_gap = measures.gap
         return self.multipliers()
 
@@ -150,29 +155,25 @@ class InteriorPoint:
         self._cones.destroy()
 
     def _start(self, report: SolverReport) -> None:
-        """An elastic solve, with springs for a foundation, gives the place to start around."""
+        """Elastic displacements are the solution, or give the place to start around."""
         cones, system, target = self._cones, self._system, self._target
-        zeros = self._unstrained
-        springs = push = None
-        if cones.surface is not None:
-            springs = np.full(len(cones.node_gap), target.stiffness / target.length)
-            # They rest where the foundation is if it is inside the body.
-            push = springs * np.maximum(-cones.node_gap, 0.0)
-        stiff = np.full(len(cones.limit), _START_STIFFNESS * target.stiffness)
-        cones.set_scaling((stiff, 0.0 * stiff, zeros), springs, None)
+        rubs = system.bound is not None and not system.bound.frictionless
+        elastic = ElasticStart(cones, target, self._settings.tolerance, sticks=rubs)
         report.tangents += 1
-        cones.visit()
-        cones.move(1.0, cones.solve_step(zeros, push, None, _MOST_LEFT))
-        strain = cones.strains(system.u.x.array)
-        size = mean(cones.comm, cones.volumes, norm(strain))
-        size = size or self._largest_displacement() / target.length
-        if size < _NO_STRAIN:
-            size = _SOME_STRAIN
-        locking = self._locking_block(strain)
-        level = _START_LEVEL * target.stiffness * ((1.0 + _START_STIFFNESS) * size) ** 2
+        is_admissible = elastic.solve()
+        # A bound that stands still holds what it holds without any pressure, too.
+        self.is_elastic = is_admissible and (self._bound_moves or not self._has_bound())
+        energy = target.ellipticity * elastic.strain**2
+        self._least_energy = _LEAST * energy * target.volume
+        self._least_force = self._least_energy / ((elastic.strain or 1.0) * target.length)
+        if self.is_elastic:
+            if system.bound is not None:
+                system.bound.values = np.zeros_like(system.bound.values)
+            return
+        size = elastic.retreat()
+        locking = self._locking_block(cones.strains(system.u.x.array))
+        level = _START_LEVEL * energy
         locking.start(level)
-        self._least_energy = _LEAST * target.stiffness * size**2 * target.length**cones.dim
-        self._least_force = self._least_energy / (size * target.length)
         contact = friction = None
         if system.bound is not None:
             least = _START_OPENING * size * target.length
@@ -181,6 +182,11 @@ class InteriorPoint:
             contact.start(level * target.length)
             friction = self._start_friction(system.bound, contact.z, least)
         self._point = ConePoint(cones, target.length, locking, contact, friction)
+
+    def _has_bound(self) -> bool:
+        """Whether friction has a bound that is not zero everywhere; collective."""
+        bound = self._system.bound
+        return bound is not None and bound.norm(bound.values) > 0.0
 
     def _start_friction(
         self, bound: FrictionBound, pressure: FloatArray, least: float
@@ -194,15 +200,19 @@ class InteriorPoint:
         if bound.norm(bound.values) == 0.0:
             return None
         slips, values = cones.slips(self._system.u.x.array), bound.values[cones.active]
-        epsilon = self._target.epsilon
-        return FrictionBlock(self._lorentz, slips, cones.node_weights, epsilon, values, least)
+        regularisation = self._target.regularisation
+        least = max(least, regularisation)
+        return FrictionBlock(
+            self._lorentz, slips, cones.node_weights, regularisation, values, least
+        )
 
     def _locking_block(self, strain: FloatArray) -> LockingBlock:
         cones = self._cones
         compliance = 0.5 / self._target.n
         return LockingBlock(self._lorentz, strain, cones.limit, cones.volumes, compliance)
 
-    def _iterate(self, report: SolverReport) -> None:
+    def _iterate(self, report: SolverReport) -> bool:
+        """Take a step; False if there is none to take; collective."""
         point = self._point
         if point.friction is not None:
             point.friction.bound_step[:] = 0.0
@@ -218,12 +228,13 @@ class InteriorPoint:
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
             report.linear += self._cones.take_iterations()
-        if not t > 1e-8:
-            raise NotConverged(f"the interior point step vanished ({self._measured})")
+        if not t > _SHORTEST:
+            return False
         point.advance(t, step)
         if self._moving is not None:
-            self._follow(*self._moving)
+            self._note_bound(*self._moving)
             report.friction += 1
+        return True
 
     @property
     def _moving(self) -> tuple[FrictionBound, ContactBlock, FrictionBlock] | None:
@@ -233,28 +244,31 @@ class InteriorPoint:
             return None
         return (bound, point.contact, point.friction) if self._bound_moves else None
 
-    def _follow(self, bound: FrictionBound, contact: ContactBlock, friction: FrictionBlock) -> None:
-        """Set the bound to what the pressure asks for, and note how far that is; collective."""
+    def _note_bound(
+        self, bound: FrictionBound, contact: ContactBlock, friction: FrictionBlock
+    ) -> None:
+        """Tell the system the bound, and note its distance from ``mu |R p|``; collective."""
         cones = self._cones
-        new = self._new_bound(bound, contact.z)
-        used = bound.values.copy()
+        wanted = self._new_bound(bound, contact.z)
+        used = wanted.copy()
         used[cones.active] = friction.bound
-        size = max(bound.norm(new), self._target.least_bound(cones.energy, cones.dim))
-        self._friction_change = bound.norm(new - used) / size if size > 0.0 else 0.0
-        bound.values = new
-        friction.set_bound(new[cones.active])
+        size = max(bound.norm(wanted), self._target.least_bound(cones.energy, cones.dim))
+        self._friction_change = bound.norm(wanted - used) / size if size > 0.0 else 0.0
+        bound.values = used
 
     def _combined(self, affine: Direction, t: float, target: float) -> tuple[Direction, float]:
-        """The step to take and its length: corrected, recentred, and with the bound moved along.
+        """The step to take and its length: corrected, with the bound moved along, and recentred.
 
         Everything here uses the factorisation that the predictor ``affine`` of length ``t`` has.
         """
         point = self._point
-        corrections = point.corrections(affine)
-        agreed = self._measured.friction <= _ALMOST_AGREED
-        if not agreed:
-            self._move_bound(t, affine)
+        corrections = point.corrections(affine, min(1.0, t / _TRUSTED))
         best = self._direction(target, corrections)
+        if self._moving is not None:
+            bound, _, friction = self._moving
+            step = BoundStep(point, bound, _MOST_LEFT)
+            friction.bound_step = step.of(best[1][1][1], best[1][2][0][1 : 1 + self._cones.dim])
+            best = self._direction(target, corrections)
         t = self._length(best)
         for _ in range(_RECENTRINGS):
             if t >= _LONG_ENOUGH:
@@ -265,20 +279,7 @@ class InteriorPoint:
             if longer < _GAIN * t:
                 break
             best, corrections, t = candidate, trial, longer
-        if (agreed or t >= _NEARLY_FULL) and self._move_bound(t, best):
-            best = self._direction(target, corrections)
-            t = self._length(best)
         return best, t
-
-    def _move_bound(self, t: float, direction: Direction) -> bool:
-        """Let the step take the bound to where a step of length t along ``direction`` wants it."""
-        if self._moving is None:
-            return False
-        bound, contact, friction = self._moving
-        pressure = np.maximum(contact.z + t * direction[1][1][1], 0.0)
-        new = self._new_bound(bound, pressure)[self._cones.active]
-        friction.bound_step = new - friction.bound
-        return True
 
     def _direction(self, target: float, corrections: list[Any] | None) -> Direction:
         """A linear solve may leave a share of what the iteration has not yet achieved."""
@@ -292,55 +293,60 @@ class InteriorPoint:
         """Keep the complementarity from running ahead of equilibrium, and from vanishing.
 
         Products that are much smaller than the residuals block every step, and products below the
-        tolerance only lose digits.  Below it they are led back to one place, so that the pressure
-        stands still while the friction bound settles.
+        tolerance only lose digits.
         """
         now = self._measured
         if now.gap < _GAP_AHEAD * now.equilibrium:
             return 1.0
-        # Where contact only grazes, the pressure falls with the products: waiting does not help.
-        if now.gap < _GAP_AHEAD * now.friction < _GAP_AHEAD * _SETTLES * self._awaited:
-            self._awaited = now.friction
-            return 1.0
-        self._awaited = math.inf
         return max(centring, min(_GAP_BACK, _GAP_LEFT * _GAP_TOLERANCE / now.gap))
 
     def _stop_if_infeasible(self, measures: Measures) -> None:
-        """Multipliers that grow without bound while the laws stay violated: nothing is feasible."""
+        """Raise Infeasible if multipliers that grow, while laws stay violated, prove it."""
         if self._target.epsilon > 0.0 and math.isfinite(self._target.n):
             return
-        point = self._point
-        size = point.largest_multiplier()
+        size = self._point.largest_multiplier()
         if self._first is None:
             self._first = size, measures.primal
         first_size, first_primal = self._first
         if size > _DIVERGED * first_size and measures.primal > 0.01 * first_primal:
+            self._first = size, first_primal
+            self._require_feasible()
+
+    def _require_feasible(self) -> None:
+        """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""
+        factor = excluded_factor(self._point, self._target)
+        if factor < 1.0:
             raise Infeasible(
-                "infeasible: no displacement within the locking limit and the gap follows the "
-                f"prescribed values; {self._cones.describe_excess(point.strain)}",
-                point.excluded_factor(),
+                "infeasible: no displacement of this mesh within the locking limit and the gap "
+                "follows the prescribed values; "
+                + self._cones.describe_excess(self._point.strain),
+                factor,
             )
 
     def _measure(self) -> Measures:
         """Look at the iterate and judge it; collective."""
-        cones, point = self._cones, self._point
+        cones, point, target = self._cones, self._point, self._target
         point.visit()
+        tolerance = self._settings.tolerance
+        strain = target.mean_strain(cones.energy, cones.largest_displacement(), tolerance)
+        energy = 0.5 * target.ellipticity * strain**2 * target.volume + point.locking_work()
         return Measures(
             point.equilibrium_residual() / max(cones.force_scale, self._least_force),
-            point.primal_residual(),
-            point.total_product() / max(cones.energy, self._least_energy),
+            point.primal_residual(strain * target.length),
+            point.total_product() / max(energy, self._least_energy),
             self._friction_change,
         )
 
     def multipliers(self) -> Multipliers:
         """Those of the present iterate; collective."""
-        return self._point.multipliers(self._target.stiffness)
+        if self.is_elastic:
+            count = 0 if self._cones.surface is None else len(self._cones.node_gap)
+            stress = np.zeros((self._cones.rows, len(self._cones.limit)))
+            return self._cones.multipliers(stress, np.zeros(count), None, np.zeros(count, bool))
+        return self._point.multipliers(self._target.young)
 
     def _new_bound(self, bound: FrictionBound, pressure: FloatArray) -> FloatArray:
-        """``mu |R p|``, kept positive so that the friction cones have an inside."""
+        """``mu |R p|``, kept positive so that the friction cones have an inside; collective."""
         new = bound.evaluate(self._cones.at_all_nodes(pressure))
-        return np.maximum(new, 1e-14 * self._target.stiffness)
-
-    def _largest_displacement(self) -> float:
-        local = float(np.max(np.abs(self._system.u.x.array), initial=0.0))
-        return float(self._cones.comm.allreduce(local, op=MPI.MAX))
+        largest = float(np.max(new, initial=0.0))
+        return np.maximum(new, _LEAST_BOUND * self._cones.comm.allreduce(largest, op=MPI.MAX))

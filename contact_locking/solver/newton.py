@@ -215,7 +215,7 @@ class NewtonSolver:
         if not np.isfinite(residual):
             raise NotConverged("the residual is not finite")
         self._system.set_displacement(snes.getSolution())
-        scale = self._system.force_scale()
+        scale = self._system.force_scale(self._settings.tolerance)
         self._monitor.iteration(iteration, residual / scale if scale > 0.0 else residual)
         stalls = self._last < 2.0 * residual <= _SMALL * scale
         self._last = residual if iteration else np.inf

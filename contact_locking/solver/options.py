@@ -20,6 +20,16 @@ PREFIX = "contact_locking_"
 _NAME = re.compile(rb"-([A-Za-z]\w*(?:%[ds]\w*)*)\0")
 # What can stand inside a solver, under a prefix of its own.
 _CLASSES = ("ksp", "pc", "mat", "vec", "snes")
+# Names of options that load code, start programs, open windows or connections, or take a file.
+_HARMFUL = re.compile(
+    r"python|^dll_|library_preload|debug|terminal|popen|machine|saws|(^|_)display$|^x_|draw|_lg_"
+    r"|options_file|options_string|file|dirname|_path$|dump|(^|_)(save|load)(_|$)|trajectory"
+)
+# What a view or a monitor may be given: where to print, and how, or a number.
+_REPORTS = re.compile(r"view|monitor|reason|(^|_)(log|info|citations|history)(_|$)")
+_PRINTED = re.compile(
+    r"(?i:|true|false|yes|no|on|off|[-+]?\d+(\.\d*)?(e[-+]?\d+)?|(ascii)?(:(stdout|stderr)?(:\w*)*)?)"
+)
 _MAPPED = re.compile(r"/\S*libpetsc\S*")
 
 
@@ -92,6 +102,30 @@ def require_known(names: Iterable[str], section: str | None = None) -> None:
             raise InputError(f"{shown}leave out {PREFIX}, which is put before it anyway", key)
         if known and not _is_known(name.lower(), known):
             raise InputError(f"{shown}PETSc has no such option{_guess(name, known)}", key)
+
+
+def require_harmless(options: Mapping[str, Any], section: str | None = None) -> None:
+    """Raise InputError for the first option by which PETSc runs code, or writes or reads a file.
+
+    A study file may come from anybody.  ``section`` is the key of the study file that holds them.
+    """
+    for name, value in options.items():
+        key, shown = (f"{section}.{name}", "") if section else (None, f"-{name}: ")
+        lower, text = name.lower(), "" if value is None else str(value).strip()
+        # "python" as a type imports a module, and a colon stands before the name of a file.
+        if _HARMFUL.search(lower) or text.lower().startswith("python"):
+            raise InputError(
+                f"{shown}options by which PETSc runs code, opens windows or connections, or takes "
+                "files are refused, as study files may come from anybody",
+                key,
+            )
+        if not _PRINTED.fullmatch(text) and (_REPORTS.search(lower) or ":" in text):
+            raise InputError(
+                f"{shown}{text!r} may be a file, which is refused as study files may come from "
+                "anybody; without a value, or with ascii::ascii_info_detail and its like, PETSc "
+                "prints to standard output",
+                key,
+            )
 
 
 def _is_known(name: str, known: frozenset[str]) -> bool:

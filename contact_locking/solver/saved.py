@@ -14,7 +14,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SavedState:
-    """What solved some problem on this mesh with penalties ``n`` and ``epsilon``.
+    """What solved some problem on this mesh with penalties ``n``, ``epsilon`` and ``regularisation``.
 
     ``displacement`` holds local values, ghosts included, ``pressure`` (k,) those at the owned nodes
     of Gamma_C, None where nothing is known of it.
@@ -24,6 +24,7 @@ class SavedState:
     pressure: FloatArray | None
     n: float
     epsilon: float
+    regularisation: float
 
     def enter(self, system: PenalisedSystem) -> None:
         """Put displacement and friction bound into ``system``; collective."""

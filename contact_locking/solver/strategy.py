@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.progress import Monitor
-from contact_locking.solver.continuation import PenaltyPath, follow
+from contact_locking.solver.continuation import Penalties, PenaltyPath, follow
 from contact_locking.solver.feasibility import judge
 from contact_locking.solver.friction import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint
@@ -66,7 +66,9 @@ def newton_with_continuation(
     report = SolverReport(suggestion=_NEWTON_WAY_OUT)
     if saved is not None:
         saved.enter(system)
-        onwards = PenaltyPath.onwards(saved.n, saved.epsilon, target)
+        onwards = PenaltyPath.onwards(
+            saved.n, saved.epsilon, saved.regularisation, target
+        )
         cautious = dataclasses.replace(
             settings, max_iterations=min(_RESCUE, settings.max_iterations)
         )
@@ -96,8 +98,9 @@ def _follow(
     newton = NewtonSolver(system, settings, monitor)
     bound = None if system.bound is None or system.bound.frictionless else system.bound
 
-    def stage(n: float, epsilon: float, last: bool) -> None:
-        system.set_penalty(n, epsilon)
+    def stage(penalties: Penalties, last: bool) -> None:
+        n, epsilon, _ = penalties
+        system.set_penalty(*penalties)
         monitor.stage(len(report.stages) + 1, round(path.decades) + 1, n, epsilon)
         before = report.tangents
         if last:
@@ -140,7 +143,7 @@ def interior_point(
         report.stages.append(_stage_of(target, report))
         if not report.reason:
             # Newton's last steps want a linear solver as sharp as they are.
-            if solver.direct is not None:
+            if solver.direct is not None and not solver.is_elastic:
                 _polish(system, target, settings, report, monitor, _POLISH, solver.direct)
             return _success(report)
     finally:
@@ -193,8 +196,8 @@ def _newton_from(
     """Newton from a saved state that is near; says whether it arrived, else starts afresh."""
     if is_direct(settings.linear, system.dim, system.size) and _has_digits(target):
         saved.enter(system)
-        system.set_penalty(target.n, target.epsilon)
-        if system.relative_residual() <= _NEAR:
+        system.set_penalty(target.n, target.epsilon, target.regularisation)
+        if system.relative_residual(settings.tolerance) <= _NEAR:
             updates = min(_FEW_UPDATES, settings.max_friction_updates)
             few = dataclasses.replace(settings, max_friction_updates=updates)
             if _polish(system, target, few, report, monitor, _FEW_STEPS):
@@ -245,7 +248,7 @@ def _polish(
     settings = dataclasses.replace(settings, max_iterations=min(steps, settings.max_iterations))
     kept = system.u.x.array.copy()
     bound_kept = None if system.bound is None else system.bound.values.copy()
-    system.set_penalty(target.n, target.epsilon)
+    system.set_penalty(target.n, target.epsilon, target.regularisation)
     newton = NewtonSolver(system, settings, monitor, near, direct)
     try:
         _settle(newton, system, target, settings, report, monitor)
@@ -262,8 +265,9 @@ def _polish(
 
 def _has_digits(target: Target) -> bool:
     """Whether the penalties leave the residual of (26) digits enough for Newton."""
-    sharpness = max(target.n / target.stiffness, target.length / max(target.epsilon, 1e-300))
-    return sharpness <= _POLISHED_UP_TO
+    shortest = min(target.epsilon * target.young, target.regularisation)
+    sharpest = target.length / _POLISHED_UP_TO
+    return target.n <= _POLISHED_UP_TO * target.stiffness and shortest >= sharpest
 
 
 def _settle(

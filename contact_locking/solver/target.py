@@ -2,22 +2,48 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
+
+from contact_locking.system import ROUNDING
 
 
 @dataclass(frozen=True)
 class Target:
     """The penalty parameters, and the scales of the problem that starting values are made from.
 
-    ``n`` may be infinite and ``epsilon`` zero: the variational inequality itself.  ``stiffness``
-    is the largest eigenvalue of A, ``length`` the extent of the body.
+    ``n`` may be infinite and ``epsilon`` and ``regularisation`` zero: the variational inequality
+    itself.  ``stiffness`` and ``ellipticity`` are the largest and the smallest eigenvalue of A,
+    ``young`` its Young's modulus, ``length`` the extent of the body and ``volume`` its measure.
     """
 
     n: float
     epsilon: float
+    regularisation: float
     stiffness: float
+    ellipticity: float
+    young: float
     length: float
+    volume: float
+
+    def inequality(self) -> Target:
+        """The same problem without penalties."""
+        return dataclasses.replace(self, n=math.inf, epsilon=0.0, regularisation=0.0)
+
+    @property
+    def is_inequality(self) -> bool:
+        """Whether neither penalty is left."""
+        return math.isinf(self.n) and self.epsilon == 0.0 and self.regularisation == 0.0
+
+    def mean_strain(self, energy: float, displacement: float, tolerance: float) -> float:
+        """``sqrt(a(u, u)/(alpha |Omega|))``, or what rounding in ``u`` leaves, if that is larger.
+
+        ``energy`` is ``a(u, u)/2`` and ``displacement`` the largest ``|u|``.  Strains that are this
+        number times ``tolerance`` are told from zero, smaller ones are not.
+        """
+        mean = math.sqrt(2.0 * max(energy, 0.0) / (self.ellipticity * self.volume))
+        return max(mean, ROUNDING * displacement / (self.length * tolerance))
 
     def least_bound(self, energy: float, dim: int) -> float:
         """The L2 norm on Gamma_C below which changes of the friction bound are judged absolutely.
@@ -25,5 +51,5 @@ class Target:
         It is a thousandth of the mean elastic stress over a face of the body: where contact only
         grazes, relative changes of next to nothing say nothing.
         """
-        stress = math.sqrt(2.0 * max(energy, 0.0) * self.stiffness / self.length**dim)
+        stress = math.sqrt(2.0 * max(energy, 0.0) * self.stiffness / self.volume)
         return 1e-3 * stress * self.length ** (0.5 * (dim - 1))

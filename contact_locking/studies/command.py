@@ -16,8 +16,9 @@ from contact_locking.result_files import PARAMETERS
 from .cases import Case
 from .outcome import PROGRESS
 
-#: What solves a case; the words of the command line follow.
-PROGRAM = (sys.executable, "-m", "contact_locking")
+#: What solves a case; the words of the command line follow.  By -P, Python finds no modules in the
+#: current folder, which may have come with the study.
+PROGRAM = (sys.executable, "-P", "-m", "contact_locking")
 
 _LOG_TAIL = 65_536
 # An error as the command line prints it: its further lines are indented.

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from contact_locking.plain_text import spreadsheet_cell
+
 from .cases import Case
 from .files import write_text
 from .outcome import Outcome
@@ -87,4 +89,6 @@ def _cell(value: Any) -> Any:
     match value:
         case bool() | dict() | list():
             return json.dumps(value, ensure_ascii=False)
+        case str():
+            return spreadsheet_cell(value)
     return value

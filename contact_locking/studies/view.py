@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Self
 
+from contact_locking.plain_text import printable
+
 from .cases import Case
 from .executor import Running
 from .files import read_mapping
@@ -49,7 +51,7 @@ class View:
         """A line that stays."""
         from rich.text import Text
 
-        self._console.print(Text(text), style=style, soft_wrap=True)
+        self._console.print(Text(printable(text)), style=style, soft_wrap=True)
 
     def ended(self, case: Case, outcome: Outcome, seconds: float) -> None:
         """A case is over."""
@@ -84,7 +86,7 @@ class View:
         inner = Table.grid(padding=(0, 2))
         for one in running:
             cells = (one.case.label, status(one.case), duration(one.seconds))
-            inner.add_row(*(Text(f"  {cell}", no_wrap=True) for cell in cells))
+            inner.add_row(*(Text(f"  {printable(cell)}", no_wrap=True) for cell in cells))
         outer.add_row(inner)
         return outer
 

@@ -17,6 +17,7 @@ from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from contact_locking.errors import InputError
+from contact_locking.plain_text import printable
 
 # A sweep of 10 000 cases over several keys stays below it, and what is made to take long takes 4 s.
 MAX_BYTES = 300_000
@@ -74,7 +75,7 @@ class Source:
 
 def tell(message: str, key: str) -> str:
     """``key: message`` in one line of a length that one can read, whatever is in the two."""
-    text = _short(_printable(" ".join(message.split())), _MAX_MESSAGE)
+    text = _short(printable(" ".join(message.split())), _MAX_MESSAGE)
     shown = _short(key if key.isprintable() else ascii(key), _MAX_KEY)
     return f"{shown}: {text}" if key else text
 
@@ -128,11 +129,6 @@ def assign(data: Any, key: str, value: Any) -> list[str]:
         data = data[index]
     data[_index(data, last, ".".join(above))] = value
     return created
-
-
-def _printable(text: str) -> str:
-    """The text with what a terminal would not show, or obey, as escapes."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def _short(text: str, length: int) -> str:

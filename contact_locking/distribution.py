@@ -1,0 +1,74 @@
+"""A mesh of arrays on rank 0 as a mesh of DOLFINx on all ranks."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_real_type, graph
+from dolfinx import mesh as dmesh
+from dolfinx.io.utils import distribute_entity_data
+from mpi4py import MPI
+
+from contact_locking.mesh_file.data import IntArray, MeshData, Simplices
+
+_CELL = {2: "triangle", 3: "tetrahedron"}
+
+
+class Distributed(NamedTuple):
+    """A mesh with the groups of its cells and facets as tags, and the part of each local cell."""
+
+    mesh: dmesh.Mesh
+    cell_tags: Any
+    facet_tags: Any
+    parts: npt.NDArray[np.int32]
+
+
+def distribute(
+    comm: MPI.Intracomm, dim: int, data: MeshData | None, facets: Simplices | None, parts: IntArray
+) -> Distributed:
+    """Distribute cells and named facets; collective.
+
+    ``data`` and ``facets`` are there on rank 0 alone, as is ``parts`` (k,), the part of each cell.
+    Nodes of no cell are left out.
+    """
+    points: npt.NDArray[np.float64] = np.empty((0, dim))
+    cells: IntArray = np.empty((0, dim + 1), dtype=np.int64)
+    marked: IntArray = np.empty((0, dim), dtype=np.int64)
+    values: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
+    marks: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
+    groups: IntArray = np.empty(0, dtype=np.int64)
+    if data is not None and facets is not None:
+        used = np.zeros(len(data.points), dtype=bool)
+        used[data.cells.nodes] = True
+        row = np.cumsum(used) - 1
+        points, cells, marked = data.points[used], row[data.cells.nodes], row[facets.nodes]
+        groups, index = np.unique(data.cells.groups, return_inverse=True)
+        # Part and group of a cell travel as one number.
+        values = (parts * len(groups) + index).astype(np.int32)
+        marks = facets.groups.astype(np.int32)
+    groups = comm.bcast(groups)
+    element = basix.ufl.element("Lagrange", _CELL[dim], 1, shape=(dim,), dtype=default_real_type)
+    # By their names, as DOLFINx 0.10 has changed their order.
+    mesh = dmesh.create_mesh(
+        comm=comm, cells=cells, x=points.astype(default_real_type), e=ufl.Mesh(element)
+    )
+    mesh.topology.create_connectivity(dim, 0)
+    both = _tags(mesh, dim, cells, values)
+    order = np.argsort(both.indices)
+    numbers, local = both.values[order], both.indices[order]
+    cell_tags = dmesh.meshtags(mesh, dim, local, groups[numbers % len(groups)].astype(np.int32))
+    mesh.topology.create_connectivity(dim - 1, dim)
+    mesh.topology.create_connectivity(dim, dim - 1)
+    facet_tags = _tags(mesh, dim - 1, marked, marks)
+    return Distributed(mesh, cell_tags, facet_tags, (numbers // len(groups)).astype(np.int32))
+
+
+def _tags(mesh: dmesh.Mesh, dim: int, entities: IntArray, values: npt.NDArray[np.int32]) -> Any:
+    found, local = distribute_entity_data(mesh, dim, entities, values)
+    return dmesh.meshtags_from_entities(
+        mesh, dim, graph.adjacencylist(found), local.astype(np.int32, copy=False)
+    )

@@ -1,0 +1,77 @@
+"""A mesh as arrays of NumPy, and a file of such arrays."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Simplices:
+    """Simplices of one dimension, with the groups that they belong to.
+
+    ``nodes`` (k, d + 1) are rows of the mesh's points, ``numbers`` (k,) those of the elements in
+    the file, and ``groups`` (k,) values of ``names``, or 0 for an element of no group.
+    """
+
+    nodes: IntArray
+    numbers: IntArray
+    groups: IntArray
+    names: dict[str, int]
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    def name(self, group: int) -> str:
+        """The name of a group."""
+        return next(name for name, value in self.names.items() if value == group)
+
+    def take(self, which: npt.NDArray[np.bool_]) -> Simplices:
+        """Those that are marked; the names stay."""
+        return Simplices(self.nodes[which], self.numbers[which], self.groups[which], self.names)
+
+
+@dataclass(frozen=True)
+class MeshData:
+    """Points (m, dim) with the nodes' numbers (m,) in the file, cells, and facets of groups."""
+
+    dim: int
+    points: FloatArray
+    numbers: IntArray
+    cells: Simplices
+    facets: Simplices
+
+    def save(self, path: Path) -> None:
+        """Write a file that `load` reads, without Python's pickle."""
+        names = json.dumps([self.cells.names, self.facets.names]).encode()
+        arrays = {
+            f"{kind}_{part}": getattr(simplices, part)
+            for kind, simplices in (("cells", self.cells), ("facets", self.facets))
+            for part in ("nodes", "numbers", "groups")
+        }
+        np.savez(
+            path,
+            dim=self.dim,
+            points=self.points,
+            numbers=self.numbers,
+            names=np.frombuffer(names, dtype=np.uint8),
+            **arrays,
+        )
+
+    @staticmethod
+    def load(path: Path) -> MeshData:
+        """What `save` has written."""
+        with np.load(path, allow_pickle=False) as file:
+            names = json.loads(file["names"].tobytes())
+            cells, facets = (
+                Simplices(file[f"{k}_nodes"], file[f"{k}_numbers"], file[f"{k}_groups"], named)
+                for k, named in zip(("cells", "facets"), names, strict=True)
+            )
+            return MeshData(int(file["dim"]), file["points"], file["numbers"], cells, facets)

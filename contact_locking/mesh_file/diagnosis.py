@@ -1,0 +1,235 @@
+"""What is wrong with a mesh, found by NumPy before anything is computed on it.
+
+What cannot be a body is an InputError that names nodes and elements as the file does, and where
+they are.  What is only suspicious is a warning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.errors import InputError
+from contact_locking.mesh_file import places
+from contact_locking.mesh_file.contiguity import check_contiguity
+from contact_locking.mesh_file.data import IntArray, MeshData, Simplices
+from contact_locking.mesh_file.topology import Facets, longest_edges, parts, signed_measures
+
+# A cell of this share of the volume that its longest edge allows has collapsed, or nearly so.
+_COLLAPSED = 1e-12
+_NEARLY_COLLAPSED = 1e-6
+# More parts than anyone would hold one by one: a mesh whose elements share no nodes.
+_MOST_PARTS = 100
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a sound mesh is made of.
+
+    ``parts`` (k,) is, of each cell, which of the ``part_names`` it belongs to: cells of a part are
+    joined by facets.  ``facets`` are the named ones on the boundary; ``unusable`` says of other
+    groups of facets why they bound nothing.
+    """
+
+    part_names: tuple[str, ...]
+    parts: IntArray
+    facets: Simplices
+    unusable: dict[str, str]
+    warnings: list[str]
+
+    @staticmethod
+    def of_sound(mesh: MeshData) -> Diagnosis:
+        """The diagnosis of a mesh that is known to be one part with boundary groups alone."""
+        named = mesh.facets.take(mesh.facets.groups != 0)
+        return Diagnosis(("the body",), np.zeros(len(mesh.cells), dtype=np.int64), named, {}, [])
+
+
+def diagnose(mesh: MeshData, origin: str) -> Diagnosis:
+    """Raise InputError for a mesh that is no body; ``origin`` names the mesh in messages."""
+    try:
+        return _diagnose(mesh)
+    except InputError as error:
+        raise InputError(f"{origin}: {error}", error.key) from None
+
+
+def _diagnose(mesh: MeshData) -> Diagnosis:
+    warnings: list[str] = []
+    _check_coordinates(mesh)
+    _check_groups_of_cells(mesh)
+    _check_cells(mesh, warnings)
+    facets = Facets(mesh.cells.nodes, len(mesh.points))
+    _check_sharing(mesh, facets)
+    _check_folds(mesh, facets)
+    count, labels = parts(facets, len(mesh.cells))
+    check_contiguity(mesh, facets, labels, warnings)
+    if count > _MOST_PARTS:
+        raise InputError(
+            f"the body falls into {count} parts that share no edges or faces; at most "
+            f"{_MOST_PARTS} are allowed"
+        )
+    named, unusable = _named_facets(mesh, facets, warnings)
+    return Diagnosis(_part_names(mesh, count, labels), labels, named, unusable, warnings)
+
+
+def _part_names(mesh: MeshData, count: int, labels: IntArray) -> tuple[str, ...]:
+    """For each part its regions, and the least and greatest coordinates."""
+    if count == 1:
+        return ("the body",)
+    names = []
+    for part in range(count):
+        own = labels == part
+        regions = ", ".join(mesh.cells.name(int(g)) for g in np.unique(mesh.cells.groups[own]))
+        x = mesh.points[mesh.cells.nodes[own]].reshape(-1, mesh.dim)
+        low, high = places.at(x.min(axis=0)), places.at(x.max(axis=0))
+        names.append(f"part {part + 1} of the body ({regions}, from {low} to {high})")
+    return tuple(names)
+
+
+def _check_coordinates(mesh: MeshData) -> None:
+    bad = ~np.isfinite(mesh.points).all(axis=1)
+    if bad.any():
+        raise InputError(
+            f"the coordinates of {places.node(mesh, int(np.argmax(bad)))} are no finite numbers"
+            f"{places.more(int(bad.sum()))}"
+        )
+
+
+def _check_groups_of_cells(mesh: MeshData) -> None:
+    if not mesh.cells.names:
+        raise InputError("it has no physical group of cells; name the body's regions")
+    bare = mesh.cells.groups == 0
+    if bare.any():
+        raise InputError(
+            f"it has cells outside every physical group, such as "
+            f"{places.cell(mesh, int(np.argmax(bare)))}{places.more(int(bare.sum()))}; name them "
+            "all"
+        )
+
+
+def _check_cells(mesh: MeshData, warnings: list[str]) -> None:
+    cells = mesh.cells.nodes
+    shape = places.CELL[mesh.dim]
+    corners = np.sort(cells, axis=1)
+    twice = (corners[:, 1:] == corners[:, :-1]).any(axis=1)
+    if twice.any():
+        raise InputError(
+            f"{places.cell(mesh, int(np.argmax(twice)))} has the same node twice"
+            f"{places.more(int(twice.sum()))}"
+        )
+    length = longest_edges(mesh.points, cells)
+    # Rounding of the coordinates themselves may leave a little of a collapsed cell.
+    rounding = 8 * np.finfo(float).eps * np.abs(mesh.points).max() / np.maximum(length, 1e-300)
+    with np.errstate(all="ignore"):
+        share = np.abs(signed_measures(mesh.points, cells)) / length**mesh.dim
+    # A length that underflows, or volumes that overflow, make no number.
+    bad = ~(share > np.maximum(_COLLAPSED, rounding))
+    if bad.any():
+        raise InputError(
+            f"{places.cell(mesh, int(np.argmax(bad)))} has collapsed: its nodes lie on one "
+            f"{'line' if mesh.dim == 2 else 'plane'}{places.more(int(bad.sum()))}"
+        )
+    thin = share < _NEARLY_COLLAPSED
+    if thin.any():
+        warnings.append(
+            f"{places.cell(mesh, int(np.argmax(thin)))} has nearly collapsed"
+            f"{places.more(int(thin.sum()))}; digits are lost where a {shape} is so thin"
+        )
+
+
+def _check_sharing(mesh: MeshData, facets: Facets) -> None:
+    """No cell is there twice, and no facet has more than two cells."""
+    joined = np.flatnonzero(facets.shared >= 2)
+    both, opposite = facets.pairs(joined)
+    same = opposite[:, 0] == opposite[:, 1]
+    if same.any():
+        first, second = sorted(mesh.cells.numbers[both[np.argmax(same)]])
+        found = len(np.unique(both[same].max(axis=1)))
+        raise InputError(
+            f"{places.CELL[mesh.dim]} {second} is {places.CELL[mesh.dim]} {first} once more, at "
+            f"{places.centre(mesh, mesh.cells, int(both[np.argmax(same), 0]))}: they have the same "
+            f"nodes{places.more(found)}; remove the duplicates (gmsh.model.mesh."
+            "removeDuplicateElements)"
+        )
+    many = np.flatnonzero(facets.shared > 2)
+    if len(many):
+        facet = int(many[0])
+        corners = facets.nodes[facet]
+        *most, last = map(str, mesh.cells.numbers[facets.cells(facet)])
+        what, plural = ("edge", "triangles") if mesh.dim == 2 else ("face", "tetrahedra")
+        raise InputError(
+            f"{facets.shared[facet]} {plural} share one {what} ({places.nodes(mesh, corners)} at "
+            f"{places.at(mesh.points[corners].mean(axis=0))}): {', '.join(most)} and "
+            f"{last}{places.more(len(many))}; at most two can, as cells do not overlap"
+        )
+
+
+def _check_folds(mesh: MeshData, facets: Facets) -> None:
+    """The two cells of a facet lie on either side of it."""
+    joined = np.flatnonzero(facets.shared == 2)
+    both, opposite = facets.pairs(joined)
+    rows = facets.nodes[joined]
+    sides = [
+        np.sign(signed_measures(mesh.points, np.column_stack([rows, opposite[:, i]])))
+        for i in (0, 1)
+    ]
+    folded = sides[0] * sides[1] > 0
+    if folded.any():
+        first, second = both[np.argmax(folded)]
+        raise InputError(
+            f"{places.cell(mesh, int(first))} and its neighbour "
+            f"{mesh.cells.numbers[second]} overlap: they lie on one side of what they share "
+            f"({places.nodes(mesh, rows[np.argmax(folded)])}){places.more(int(folded.sum()))}; one "
+            "of them is turned over"
+        )
+
+
+def _named_facets(
+    mesh: MeshData, facets: Facets, warnings: list[str]
+) -> tuple[Simplices, dict[str, str]]:
+    """Named facets on the boundary, each once, and why other groups bound nothing."""
+    given = mesh.facets.take(mesh.facets.groups != 0)
+    named = MeshData(mesh.dim, mesh.points, mesh.numbers, mesh.cells, given)
+    found = facets.find(given.nodes)
+    shared = np.where(found >= 0, facets.shared[found], 0)
+    unusable: dict[str, str] = {}
+    for name, group in given.names.items():
+        own = given.groups == group
+        off, inner = own & (shared == 0), own & (shared == 2)
+        if off.any():
+            what = "edge" if mesh.dim == 2 else "face"
+            unusable[name] = (
+                f"{name!r} does not lie on the body: {places.facet(named, int(np.argmax(off)))} is "
+                f"no {what} of a {places.CELL[mesh.dim]} ({off.sum()} of {own.sum()} such); remove "
+                "what dangles, or make it part of the body's mesh (fragment)"
+            )
+            warnings.append(f"group {unusable[name]}")
+        elif inner.sum() == own.sum():
+            unusable[name] = (
+                f"{name!r} lies inside the body, and is no part of its boundary: "
+                f"{places.facet(named, int(np.argmax(own)))} has cells on both sides"
+            )
+        elif inner.any():
+            warnings.append(
+                f"group {name!r} is boundary in part only: "
+                f"{places.facet(named, int(np.argmax(inner)))} has cells on both sides"
+                f"{places.more(int(inner.sum()))}; such are left out"
+            )
+    boundary = shared == 1
+    order = np.flatnonzero(boundary)
+    _, first, inverse = np.unique(found[order], return_index=True, return_inverse=True)
+    other = given.groups[order] != given.groups[order[first]][inverse]
+    if other.any():
+        index = int(order[np.argmax(other)])
+        names = sorted(
+            {given.name(int(g)) for g in given.groups[order][found[order] == found[index]]}
+        )
+        raise InputError(
+            f"physical groups {names[0]!r} and {names[1]!r} share {places.facet(named, index)}; "
+            "let each part of the boundary have one name"
+        )
+    kept = np.zeros(len(given), dtype=bool)
+    kept[order[first]] = True
+    usable = {name: group for name, group in given.names.items() if name not in unusable}
+    kept &= np.isin(given.groups, list(usable.values()))
+    return Simplices(given.nodes[kept], given.numbers[kept], given.groups[kept], usable), unusable

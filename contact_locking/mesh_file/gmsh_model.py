@@ -1,0 +1,100 @@
+"""The arrays of a meshed model of Gmsh."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from contact_locking.errors import InputError
+from contact_locking.mesh_file.data import IntArray, MeshData, Simplices
+
+# Gmsh's numbers of the first-order simplices, by dimension.
+_SIMPLEX = {1: 1, 2: 2, 3: 4}
+_PLURAL = {1: "lines", 2: "triangles", 3: "tetrahedra"}
+_FLAT = 1e-12  # of the largest coordinate
+
+
+def extract(model: Any, origin: str) -> MeshData:
+    """Points, all cells, and the facets of physical groups.
+
+    Raises InputError, in which ``origin`` names the mesh, for what has no cells, or cells other
+    than first-order triangles in the plane z = 0 or first-order tetrahedra.
+    """
+    dim = max((d for d, _ in model.getEntities()), default=0)
+    if dim < 2:
+        raise InputError(f"{origin} is a {dim}D mesh; a body in 2D or 3D is needed")
+    if not len(model.mesh.getElementTypes(dim)):
+        raise InputError(f"{origin} holds no cells of dimension {dim}; generate the mesh")
+    numbers, coordinates, _ = model.mesh.getNodes()
+    order = np.argsort(numbers)
+    numbers = numbers[order].astype(np.int64)
+    points = coordinates.reshape(-1, 3)[order]
+    cells, facets = (_simplices(model, d, numbers, origin) for d in (dim, dim - 1))
+    if dim == 2:
+        off = np.abs(points[:, 2]) > _FLAT * np.abs(points).max()
+        if off.any():
+            first = int(np.argmax(off))
+            raise InputError(
+                f"{origin} is a surface in space; a 2D body lies in z = 0, and node "
+                f"{numbers[first]} has z = {points[first, 2]:g}"
+            )
+    if facets.names.keys() & {""} or cells.names.keys() & {""}:
+        raise InputError(f"{origin} has a physical group with an empty name")
+    return MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
+
+
+def _simplices(model: Any, dim: int, node_numbers: IntArray, origin: str) -> Simplices:
+    """Elements of a dimension: those of groups one group after another, then the others."""
+    names: dict[str, int] = {}
+    owner: dict[int, str] = {}
+    nodes: list[IntArray] = [np.empty((0, dim + 1), dtype=np.int64)]
+    numbers: list[IntArray] = [np.empty(0, dtype=np.int64)]
+    groups: list[IntArray] = [np.empty(0, dtype=np.int64)]
+
+    def add(entity: int, group: int) -> None:
+        for kind, tags, corners in zip(*model.mesh.getElements(dim, entity), strict=True):
+            if kind != _SIMPLEX[dim]:
+                shape, *_ = model.mesh.getElementProperties(kind)
+                raise InputError(
+                    f"{origin}: only first-order {_PLURAL[dim]} are supported, element {tags[0]} "
+                    f"is a {shape} in Gmsh's words"
+                )
+            numbers.append(tags.astype(np.int64))
+            rows = np.searchsorted(node_numbers, corners.astype(np.int64))
+            nodes.append(rows.reshape(-1, dim + 1))
+            groups.append(np.full(len(tags), group, dtype=np.int64))
+
+    for _, tag in model.getPhysicalGroups(dim):
+        name = _name(model, dim, tag, origin)
+        if name in names:
+            raise InputError(f"{origin} has two physical groups of dimension {dim} named {name!r}")
+        names[name] = int(tag)
+        for entity in map(int, model.getEntitiesForPhysicalGroup(dim, tag)):
+            if entity in owner:
+                raise InputError(
+                    f"{origin}: physical groups {owner[entity]!r} and {name!r} share an entity; "
+                    "let each part of the mesh have one name"
+                )
+            owner[entity] = name
+            add(entity, int(tag))
+    for _, entity in model.getEntities(dim):
+        if int(entity) not in owner:
+            add(int(entity), 0)
+    return Simplices(np.concatenate(nodes), np.concatenate(numbers), np.concatenate(groups), names)
+
+
+def _name(model: Any, dim: int, tag: int, origin: str) -> str:
+    try:
+        name = model.getPhysicalName(dim, tag) or str(tag)
+    except UnicodeDecodeError:
+        raise InputError(
+            f"{origin}: the name of physical group {tag} of dimension {dim} is not in UTF-8"
+        ) from None
+    # Names are written to terminals, which take some characters for commands.
+    if not name.isprintable():
+        raise InputError(
+            f"{origin}: the name of a physical group holds characters that cannot be printed: "
+            f"{name!a}"
+        )
+    return str(name)

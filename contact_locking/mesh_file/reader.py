@@ -1,0 +1,67 @@
+"""A mesh file as arrays, read by Gmsh in a process of its own.
+
+A file can crash Gmsh, which would take this process with it, and under MPI all others.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import contact_locking
+from contact_locking.errors import InputError
+from contact_locking.mesh_file.data import MeshData
+from contact_locking.mesh_file.trusted import trusted_copy
+
+_KEY = "mesh.file"
+_PROGRAM = "contact_locking.mesh_file.gmsh_process"
+# How launchers of MPI tell a process that it is one of theirs, which the new one is not.
+_LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_LOCAL", "HYDRA_")
+_MESSAGE_TAIL = 300
+
+
+def read(path: Path) -> MeshData:
+    """The arrays of a mesh file, which are not diagnosed yet; to be called on one process.
+
+    Raises InputError with the name of the file for what is no mesh, or cannot be read.
+    """
+    with trusted_copy(path) as copy:
+        target = copy.with_name("arrays.npz")
+        words = [sys.executable, "-P", "-m", _PROGRAM, str(copy), str(target), str(path)]
+        done = subprocess.run(
+            words,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            cwd=copy.parent,
+            env=_environment(),
+            check=False,
+        )
+        said = done.stdout.decode("utf-8", errors="replace").strip()
+        if done.returncode == InputError.exit_code and said:
+            raise InputError(said, _KEY)
+        if done.returncode != 0:
+            last = done.stderr.decode("utf-8", errors="replace").strip()[-_MESSAGE_TAIL:]
+            raise InputError(
+                f"Gmsh cannot read {path}: it {_end(done.returncode)}"
+                f"{' and said: ' if last else ''}{' '.join(last.split())}",
+                _KEY,
+            )
+        return MeshData.load(target)
+
+
+def _environment() -> dict[str, str]:
+    """That of this process without its launcher's words, and where this package is found."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHERS)}
+    home = str(Path(contact_locking.__file__).resolve().parent.parent)
+    paths = [home, *map(os.path.abspath, kept.get("PYTHONPATH", home).split(os.pathsep))]
+    return {**kept, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+def _end(code: int) -> str:
+    if -code in list(signal.Signals):
+        hint = ", perhaps for want of memory" if -code == signal.SIGKILL else ""
+        return f"crashed ({signal.Signals(-code).name}{hint})"
+    return f"ended with exit code {code}"

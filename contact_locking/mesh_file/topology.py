@@ -1,0 +1,92 @@
+"""The facets of cells, and the parts of a body whose cells are joined by facets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from contact_locking.mesh_file.data import FloatArray, IntArray
+
+
+def keys(rows: IntArray, count: int) -> npt.NDArray[Any]:
+    """One sortable value for each row (k, d) of numbers below ``count``: equal where rows are."""
+    width = rows.shape[1]
+    if count**width < 2**63:
+        return rows @ count ** np.arange(width - 1, -1, -1, dtype=np.int64)
+    return np.ascontiguousarray(rows.astype(">u8")).view(f"V{8 * width}").ravel()
+
+
+class Facets:
+    """Every facet of cells (k, d + 1) once, with the cells that have it.
+
+    ``nodes`` (f, d) are sorted in each row, and ``shared`` (f,) is the number of cells.
+    """
+
+    def __init__(self, cells: IntArray, num_nodes: int) -> None:
+        width = cells.shape[1]
+        corners = np.sort(cells, axis=1)
+        rows = np.concatenate([np.delete(corners, i, axis=1) for i in range(width)])
+        self._num_nodes = num_nodes
+        values = keys(rows, num_nodes)
+        order = np.argsort(values, kind="stable")
+        values = values[order]
+        first = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+        self._first, self._keys = first, values[first]
+        self._cell = np.tile(np.arange(len(cells)), width)[order]
+        self._opposite = corners.T.ravel()[order]
+        self.nodes: IntArray = rows[order[first]]
+        self.shared: IntArray = np.diff(np.append(first, len(values)))
+
+    def cells(self, facet: int) -> IntArray:
+        """All cells of one facet."""
+        start = self._first[facet]
+        return self._cell[start : start + self.shared[facet]]
+
+    def pairs(self, facets: IntArray) -> tuple[IntArray, IntArray]:
+        """First and second cell, and the nodes opposite, of facets of two or more: (k, 2) each."""
+        both = self._first[facets][:, None] + [0, 1]
+        return self._cell[both], self._opposite[both]
+
+    def owner(self, facets: IntArray) -> IntArray:
+        """The (first) cell of facets."""
+        return self._cell[self._first[facets]]
+
+    def find(self, rows: IntArray) -> IntArray:
+        """The facets with these nodes (k, d), in any order; -1 where there is none."""
+        wanted = keys(np.sort(rows, axis=1), self._num_nodes)
+        places = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
+        return np.where(self._keys[places] == wanted, places, -1)
+
+
+def parts(facets: Facets, num_cells: int) -> tuple[int, IntArray]:
+    """How many parts the cells make that are joined by facets, and the part (k,) of each."""
+    joined, _ = facets.pairs(np.flatnonzero(facets.shared >= 2))
+    graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), (num_cells, num_cells))
+    count, labels = connected_components(graph, directed=False)
+    return int(count), labels.astype(np.int64)
+
+
+def signed_measures(points: FloatArray, simplices: IntArray) -> FloatArray:
+    """``d!`` times the volume of simplices (k, d + 1), negative where they are turned over."""
+    origin = points[simplices[:, -1]]
+    edges = [points[simplices[:, i]] - origin for i in range(points.shape[1])]
+    if len(edges) == 2:
+        a, b = edges
+        return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    a, b, c = edges
+    return np.einsum("ki,ki->k", a, np.cross(b, c))
+
+
+def longest_edges(points: FloatArray, simplices: IntArray) -> FloatArray:
+    """The longest edge (k,) of each simplex (k, d + 1)."""
+    width = simplices.shape[1]
+    longest = np.zeros(len(simplices))
+    for i in range(width):
+        for j in range(i):
+            edge = points[simplices[:, i]] - points[simplices[:, j]]
+            np.maximum(longest, np.einsum("ki,ki->k", edge, edge), out=longest)
+    return np.sqrt(longest)

@@ -1,0 +1,332 @@
+"""The discrete problem and its solution in NumPy, from the parameters, the mesh and nothing else.
+
+Stresses and strains are vectors in Mandel's notation.  What the package assembles and solves with
+is not used; of the solution, only the fields that a user sees are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from conic import Body
+
+from contact_locking import _compat
+from contact_locking.domain import Domain
+from contact_locking.expressions import parse
+from contact_locking.parameters import Elasticity, Parameters
+from contact_locking.solution import Solution
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.integer[Any]]
+Matrix: TypeAlias = sp.csr_matrix
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Nodes ``x`` (k, d) and cells (c, d + 1) by their nodes; ``node_of`` those of the mesh."""
+
+    domain: Domain
+    x: FloatArray
+    cells: IntArray
+    node_of: IntArray
+
+    @classmethod
+    def of(cls, domain: Domain, space: Any) -> Geometry:
+        """With the numbers that the dofs of a P1 space give to the nodes."""
+        cells = space.dofmap.list
+        corners = domain.mesh.geometry.dofmap
+        node_of = np.empty(int(corners.max()) + 1, dtype=np.int64)
+        node_of[corners] = cells
+        return cls(domain, space.tabulate_dof_coordinates()[:, : domain.dim], cells, node_of)
+
+    def facets(self, names: tuple[str, ...]) -> IntArray:
+        """The facets (f, d) of some parts of the boundary."""
+        mesh, dim = self.domain.mesh, self.domain.dim
+        found = self.domain.facets(names)
+        if not len(found):
+            return np.empty((0, dim), dtype=np.int64)
+        return self.node_of[_compat.entities_to_geometry(mesh, dim - 1, found)]
+
+    def normals(self, facets: IntArray) -> FloatArray:
+        """Outward normals (f, d), as long as the facets are large."""
+        dim = self.x.shape[1]
+        edges = self.x[facets[:, 1:]] - self.x[facets[:, :1]]
+        if dim == 2:
+            normals = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
+        else:
+            normals = 0.5 * np.cross(edges[:, 0], edges[:, 1])
+        opposite = self._opposite(facets)
+        inwards = np.einsum("fd,fd->f", normals, opposite - self.x[facets[:, 0]])
+        return normals * np.where(inwards > 0.0, -1.0, 1.0)[:, None]
+
+    def _opposite(self, facets: IntArray) -> FloatArray:
+        """The place of the node across each facet in its cell."""
+        across: dict[tuple[int, ...], int] = {}
+        wanted = [_corners(facet) for facet in facets]
+        surface = set(wanted)
+        for i in range(self.cells.shape[1]):
+            for side, node in zip(np.delete(self.cells, i, axis=1), self.cells[:, i], strict=True):
+                key = _corners(side)
+                if key in surface:
+                    across[key] = int(node)
+        return self.x[[across[facet] for facet in wanted]]
+
+
+def _corners(facet: Any) -> tuple[int, ...]:
+    return tuple(sorted(int(node) for node in facet))
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Nodes of Gamma_C with weights, normals (k, d), gap and the rounding in that, all (k,).
+
+    ``decides`` says where contact has a say: where the normal displacement is not prescribed.
+    """
+
+    nodes: IntArray
+    weights: FloatArray
+    normals: FloatArray
+    gap: FloatArray
+    rounding: FloatArray
+    decides: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Discrete:
+    """min 1/2 u'Ku - f'u over u = ``prescribed`` at the dofs that are not free, and the laws.
+
+    ``strain`` maps u to strains, ``law`` (c, m, m) is A by cells, ``limit`` (c,) is M.
+    """
+
+    geometry: Geometry
+    volumes: FloatArray
+    strain: Matrix
+    law: FloatArray
+    limit: FloatArray
+    load: FloatArray
+    load_size: FloatArray
+    free: npt.NDArray[np.bool_]
+    prescribed: FloatArray
+    contact: Contact | None
+    n: float
+    epsilon: float
+
+    @property
+    def dim(self) -> int:
+        return int(self.geometry.x.shape[1])
+
+    @property
+    def stiffness(self) -> Matrix:
+        blocks = sp.block_diag(list(self.law * self.volumes[:, None, None]), "csr")
+        return (self.strain.T @ blocks @ self.strain).tocsr()
+
+    def strains(self, u: FloatArray) -> FloatArray:
+        """(c, m)."""
+        return (self.strain @ u).reshape(len(self.volumes), -1)
+
+    def forces(self, stress: FloatArray) -> FloatArray:
+        """The nodal forces of a stress (c, m)."""
+        return np.asarray(self.strain.T @ (stress * self.volumes[:, None]).ravel())
+
+
+def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
+    """The discrete problem of a study on a mesh; ``space`` numbers the nodes."""
+    geometry = Geometry.of(domain, space)
+    body = Body(geometry.x, geometry.cells, 1.0, 0.3)
+    free, prescribed = _conditions(parameters, geometry)
+    load, load_size = _loads(parameters, geometry, body)
+    law, limit = _material(parameters, geometry)
+    given = parameters.penalty
+    said = given.model_fields_set
+    # Who says nothing of penalties asks for the inequality itself.
+    n = given.n if "n" in said else math.inf
+    epsilon = given.epsilon if given.epsilon is not None else (1.0 / n if "n" in said else 0.0)
+    return Discrete(
+        geometry=geometry,
+        volumes=body.volumes,
+        strain=body.strain.tocsr(),
+        law=law,
+        limit=limit,
+        load=load,
+        load_size=load_size,
+        free=free,
+        prescribed=prescribed,
+        contact=_contact(parameters, geometry, body, free),
+        n=n,
+        epsilon=epsilon,
+    )
+
+
+def at(value: float | str, x: FloatArray, **more: FloatArray) -> FloatArray:
+    """A number or an expression at points (k, d)."""
+    names = AXES[: x.shape[1]]
+    found = parse(value, (*names, *more), allow_infinite=True)
+    result = found.numpy(**dict(zip(names, x.T, strict=True)), **more)
+    return np.broadcast_to(np.asarray(result, dtype=float), (len(x),)).copy()
+
+
+def _conditions(
+    parameters: Parameters, geometry: Geometry
+) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+    free = np.ones(geometry.x.shape, dtype=bool)
+    prescribed = np.zeros(geometry.x.shape)
+    for condition in parameters.loads.displacements:
+        nodes = np.unique(geometry.facets(condition.on))
+        for axis, value in enumerate(condition.value):
+            if value is not None:
+                free[nodes, axis] = False
+                prescribed[nodes, axis] = at(value, geometry.x[nodes])
+    return free.ravel(), prescribed.ravel()
+
+
+def _loads(parameters: Parameters, geometry: Geometry, body: Body) -> tuple[FloatArray, FloatArray]:
+    """Nodal forces, exact for loads that are affine in x, and the sums of what they are made of."""
+    load, size = np.zeros(geometry.x.shape), np.zeros(geometry.x.shape)
+
+    def add(simplices: IntArray, measures: FloatArray, vector: Any) -> None:
+        corners = simplices.shape[1]
+        share = (np.ones((corners, corners)) + np.eye(corners)) / (corners * (corners + 1))
+        for axis, value in enumerate(vector):
+            values = at(value, geometry.x)[simplices]
+            parts = measures[:, None] * (values @ share)
+            np.add.at(load[:, axis], simplices, parts)
+            np.add.at(size[:, axis], simplices, np.abs(parts))
+
+    if parameters.loads.body_force is not None:
+        add(geometry.cells, body.volumes, parameters.loads.body_force)
+    for traction in parameters.loads.tractions:
+        facets = geometry.facets(traction.on)
+        measures = np.linalg.norm(geometry.normals(facets), axis=1)
+        add(facets, measures, traction.value)
+    return load.ravel(), size.ravel()
+
+
+def _material(parameters: Parameters, geometry: Geometry) -> tuple[FloatArray, FloatArray]:
+    """A (c, m, m) and M (c,) by cells."""
+    given = parameters.material
+    middle = geometry.x[geometry.cells].mean(axis=1)
+    law = _stiffness(given.elasticity, middle)
+    limit = at(given.locking_limit, middle)
+    cells = geometry.domain.cell_tags
+    for name, region in given.regions.items():
+        where = geometry.domain.cells(name)
+        assert cells is not None
+        if region.elasticity is not None:
+            law[where] = _stiffness(region.elasticity, middle[where])
+        if region.locking_limit is not None:
+            limit[where] = at(region.locking_limit, middle[where])
+    return law, limit
+
+
+def _stiffness(given: Elasticity, x: FloatArray) -> FloatArray:
+    dim = x.shape[1]
+    if given.stiffness is not None:
+        rows = np.array([[at(entry, x) for entry in row] for row in given.stiffness])
+        # A study file has the order yz, xz, xy in 3D, the strains here xy, xz, yz.
+        order = [0, 1, 2] if dim == 2 else [0, 1, 2, 5, 4, 3]
+        return np.moveaxis(rows[order][:, order], 2, 0)
+    if given.young is not None and given.poisson is not None:
+        young, poisson = at(given.young, x), at(given.poisson, x)
+        shear = young / (2.0 * (1.0 + poisson))
+        bulk = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+    else:
+        assert given.lame_lambda is not None and given.lame_mu is not None
+        bulk, shear = at(given.lame_lambda, x), at(given.lame_mu, x)
+    trace = np.r_[np.ones(dim), np.zeros(dim * (dim - 1) // 2)]
+    identity = np.eye(len(trace))
+    return 2.0 * shear[:, None, None] * identity + bulk[:, None, None] * np.outer(trace, trace)
+
+
+def _contact(
+    parameters: Parameters, geometry: Geometry, body: Body, free: npt.NDArray[np.bool_]
+) -> Contact | None:
+    if not parameters.contact.on:
+        return None
+    facets = geometry.facets(parameters.contact.on)
+    weights = body.nodal_areas(facets)
+    nodes = np.flatnonzero(weights)
+    x, dim = geometry.x[nodes], geometry.x.shape[1]
+    given = parameters.contact.foundation
+    if given is None:
+        gap = at(parameters.contact.gap, x)
+        normals = np.zeros_like(geometry.x)
+        np.add.at(normals, facets, geometry.normals(facets)[:, None, :])
+        normals = normals[nodes]
+        rounding = 4e-16 * np.abs(gap)
+    else:
+        gap, normals, rounding = _distance(given, x)
+    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+    decides = np.linalg.norm(normals * free.reshape(-1, dim)[nodes], axis=1) > 1e-6
+    return Contact(nodes, weights[nodes], normals, gap, rounding, decides)
+
+
+def _distance(given: Any, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Signed distance, direction towards the foundation, and the rounding in the distance."""
+    if given.half_space is not None:
+        point, normal = np.array(given.half_space.point), np.array(given.half_space.normal)
+        normal = normal / np.linalg.norm(normal)
+        rounding = 1e-15 * (np.abs(x).sum(axis=1) + np.abs(point).sum())
+        return (x - point) @ normal, np.tile(-normal, (len(x), 1)), rounding
+    body = given.sphere or given.cylinder
+    radial = x - np.array(body.centre)
+    if given.cylinder is not None and x.shape[1] == 3:
+        axis = np.array(body.axis or (0.0, 1.0, 0.0))
+        axis = axis / np.linalg.norm(axis)
+        radial = radial - np.outer(radial @ axis, axis)
+    distance = np.linalg.norm(radial, axis=1)
+    rounding = 2e-15 * (np.abs(x).sum(axis=1) + np.abs(body.centre).sum() + body.radius)
+    return distance - body.radius, -radial, rounding
+
+
+@dataclass(frozen=True)
+class State:
+    """What a solution says: nodal ``u``, stresses ``locking`` (c, m), and on Gamma_C by nodes.
+
+    ``traction`` is sigma_tau, ``bound`` the friction bound, ``smoothed`` R sigma_nu.
+    """
+
+    u: FloatArray
+    locking: FloatArray
+    pressure: FloatArray
+    traction: FloatArray
+    bound: FloatArray
+    smoothed: FloatArray
+
+
+def state_of(solution: Solution, discrete: Discrete) -> State:
+    """The fields of a solution in the order of the discrete problem."""
+    dim = discrete.dim
+    tensors = solution.locking_stress
+    cells = tensors.function_space.dofmap.list.reshape(-1)
+    locking = tensors.x.array.reshape(-1, dim, dim)[cells]
+    nodes = np.zeros(0, int) if discrete.contact is None else discrete.contact.nodes
+
+    def scalar(function: Any) -> FloatArray:
+        # The scalar space may number the nodes in another way.
+        values = np.empty(len(discrete.geometry.x))
+        values[discrete.geometry.cells] = function.x.array[function.function_space.dofmap.list]
+        return values[nodes]
+
+    return State(
+        u=solution.displacement.x.array.copy(),
+        locking=mandel(locking),
+        pressure=scalar(solution.contact_pressure),
+        traction=solution.tangential_traction.x.array.reshape(-1, dim)[nodes],
+        bound=scalar(solution.friction_bound),
+        smoothed=scalar(solution.smoothed_stress),
+    )
+
+
+def mandel(tensors: FloatArray) -> FloatArray:
+    """Symmetric tensors (c, d, d) as vectors (c, m)."""
+    dim = tensors.shape[-1]
+    shear = [math.sqrt(2.0) * tensors[:, i, j] for i, j in combinations(range(dim), 2)]
+    return np.stack([*(tensors[:, i, i] for i in range(dim)), *shear], axis=1)

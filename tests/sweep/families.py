@@ -1,0 +1,20 @@
+"""All families of the sweep by name, and the case of a seed."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from . import frictions, materials, rest, scales, shapes, supports
+from .case import FAMILIES, Case
+
+__all__ = ["FAMILIES", "MODULES", "case_of"]
+
+MODULES = (scales, rest, supports, frictions, materials, shapes)
+
+
+def case_of(name: str, seed: int) -> Case:
+    """The case of a family for a seed: the same on every machine and in every order."""
+    random = np.random.default_rng([zlib.crc32(name.encode()), seed])
+    return FAMILIES[name](random)

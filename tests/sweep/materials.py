@@ -1,0 +1,268 @@
+"""Families of materials and their limits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .case import (
+    Case,
+    Random,
+    Study,
+    Truth,
+    between,
+    chance,
+    clamp,
+    decades,
+    down,
+    downwards,
+    family,
+    held_and_pressed,
+    long_block,
+    pick,
+    some_friction,
+    some_kernel,
+    some_limit,
+    strain_size,
+    study,
+    unit_block,
+    vector,
+)
+
+
+def _pressed(random: Random, mesh: Study, limit: float | str, **more: object) -> Case:
+    dim = mesh["dim"]
+    size = strain_size(limit if isinstance(limit, float) else 0.02)
+    data = study(
+        mesh,
+        held_and_pressed(random, dim, size * between(random, 0.2, 2.0)),
+        limit=limit,
+        gap=pick(random, [0.0, 0.1 * size]),
+        friction=some_friction(random),
+        smoothing=some_kernel(random),
+        **more,  # type: ignore[arg-type]
+    )
+    return Case(data, Truth(admissible=True))
+
+
+@family
+def slender_beam(random: Random) -> Case:
+    """A cantilever, 10 to 40 times as long as thick, above its foundation or on it."""
+    dim, length = pick(random, [2, 2, 3]), pick(random, [10.0, 20.0, 40.0])
+    mesh = long_block(random, [length, *[1.0] * (dim - 1)], 1.0 if dim == 3 else 0.5)
+    limit = some_limit(random)
+    load = strain_size(limit) / length**2 * decades(random, -0.5, 1.0)
+    loads = {
+        "tractions": [{"on": "top", "value": downwards(random, dim, load)}],
+        "displacements": [clamp(dim)],
+    }
+    data = study(
+        mesh,
+        loads,
+        limit=limit,
+        gap=pick(random, [0.0, 0.1]),
+        friction=some_friction(random),
+        smoothing=some_kernel(random, pick(random, [1.0, 4.0])),
+    )
+    return Case(data, Truth(admissible=True))
+
+
+@family
+def tower(random: Random) -> Case:
+    """A tower, clamped along one side or carried by the foundation alone."""
+    height = pick(random, [5.0, 10.0, 20.0])
+    mesh = long_block(random, [1.0, height], pick(random, [0.3, 0.5]))
+    limit = some_limit(random)
+    size = strain_size(limit)
+    sides = chance(random, 0.7)
+    held = clamp(2) if sides else {"on": "left", "value": [0.0, None]}
+    pressure = size * between(random, 0.1, 1.0)
+    value = downwards(random, 2, pressure) if sides else down(2, pressure)
+    loads = {"displacements": [held], "tractions": [{"on": "top", "value": value}]}
+    data = study(
+        mesh,
+        loads,
+        poisson=pick(random, [0.3, 0.4999]),
+        limit=limit,
+        gap=pick(random, [0.0, size]),
+        friction=some_friction(random),
+        smoothing=some_kernel(random, pick(random, [0.3, 1.0])),
+    )
+    return Case(data, Truth(admissible=True))
+
+
+@family
+def incompressible(random: Random) -> Case:
+    """Poisson's ratio from 0.49 to 0.499999."""
+    poisson = 0.5 - decades(random, -6.0, -2.0)
+    mesh = unit_block(random, pick(random, [2, 2, 3]))
+    return _pressed(random, mesh, some_limit(random), poisson=poisson)
+
+
+@family
+def auxetic(random: Random) -> Case:
+    """Poisson's ratio from -0.95 to 0."""
+    mesh = unit_block(random, pick(random, [2, 2, 3]))
+    return _pressed(random, mesh, some_limit(random), poisson=between(random, -0.95, 0.0))
+
+
+@family
+def contrast(random: Random) -> Case:
+    """An inclusion 1e-8 to 1e8 times as stiff as the body, with the same limit or another."""
+    mesh = {"builder": "inclusion", "dim": 2, "h": pick(random, [0.12, 0.15])}
+    limit = some_limit(random)
+    case = _pressed(random, mesh, limit)
+    inclusion: Study = {"elasticity": {"young": decades(random, -8.0, 8.0), "poisson": 0.3}}
+    if chance(random):
+        inclusion["locking_limit"] = pick(random, [math.inf, 0.3 * strain_size(limit)])
+    case.study["material"]["regions"] = {"inclusion": inclusion}
+    return case
+
+
+@family
+def limit_in_space(random: Random) -> Case:
+    """M that varies, jumps by orders, or is tiny in a layer at the clamp."""
+    small = decades(random, -7.0, -2.0)
+    law = pick(
+        random,
+        [
+            f"{small} if x < 0.31 else 0.05",
+            "0.01 + 0.05*x",
+            f"{small} if y < 0.37 else inf",
+            f"inf if x < 0.47 else {small}",
+            "0.02*exp(-5*x)",
+        ],
+    )
+    return _pressed(random, unit_block(random, pick(random, [2, 2, 3])), law)
+
+
+@family
+def anisotropic(random: Random) -> Case:
+    """A random elliptic matrix in Mandel's notation."""
+    dim = pick(random, [2, 2, 3])
+    count = dim * (dim + 1) // 2
+    frame = np.linalg.qr(random.standard_normal((count, count)))[0]
+    eigenvalues = 10.0 ** random.uniform(-1.0, 1.0, count)
+    matrix = np.round(frame @ np.diag(eigenvalues) @ frame.T, 6)
+    case = _pressed(random, unit_block(random, dim), some_limit(random))
+    stiffness = np.triu(matrix) + np.triu(matrix, 1).T
+    case.study["material"]["elasticity"] = {"stiffness": stiffness.tolist()}
+    return case
+
+
+@family
+def stiffness_in_space(random: Random) -> Case:
+    """Young's modulus that varies or jumps in the body."""
+    law = pick(random, ["1 + 9*x", "exp(6*y)", "1e4 if y > 0.47 else 1", "1 if x > 0.37 else 1e-3"])
+    mesh = unit_block(random, pick(random, [2, 2, 3]))
+    return _pressed(random, mesh, some_limit(random), young=law)
+
+
+@family
+def penalties(random: Random) -> Case:
+    """Finite n and epsilon, each by itself, from 1e-3 to 1e10 of what has their unit."""
+    dim, young = pick(random, [2, 2, 3]), pick(random, [1.0, 1.0, 2.1e11, 1e-6])
+    n: float = pick(random, [math.inf, young * decades(random, -3.0, 10.0)])
+    penalty: Study = {"n": n}
+    if chance(random, 0.7):
+        penalty["epsilon"] = decades(random, -10.0, 1.0) / young
+    elif math.isinf(n):
+        penalty["n"] = young * decades(random, -3.0, 10.0)
+    limit = some_limit(random)
+    size = strain_size(limit)
+    data = study(
+        unit_block(random, dim),
+        held_and_pressed(random, dim, young * size * between(random, 0.2, 2.0)),
+        young=young,
+        limit=limit,
+        gap=pick(random, [0.0, 0.1 * size]),
+        friction=some_friction(random),
+        smoothing=some_kernel(random),
+        penalty=penalty,
+    )
+    return Case(data, Truth(admissible=True))
+
+
+@family
+def huge_load(random: Random) -> Case:
+    """Loads up to 1e7 times those that make the body lock: nearly all of it is rigid."""
+    dim, limit = pick(random, [2, 2, 3]), decades(random, -5.0, -1.0)
+    pressure = limit * decades(random, 1.0, 7.0)
+    loads = {
+        "tractions": [{"on": "top", "value": downwards(random, dim, pressure)}],
+        "displacements": [clamp(dim)],
+    }
+    data = study(
+        unit_block(random, dim),
+        loads,
+        limit=limit,
+        gap=pick(random, [0.0, 0.1 * limit]),
+        friction=some_friction(random),
+        smoothing=some_kernel(random),
+    )
+    return Case(data, Truth(admissible=True))
+
+
+@family
+def rest_admissible(random: Random) -> Case:
+    """Large loads where u = 0 is within limit and gap: never infeasible."""
+    limit = decades(random, -4.5, -1.5)
+    kind = pick(random, ["rollers", "tower", "inclusion", "block"])
+    load = limit * decades(random, -0.5, 2.0)
+    value = [between(random, -1.0, 1.0) * load, -load]
+    displacements: list[Study] = [clamp(2)]
+    mesh = unit_block(random, 2)
+    if kind == "rollers":
+        displacements = [{"on": ["left", "right"], "value": [0.0, None]}]
+        value[0] = 0.0
+    elif kind == "tower":
+        mesh = long_block(random, [1.0, 5.0], 0.3)
+    elif kind == "inclusion":
+        mesh = {"builder": "inclusion", "dim": 2, "h": 0.15}
+    data = study(
+        mesh,
+        {"tractions": [{"on": "top", "value": value}], "displacements": displacements},
+        poisson=pick(random, [0.3, 0.4999]),
+        limit=limit,
+        gap=pick(random, [0.0, 0.1 * limit, limit, 1.0]),
+        friction=some_friction(random),
+        smoothing=some_kernel(random),
+    )
+    if kind == "inclusion":
+        stiff: Study = {"elasticity": {"young": decades(random, 1.0, 4.0), "poisson": 0.3}}
+        data["material"]["regions"] = {"inclusion": stiff}
+    return Case(data, Truth(admissible=True))
+
+
+@family
+def impossible(random: Random) -> Case:
+    """The ends pulled apart by more than the limit allows any path between them."""
+    dim, limit = pick(random, [2, 2, 3]), decades(random, -4.0, -1.0)
+    apart = vector(random, dim, 0.3 * limit)
+    apart[0] = limit * between(random, 1.2, 20.0)
+    data = study(
+        unit_block(random, dim),
+        {"displacements": [clamp(dim), {"on": "right", "value": apart}]},
+        limit=limit,
+        gap=pick(random, [0.0, 0.1 * limit]),
+        friction=some_friction(random),
+        smoothing=some_kernel(random),
+    )
+    return Case(data, Truth(admissible=False))
+
+
+@family
+def verge(random: Random) -> Case:
+    """Prescribed displacements at a share of the largest that this mesh admits."""
+    share = pick(random, [0.9, 0.99, 0.999, 1.001, 1.01])
+    dim, limit = pick(random, [2, 2, 3]), pick(random, [0.02, 1e-3])
+    data = study(
+        unit_block(random, dim),
+        {"displacements": [clamp(dim), {"on": "right", "value": vector(random, dim, limit)}]},
+        limit=limit,
+        gap=pick(random, [0.0, 0.1 * limit]),
+        friction=some_friction(random),
+        smoothing=some_kernel(random),
+    )
+    return Case(data, Truth(admissible=share < 1.0), verge=share)

@@ -1,0 +1,210 @@
+"""One problem of the sweep from its seed to its outcome."""
+
+from __future__ import annotations
+
+import copy
+import time
+import traceback
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from pydantic import ValidationError
+
+from contact_locking.assembly import Problem, assemble
+from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.parameters import Parameters
+from contact_locking.problem import solve_assembled
+from contact_locking.solution import Solution
+
+from . import judge, reference
+from .case import Case, Study, Truth
+from .discrete import Discrete, State, discretise, state_of
+from .families import case_of
+from .transforms import Transform
+
+# The outcomes of a problem; those of GOOD are what the sweep is for.
+SOLVED, INFEASIBLE, REFUSED = "solved", "infeasible", "refused"
+NOT_SOLVED, WRONG, BROKEN = "not solved", "wrong", "broken"
+GOOD = (SOLVED, INFEASIBLE, REFUSED)
+
+# Beyond this the problem is impossible for certain, Clarabel's accuracy considered.
+_EXCESS = 1e-7
+# Agreement with the conic solver in energy, and in displacement by the energy of the difference.
+_ENERGY, _DIFFERENCE = 1e-6, 2e-6
+# The same for the problem in other units.
+_TRANSFORMED = 1e-14
+
+
+@dataclass
+class Outcome:
+    """What became of a problem: ``study`` is the one solved, ``notes`` tell of the checks."""
+
+    family: str
+    seed: int
+    kind: str
+    reason: str = ""
+    tangents: int = 0
+    seconds: float = 0.0
+    study: Study = field(default_factory=dict)
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_good(self) -> bool:
+        return self.kind in GOOD
+
+
+def outcome_of(family: str, seed: int, checks: bool = False) -> Outcome:
+    """Make, solve and judge a problem; no exception leaves."""
+    case = case_of(family, seed)
+    outcome = Outcome(family, seed, BROKEN, study=case.study)
+    start = time.perf_counter()
+    try:
+        _solve(case, outcome, checks)
+    except (InputError, ValidationError) as error:
+        wanted = case.truth.refused
+        message = " ".join(str(error).split())
+        right = wanted is not None and wanted in message
+        outcome.kind = REFUSED if right else NOT_SOLVED
+        outcome.reason = f"refused: {message}"
+    except ContactLockingError as error:
+        outcome.kind, outcome.reason = BROKEN, f"{type(error).__name__}: {error}"
+    except Exception:
+        outcome.kind, outcome.reason = BROKEN, traceback.format_exc()
+    outcome.seconds = outcome.seconds or time.perf_counter() - start
+    return outcome
+
+
+def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
+    comm = MPI.COMM_SELF
+    problem = assemble(Parameters.model_validate(case.study), comm)
+    if case.verge is not None:
+        outcome.study = at_the_verge(case, problem)
+        problem = assemble(Parameters.model_validate(outcome.study), comm, problem.domain)
+    discrete = discretise(problem.parameters, problem.domain, problem.u.function_space)
+    start = time.perf_counter()
+    solution = solve_assembled(problem)
+    outcome.seconds = time.perf_counter() - start
+    outcome.tangents = int(solution.summary["iterations"]["tangents"])
+    _judge(case.truth, solution, discrete, outcome, checks)
+
+
+def at_the_verge(case: Case, problem: Problem) -> Study:
+    """The study with its prescribed displacements at a share of the largest that are possible."""
+    discrete = discretise(problem.parameters, problem.domain, problem.u.function_space)
+    assert case.verge is not None
+    factor = case.verge * reference.largest_factor(discrete)
+    study = copy.deepcopy(case.study)
+    for condition in study["loads"]["displacements"]:
+        condition["value"] = [None if v is None else factor * v for v in condition["value"]]
+    return study
+
+
+def _judge(
+    truth: Truth, solution: Solution, discrete: Discrete, outcome: Outcome, checks: bool
+) -> None:
+    reason = str(solution.summary["reason"])
+    if not solution.converged:
+        outcome.kind, outcome.reason = NOT_SOLVED, reason
+        if reason.startswith("infeasible"):
+            _judge_infeasible(truth, discrete, outcome)
+        return
+    state = state_of(solution, discrete)
+    found = judge.violations(solution.parameters, discrete, state)
+    outcome.notes = {name: float(f"{value:.3g}") for name, value in found.items()}
+    wrong = [judge.complaint(found), *_against_truth(truth, discrete, state)]
+    if checks:
+        wrong.append(against_reference(discrete, state))
+        if is_unique(solution.parameters):
+            wrong.append(against_transformed(truth, solution, outcome, discrete))
+    complaints = "; ".join(text for text in wrong if text)
+    outcome.kind, outcome.reason = (WRONG, complaints) if complaints else (SOLVED, "")
+
+
+def _judge_infeasible(truth: Truth, discrete: Discrete, outcome: Outcome) -> None:
+    outcome.kind = INFEASIBLE
+    if truth.admissible:
+        outcome.kind = WRONG
+        outcome.reason = f"something is admissible, but: {outcome.reason}"
+        return
+    try:
+        excess = reference.smallest_excess(discrete)
+    except reference.NoReference as error:
+        outcome.notes["reference"] = str(error)
+        return
+    outcome.notes["excess"] = excess
+    if excess < _EXCESS:
+        outcome.kind = WRONG
+        outcome.reason = f"possible with an excess of {excess:.1e}, but: {outcome.reason}"
+
+
+def _against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
+    found = []
+    if truth.admissible is False and np.isinf(discrete.n):
+        found.append("nothing is admissible, but it converged")
+    size = float(np.abs(state.u).max(initial=0.0))
+    if truth.translation is not None:
+        wanted = np.tile(truth.translation, len(discrete.geometry.x))
+        error = float(np.abs(state.u - wanted).max())
+        if error > 1e-9 * max(float(np.abs(wanted).max()), 1e-300) and error > 0.0:
+            found.append(f"not the translation: off by {error:.1e}")
+    if truth.touches is not None and discrete.contact is not None:
+        force = float(discrete.contact.weights @ state.pressure)
+        length = float(np.ptp(discrete.geometry.x, axis=0).max())
+        scale = float(discrete.law.max()) * size * length ** (discrete.dim - 2)
+        if truth.touches and not force > 1e-12 * scale:
+            found.append(f"there is a contact force, but {force:.1e} is told")
+        if not truth.touches and force > 1e-9 * scale:
+            found.append(f"nothing touches, but there is a force of {force:.1e}")
+    return found
+
+
+def is_unique(parameters: Parameters) -> bool:
+    """Whether one solution is to be expected: friction neither large nor dependent on the slip."""
+    mu = parameters.friction.coefficient
+    return isinstance(mu, float) and mu <= 0.5
+
+
+def against_reference(discrete: Discrete, state: State) -> str:
+    """How the conic solver differs, at the friction bound of the solution; "" if it agrees."""
+    try:
+        u = reference.minimiser(discrete, state.bound)
+    except reference.NoReference:
+        return ""
+    ours, theirs = (reference.energy(discrete, state.bound, v) for v in (state.u, u))
+    K = discrete.stiffness
+    scale = max(abs(state.u @ (K @ state.u)), abs(discrete.load @ state.u), 1e-300)
+    if ours - theirs > _ENERGY * scale:
+        return f"the energy is {(ours - theirs) / scale:.1e} above that of the conic solver"
+    difference = float((u - state.u) @ (K @ (u - state.u))) / scale
+    if difference > _DIFFERENCE and ours > theirs - _ENERGY * scale:
+        return f"the conic solver's displacement is another, by {difference:.1e} of the energy"
+    return ""
+
+
+def against_transformed(
+    truth: Truth, solution: Solution, outcome: Outcome, discrete: Discrete
+) -> str:
+    """How the same problem in other units, turned or mirrored, differs; "" if it agrees.
+
+    Moves the mesh, so it comes last.
+    """
+    random = np.random.default_rng(outcome.seed)
+    transform = Transform.random(random, discrete.dim, truth.homogeneous)
+    domain = solution.domain
+    transform.move(domain)
+    parameters = Parameters.model_validate(transform.study(outcome.study))
+    other = solve_assembled(assemble(parameters, MPI.COMM_SELF, domain))
+    if not other.converged:
+        return f"{transform} is not solved: {other.summary['reason']}"
+    u = solution.displacement.x.array
+    apart = transform.back(other.displacement.x.array) - u
+    K = discrete.stiffness
+    scale = max(abs(u @ (K @ u)), abs(discrete.load @ u), 1e-300)
+    rounding = 1e-13 * float(np.abs(u) @ (abs(K) @ np.abs(u)))
+    difference = float(apart @ (K @ apart)) / (scale + rounding)
+    outcome.notes["transformed"] = difference
+    if difference > _TRANSFORMED:
+        return f"{transform} differs by {difference:.1e} of the energy"
+    return ""

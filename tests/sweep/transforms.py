@@ -1,0 +1,155 @@
+"""A problem in other units, mirrored or turned: its solution is that of the problem, transformed.
+
+``x -> length Q x`` with a matrix Q of one entry 1 or -1 in each row and column, stresses times
+``stress``; then ``u -> length Q u``.  Where u is proportional to the loads, these are times ``load``
+as well.  The mesh is the same one with its nodes moved, so that the
+numbers must agree to what the solver promises.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from contact_locking.domain import Domain
+
+from .case import Random, Study
+
+FloatArray = npt.NDArray[np.float64]
+Value = float | str | None
+
+_COORDINATE = re.compile(r"\b[xyzs]\b")
+
+
+@dataclass(frozen=True)
+class Transform:
+    """Row i of Q has ``signs[i]`` in column ``axes[i]``."""
+
+    axes: tuple[int, ...]
+    signs: tuple[int, ...]
+    length: float
+    stress: float
+    load: float = 1.0
+
+    @classmethod
+    def random(cls, random: Random, dim: int, homogeneous: bool) -> Transform:
+        """Of any symmetry of a cube; loads up to 1e-30 where the solution scales with them."""
+        return cls(
+            tuple(int(i) for i in random.permutation(dim)),
+            tuple(int(i) for i in random.choice([-1, 1], dim)),
+            10.0 ** random.uniform(-3.0, 3.0),
+            10.0 ** random.uniform(-6.0, 9.0),
+            10.0 ** random.uniform(-30.0, 0.0) if homogeneous else 1.0,
+        )
+
+    @property
+    def matrix(self) -> FloatArray:
+        """Q."""
+        Q = np.zeros((len(self.axes), len(self.axes)))
+        Q[np.arange(len(self.axes)), self.axes] = self.signs
+        return Q
+
+    def move(self, domain: Domain) -> None:
+        """Move the nodes of a mesh, for good."""
+        x, dim = domain.mesh.geometry.x, len(self.axes)
+        x[:, :dim] = self.length * (x[:, :dim] @ self.matrix.T)
+
+    def back(self, u: FloatArray) -> FloatArray:
+        """The displacement of the problem from that of the transformed one, both by nodes."""
+        turned = u.reshape(-1, len(self.axes)) @ self.matrix
+        return np.asarray(turned.ravel() / (self.length * self.load))
+
+    def study(self, given: Study) -> Study:
+        """The transformed study, but for its mesh."""
+        study = copy.deepcopy(given)
+        material, loads, contact = study["material"], study["loads"], study["contact"]
+        parts = [material, *material.get("regions", {}).values()]
+        for part in parts:
+            if "elasticity" in part:
+                self._elasticity(part["elasticity"])
+            if part.get("locking_limit") is not None:
+                part["locking_limit"] = self._value(part["locking_limit"], 1.0)
+        force = self.load * self.stress
+        if "body_force" in loads:
+            loads["body_force"] = self._vector(loads["body_force"], force / self.length)
+        for traction in loads.get("tractions", []):
+            traction["value"] = self._vector(traction["value"], force)
+        for condition in loads.get("displacements", []):
+            condition["value"] = self._vector(condition["value"], self.length)
+        if "gap" in contact:
+            contact["gap"] = self._value(contact["gap"], self.length)
+        if "foundation" in contact:
+            self._foundation(contact["foundation"])
+        friction, penalty = study["friction"], study["penalty"]
+        friction["coefficient"] = self._value(friction["coefficient"], 1.0)
+        lengths = ((friction["smoothing"], "radius"), (friction, "regularisation"))
+        for section, key in lengths:
+            if section.get(key) is not None:
+                section[key] *= self.length
+        if "n" in penalty:
+            penalty["n"] *= self.stress
+        if penalty.get("epsilon") is not None:
+            penalty["epsilon"] *= self.length / self.stress
+        return study
+
+    def _elasticity(self, given: Study) -> None:
+        if "stiffness" in given:
+            turn = _mandel_turn(self.matrix)
+            matrix = self.stress * turn @ np.array(given["stiffness"]) @ turn.T
+            given["stiffness"] = (0.5 * (matrix + matrix.T)).tolist()
+        else:
+            given["young"] = self._value(given["young"], self.stress)
+
+    def _vector(self, values: list[Value], factor: float) -> list[Value]:
+        return [
+            self._value(values[axis], sign * factor)
+            for axis, sign in zip(self.axes, self.signs, strict=True)
+        ]
+
+    def _value(self, value: Value, factor: float) -> Any:
+        """A number or an expression times a factor, its coordinates those of the problem."""
+        if value is None:
+            return None
+        if not isinstance(value, str):
+            return factor * value
+
+        def old(match: re.Match[str]) -> str:
+            name = match.group()
+            if name == "s":
+                return f"(s/{self.length!r})"
+            row = self.axes.index("xyz".index(name))
+            return f"({self.signs[row]}*{'xyz'[row]}/{self.length!r})"
+
+        return f"{factor!r}*({_COORDINATE.sub(old, value)})"
+
+    def _foundation(self, given: Study) -> None:
+        for body in given.values():
+            for key, factor in (("point", self.length), ("centre", self.length), ("normal", 1.0)):
+                if key in body:
+                    body[key] = self._vector(body[key], factor)
+            if "radius" in body:
+                body["radius"] *= self.length
+        if "cylinder" in given and len(self.axes) == 3:
+            body = given["cylinder"]
+            body["axis"] = self._vector(body.get("axis", [0.0, 1.0, 0.0]), 1.0)
+
+
+def _mandel_turn(Q: FloatArray) -> FloatArray:
+    """The matrix of ``e -> Q e Q'`` for vectors in the order of a study file."""
+    dim = len(Q)
+    shears = list(reversed(list(combinations(range(dim), 2))))
+    pairs = [(i, i) for i in range(dim)] + shears
+    turn = np.zeros((len(pairs), len(pairs)))
+    for column, (i, j) in enumerate(pairs):
+        tensor = np.zeros((dim, dim))
+        tensor[i, j] = tensor[j, i] = 1.0 if i == j else math.sqrt(0.5)
+        turned = Q @ tensor @ Q.T
+        turn[:, column] = [turned[k, m] * (1.0 if k == m else math.sqrt(2.0)) for k, m in pairs]
+    return turn
