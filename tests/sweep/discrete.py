@@ -16,72 +16,19 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from conic import Body
 
-from contact_locking import _compat
 from contact_locking.domain import Domain
 from contact_locking.expressions import parse
+from contact_locking.material import mean_young
 from contact_locking.parameters import Elasticity, Parameters
 from contact_locking.solution import Solution
+
+from .geometry import Geometry
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.integer[Any]]
 Matrix: TypeAlias = sp.csr_matrix
 
 AXES = "xyz"
-
-
-@dataclass(frozen=True)
-class Geometry:
-    """Nodes ``x`` (k, d) and cells (c, d + 1) by their nodes; ``node_of`` those of the mesh."""
-
-    domain: Domain
-    x: FloatArray
-    cells: IntArray
-    node_of: IntArray
-
-    @classmethod
-    def of(cls, domain: Domain, space: Any) -> Geometry:
-        """With the numbers that the dofs of a P1 space give to the nodes."""
-        cells = space.dofmap.list
-        corners = domain.mesh.geometry.dofmap
-        node_of = np.empty(int(corners.max()) + 1, dtype=np.int64)
-        node_of[corners] = cells
-        return cls(domain, space.tabulate_dof_coordinates()[:, : domain.dim], cells, node_of)
-
-    def facets(self, names: tuple[str, ...]) -> IntArray:
-        """The facets (f, d) of some parts of the boundary."""
-        mesh, dim = self.domain.mesh, self.domain.dim
-        found = self.domain.facets(names)
-        if not len(found):
-            return np.empty((0, dim), dtype=np.int64)
-        return self.node_of[_compat.entities_to_geometry(mesh, dim - 1, found)]
-
-    def normals(self, facets: IntArray) -> FloatArray:
-        """Outward normals (f, d), as long as the facets are large."""
-        dim = self.x.shape[1]
-        edges = self.x[facets[:, 1:]] - self.x[facets[:, :1]]
-        if dim == 2:
-            normals = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
-        else:
-            normals = 0.5 * np.cross(edges[:, 0], edges[:, 1])
-        opposite = self._opposite(facets)
-        inwards = np.einsum("fd,fd->f", normals, opposite - self.x[facets[:, 0]])
-        return normals * np.where(inwards > 0.0, -1.0, 1.0)[:, None]
-
-    def _opposite(self, facets: IntArray) -> FloatArray:
-        """The place of the node across each facet in its cell."""
-        across: dict[tuple[int, ...], int] = {}
-        wanted = [_corners(facet) for facet in facets]
-        surface = set(wanted)
-        for i in range(self.cells.shape[1]):
-            for side, node in zip(np.delete(self.cells, i, axis=1), self.cells[:, i], strict=True):
-                key = _corners(side)
-                if key in surface:
-                    across[key] = int(node)
-        return self.x[[across[facet] for facet in wanted]]
-
-
-def _corners(facet: Any) -> tuple[int, ...]:
-    return tuple(sorted(int(node) for node in facet))
 
 
 @dataclass(frozen=True)
@@ -118,6 +65,7 @@ class Discrete:
     contact: Contact | None
     n: float
     epsilon: float
+    regularisation: float
 
     @property
     def dim(self) -> int:
@@ -149,6 +97,10 @@ def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
     # Who says nothing of penalties asks for the inequality itself.
     n = given.n if "n" in said else math.inf
     epsilon = given.epsilon if given.epsilon is not None else (1.0 / n if "n" in said else 0.0)
+    # The paper's epsilon in the place of a length, where none is given.
+    length = parameters.friction.regularisation
+    if length is None:
+        length = epsilon * float(mean_young(law, domain.dim).min())
     return Discrete(
         geometry=geometry,
         volumes=body.volumes,
@@ -162,6 +114,7 @@ def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
         contact=_contact(parameters, geometry, body, free),
         n=n,
         epsilon=epsilon,
+        regularisation=length,
     )
 
 

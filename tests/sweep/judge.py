@@ -129,6 +129,12 @@ def _ratio(value: float, tolerated: float) -> float:
     return 0.0 if value <= 0.0 else float(value / max(tolerated, 1e-300))
 
 
+def _worst(values: FloatArray, tolerated: FloatArray) -> float:
+    """The largest of the ratios."""
+    pairs = zip(values, np.broadcast_to(tolerated, values.shape), strict=True)
+    return max((_ratio(float(v), float(t)) for v, t in pairs), default=0.0)
+
+
 def _equilibrium(discrete: Discrete, state: State, scales: _Scales) -> float:
     """``|K u + forces of Z, p and sigma_tau - f|`` over the larger of those."""
     elastic, locking = scales.stiffness @ state.u, discrete.forces(state.locking)
@@ -160,8 +166,7 @@ def _locking(discrete: Discrete, state: State, scales: _Scales) -> Found:
     size, stress, limit = size[locks], stress[locks], limit[locks]
     work = limit * stress - np.sum(state.locking * strains, axis=1)[locks]
     if math.isinf(n):
-        over = (size - limit) / (EXCESS * limit + rounding[locks])
-        found["strain beyond M"] = float(over.max(initial=0.0))
+        found["strain beyond M"] = _worst(size - limit, EXCESS * limit + rounding[locks])
     else:
         work += n * np.maximum(size - limit, 0.0) ** 2 + stress**2 / (4.0 * n)
     floor = float(volumes[locks] @ (rounding[locks] * stress)) + scales.energy_floor
@@ -183,9 +188,7 @@ def _contact(discrete: Discrete, state: State, scales: _Scales) -> Found:
     found = {"pulling pressure": _ratio(-p.min(initial=0.0), EXCESS * np.abs(p).max(initial=0.0))}
     work = -p * depth
     if discrete.epsilon == 0.0:
-        reach = max(largest, float(np.abs(contact.gap[on]).max(initial=0.0)))
-        over = depth / (EXCESS * reach + rounding)
-        found["penetration"] = float(over.max(initial=0.0))
+        found["penetration"] = _worst(depth, EXCESS * largest + rounding)
     else:
         work = work + np.maximum(depth, 0.0) ** 2 / (2.0 * discrete.epsilon)
         work += 0.5 * discrete.epsilon * p**2
@@ -214,20 +217,21 @@ def _friction(parameters: Parameters, discrete: Discrete, state: State, scales: 
     floor = 1e-7 * stress + DIGITS * _EPS * float(scales.internal.max(initial=0.0)) / max(
         float(w.min()), 1e-300
     )
-    found = {"friction bound": _ratio(np.abs(bound - state.bound).max(), 1e-5 * peak + floor)}
+    found = {"friction bound": _ratio(np.abs(bound - state.bound).max(), EXCESS * peak + floor)}
     found["smoothed stress"] = smoothed
     held = _held(discrete)
-    over = (size - bound * (1.0 + 1e-5) - floor)[~held]
-    found["traction beyond its bound"] = _ratio(float(over.max(initial=0.0)), 1e-5 * peak + floor)
+    over = (size - bound * (1.0 + EXCESS) - floor)[~held]
+    found["traction beyond its bound"] = _ratio(float(over.max(initial=0.0)), EXCESS * peak + floor)
     across = np.abs(np.einsum("kd,kd->k", state.traction, contact.normals))
-    found["traction along the normal"] = _ratio(float(across.max()), 1e-7 * peak + floor)
+    found["traction along the normal"] = _ratio(float(across.max()), EXCESS * peak + floor)
     along = np.einsum("kd,kd->k", state.traction, slip)
-    length = discrete.epsilon
+    length = discrete.regularisation
     inside = np.sqrt(np.maximum(state.bound**2 - size**2, 0.0))
     work = state.bound * np.hypot(s, length) - length * inside + along
     total = float(w[~held] @ np.abs(work[~held]))
-    rounding = float(w @ (bound + size)) * 8.0 * _EPS * float(np.abs(state.u).max(initial=0.0))
-    energy = max(scales.energy, float(w @ (state.bound * np.hypot(s, length))))
+    reach = length + float(np.abs(state.u).max(initial=0.0))
+    rounding = float(w @ (bound + size)) * 8.0 * _EPS * reach
+    energy = max(scales.energy, float(w @ (state.bound * s)))
     found["friction law"] = _ratio(total, WORK * energy + rounding + scales.energy_floor)
     return found
 

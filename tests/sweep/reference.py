@@ -1,10 +1,11 @@
 """The discrete problem as a second-order cone programme, solved by Clarabel.
 
     min  1/2 u'Ku - f'u + sum_K |K| n q_K^2 + sum_i w_i (G_i t_i + r_i^2/(2 eps))
-    with |eps_K(u)| <= M_K + q_K,  u_nu,i - gap_i <= r_i,  |(u_tau,i, eps)| <= t_i
+    with |eps_K(u)| <= M_K + q_K,  u_nu,i - gap_i <= r_i,  |(u_tau,i, delta)| <= t_i
 
-with the friction bound G of a solution, q = 0 for n = inf and r = 0 for eps = 0.  Without energy
-and friction, the smallest excess tau over limit and gap tells whether anything is admissible.
+with the friction bound G of a solution and the regularisation delta of friction, q = 0 for n = inf
+and r = 0 for eps = 0.  Without energy and friction, the smallest excess tau over limit and gap
+tells whether anything is admissible.
 """
 
 from __future__ import annotations
@@ -145,13 +146,13 @@ def minimiser(discrete: Discrete, bound: FloatArray) -> FloatArray:
         add((1 + m) * len(locks), [clarabel.SecondOrderConeT(1 + m)] * len(locks), b, **blocks)
     if len(nodes):
         assert contact is not None
-        width = dim + (discrete.epsilon > 0.0)
+        width = dim + (discrete.regularisation > 0.0)
         tangents = _tangents(discrete, nodes)
         below = sp.kron(sp.eye(len(nodes)), sp.csr_matrix(np.eye(width)[:, 1:dim]), "csr")
         first = sp.kron(sp.eye(len(nodes)), sp.csr_matrix(np.eye(width)[:, :1]), "csr")
         b = below @ (tangents @ start) / size
         if width > dim:
-            b[width - 1 :: width] = discrete.epsilon / size
+            b[width - 1 :: width] = discrete.regularisation / size
         cones = [clarabel.SecondOrderConeT(width)] * len(nodes)
         add(width * len(nodes), cones, b, u=below @ tangents[:, free], t=first)
     P = sp.block_diag([part for part in P if part.shape[0]], "csc") / force
@@ -173,7 +174,7 @@ def energy(discrete: Discrete, bound: FloatArray, u: FloatArray) -> float:
         normal = np.einsum("kd,kd->k", at_nodes, contact.normals)
         slip = np.linalg.norm(at_nodes - normal[:, None] * contact.normals, axis=1)
         held = np.where(contact.decides, bound, 0.0) * contact.weights
-        value += held @ np.hypot(slip, discrete.epsilon)
+        value += held @ np.hypot(slip, discrete.regularisation)
         if discrete.epsilon > 0.0:
             depth = np.where(contact.decides, np.maximum(normal - contact.gap, 0.0), 0.0)
             value += contact.weights @ depth**2 / (2.0 * discrete.epsilon)

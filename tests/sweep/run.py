@@ -32,7 +32,7 @@ class Worker:
     """A process that solves many problems; one that hangs or dies is replaced."""
 
     def __init__(self, limit: float) -> None:
-        self._limit = limit
+        self.limit = limit
         self._context = multiprocessing.get_context("spawn")
         self._start()
 
@@ -46,10 +46,10 @@ class Worker:
         """The outcome of a task, also where the process does not live to tell it."""
         family, seed, _ = task
         start = time.perf_counter()
-        reason = f"no answer after {self._limit:g} s"
+        reason = f"no answer after {self.limit:g} s"
         try:
             self._connection.send(task)
-            if self._connection.poll(self._limit):
+            if self._connection.poll(self.limit):
                 outcome: Outcome = self._connection.recv()
                 return outcome
         except (EOFError, OSError):

@@ -20,7 +20,7 @@ from contact_locking.solution import Solution
 
 from . import judge, reference
 from .case import Case, Study, Truth
-from .discrete import Discrete, State, discretise, state_of
+from .discrete import Discrete, FloatArray, State, discretise, state_of
 from .families import case_of
 from .transforms import Transform
 
@@ -56,8 +56,12 @@ class Outcome:
 
 
 def outcome_of(family: str, seed: int, checks: bool = False) -> Outcome:
-    """Make, solve and judge a problem; no exception leaves."""
-    case = case_of(family, seed)
+    """Make, solve and judge the problem of a seed; no exception leaves."""
+    return outcome_of_case(case_of(family, seed), checks, family, seed)
+
+
+def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int = 0) -> Outcome:
+    """Solve and judge; with ``checks`` the conic solver and the problem in other units, too."""
     outcome = Outcome(family, seed, BROKEN, study=case.study)
     start = time.perf_counter()
     try:
@@ -114,8 +118,12 @@ def _judge(
     found = judge.violations(solution.parameters, discrete, state)
     outcome.notes = {name: float(f"{value:.3g}") for name, value in found.items()}
     wrong = [judge.complaint(found), *_against_truth(truth, discrete, state)]
+    wrong.append(_exported(solution))
     if checks:
-        wrong.append(against_reference(discrete, state))
+        try:
+            wrong.append(against_reference(discrete, state))
+        except reference.NoReference as error:
+            outcome.notes["reference"] = str(error)
         if is_unique(solution.parameters):
             wrong.append(against_transformed(truth, solution, outcome, discrete))
     complaints = "; ".join(text for text in wrong if text)
@@ -147,7 +155,8 @@ def _against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
     if truth.translation is not None:
         wanted = np.tile(truth.translation, len(discrete.geometry.x))
         error = float(np.abs(state.u - wanted).max())
-        if error > 1e-9 * max(float(np.abs(wanted).max()), 1e-300) and error > 0.0:
+        length = float(np.ptp(discrete.geometry.x, axis=0).max())
+        if error > 1e-9 * max(float(np.abs(wanted).max()), 1e-9 * length):
             found.append(f"not the translation: off by {error:.1e}")
     if truth.touches is not None and discrete.contact is not None:
         force = float(discrete.contact.weights @ state.pressure)
@@ -160,6 +169,29 @@ def _against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
     return found
 
 
+def _exported(solution: Solution) -> str:
+    """Whether the list of contact points, which goes to files, has other tractions than the fields.
+
+    Both are sums over the same nodes, so that their order does not matter.
+    """
+    points = solution.contact_points
+    if points is None:
+        return ""
+    listed = np.column_stack([points.pressure, points.traction])
+    dim = points.dim
+    fields = np.column_stack(
+        [
+            solution.contact_pressure.x.array,
+            solution.tangential_traction.x.array.reshape(-1, dim),
+        ]
+    )
+    sizes = [np.sort(np.linalg.norm(rows, axis=1))[::-1] for rows in (listed, fields)]
+    apart = float(np.abs(sizes[0] - sizes[1][: len(listed)]).max())
+    if apart > judge.FORCE * float(sizes[1][0]):
+        return f"contact points have other tractions than the fields, by {apart:.1e}"
+    return ""
+
+
 def is_unique(parameters: Parameters) -> bool:
     """Whether one solution is to be expected: friction neither large nor dependent on the slip."""
     mu = parameters.friction.coefficient
@@ -167,14 +199,13 @@ def is_unique(parameters: Parameters) -> bool:
 
 
 def against_reference(discrete: Discrete, state: State) -> str:
-    """How the conic solver differs, at the friction bound of the solution; "" if it agrees."""
-    try:
-        u = reference.minimiser(discrete, state.bound)
-    except reference.NoReference:
-        return ""
+    """How the conic solver differs, at the friction bound of the solution; "" if it agrees.
+
+    Raises NoReference where that solver does not get there.
+    """
+    u = reference.minimiser(discrete, state.bound)
     ours, theirs = (reference.energy(discrete, state.bound, v) for v in (state.u, u))
-    K = discrete.stiffness
-    scale = max(abs(state.u @ (K @ state.u)), abs(discrete.load @ state.u), 1e-300)
+    K, scale = discrete.stiffness, _energy(discrete, state.u)
     if ours - theirs > _ENERGY * scale:
         return f"the energy is {(ours - theirs) / scale:.1e} above that of the conic solver"
     difference = float((u - state.u) @ (K @ (u - state.u))) / scale
@@ -200,11 +231,15 @@ def against_transformed(
         return f"{transform} is not solved: {other.summary['reason']}"
     u = solution.displacement.x.array
     apart = transform.back(other.displacement.x.array) - u
-    K = discrete.stiffness
-    scale = max(abs(u @ (K @ u)), abs(discrete.load @ u), 1e-300)
-    rounding = 1e-13 * float(np.abs(u) @ (abs(K) @ np.abs(u)))
-    difference = float(apart @ (K @ apart)) / (scale + rounding)
+    difference = float(apart @ (discrete.stiffness @ apart)) / _energy(discrete, u)
     outcome.notes["transformed"] = difference
     if difference > _TRANSFORMED:
         return f"{transform} differs by {difference:.1e} of the energy"
     return ""
+
+
+def _energy(discrete: Discrete, u: FloatArray) -> float:
+    """The energy of a problem, or what rounding makes of none: what differences are parts of."""
+    K = discrete.stiffness
+    rounding = 1e-10 * float(np.abs(u) @ (abs(K) @ np.abs(u)))
+    return max(abs(float(u @ (K @ u))), abs(float(discrete.load @ u)), rounding, 1e-300)

@@ -1,9 +1,9 @@
 """A problem in other units, mirrored or turned: its solution is that of the problem, transformed.
 
 ``x -> length Q x`` with a matrix Q of one entry 1 or -1 in each row and column, stresses times
-``stress``; then ``u -> length Q u``.  Where u is proportional to the loads, these are times ``load``
-as well.  The mesh is the same one with its nodes moved, so that the
-numbers must agree to what the solver promises.
+``stress``; then ``u -> length Q u``.  Where u is proportional to the loads, these are multiplied by
+``load`` as well.  The mesh is the same one with its nodes moved, so that the numbers must agree to
+what the solver promises.
 """
 
 from __future__ import annotations
@@ -94,6 +94,9 @@ class Transform:
             if section.get(key) is not None:
                 section[key] *= self.length
         if "n" in penalty:
+            if math.isfinite(penalty["n"]):
+                # 1/n, which it is where it is not given, is no length over a stress.
+                penalty.setdefault("epsilon", 1.0 / penalty["n"])
             penalty["n"] *= self.stress
         if penalty.get("epsilon") is not None:
             penalty["epsilon"] *= self.length / self.stress

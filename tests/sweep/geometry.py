@@ -1,0 +1,70 @@
+"""Nodes, cells and named facets of a mesh as NumPy arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from contact_locking import _compat
+from contact_locking.domain import Domain
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Nodes ``x`` (k, d) and cells (c, d + 1) by their nodes; ``node_of`` those of the mesh."""
+
+    domain: Domain
+    x: FloatArray
+    cells: IntArray
+    node_of: IntArray
+
+    @classmethod
+    def of(cls, domain: Domain, space: Any) -> Geometry:
+        """With the numbers that the dofs of a P1 space give to the nodes."""
+        cells = space.dofmap.list
+        corners = domain.mesh.geometry.dofmap
+        node_of = np.empty(int(corners.max()) + 1, dtype=np.int64)
+        node_of[corners] = cells
+        return cls(domain, space.tabulate_dof_coordinates()[:, : domain.dim], cells, node_of)
+
+    def facets(self, names: tuple[str, ...]) -> IntArray:
+        """The facets (f, d) of some parts of the boundary."""
+        mesh, dim = self.domain.mesh, self.domain.dim
+        found = self.domain.facets(names)
+        if not len(found):
+            return np.empty((0, dim), dtype=np.int64)
+        return self.node_of[_compat.entities_to_geometry(mesh, dim - 1, found)]
+
+    def normals(self, facets: IntArray) -> FloatArray:
+        """Outward normals (f, d), as long as the facets are large."""
+        dim = self.x.shape[1]
+        edges = self.x[facets[:, 1:]] - self.x[facets[:, :1]]
+        if dim == 2:
+            normals = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
+        else:
+            normals = 0.5 * np.cross(edges[:, 0], edges[:, 1])
+        opposite = self._opposite(facets)
+        inwards = np.einsum("fd,fd->f", normals, opposite - self.x[facets[:, 0]])
+        return normals * np.where(inwards > 0.0, -1.0, 1.0)[:, None]
+
+    def _opposite(self, facets: IntArray) -> FloatArray:
+        """The place of the node across each facet in its cell."""
+        across: dict[tuple[int, ...], int] = {}
+        wanted = [_corners(facet) for facet in facets]
+        surface = set(wanted)
+        for i in range(self.cells.shape[1]):
+            for side, node in zip(np.delete(self.cells, i, axis=1), self.cells[:, i], strict=True):
+                key = _corners(side)
+                if key in surface:
+                    across[key] = int(node)
+        return self.x[[across[facet] for facet in wanted]]
+
+
+def _corners(facet: Any) -> tuple[int, ...]:
+    return tuple(sorted(int(node) for node in facet))

@@ -1,0 +1,132 @@
+"""Problems that a first solver got wrong: each is solved, and rightly, or rightly has no solution.
+
+What is told of a solution is judged by the sweep's own sums, and by the conic solver.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problem_cases import INFEASIBLE as INFEASIBLE_CASES
+from problem_cases import SOLVED as SOLVED_CASES
+from sweep.case import Study, clamp, study
+from sweep.solve import INFEASIBLE, SOLVED, outcome_of_case
+
+from contact_locking import problem
+from contact_locking.parameters import Parameters
+from contact_locking.solution import Solution
+
+pytestmark = pytest.mark.serial
+
+
+def solution_of(data: Study) -> Solution:
+    solution = problem.solve(Parameters.model_validate(data), MPI.COMM_SELF)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+@pytest.mark.parametrize("name", SOLVED_CASES)
+def test_this_problem_is_solved(name: str) -> None:
+    outcome = outcome_of_case(SOLVED_CASES[name])
+    assert outcome.kind == SOLVED, outcome.reason
+
+
+@pytest.mark.parametrize("name", INFEASIBLE_CASES)
+def test_this_problem_has_no_solution(name: str) -> None:
+    outcome = outcome_of_case(INFEASIBLE_CASES[name])
+    assert outcome.kind == INFEASIBLE, outcome.reason
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "an approach without touch is a translation",
+        "without loads nothing happens",
+        "a body moved along a foundation that touches it exactly is not pressed",
+    ],
+)
+def test_an_admissible_elastic_solution_takes_one_tangent(name: str) -> None:
+    outcome = outcome_of_case(SOLVED_CASES[name], checks=False)
+    assert outcome.kind == SOLVED, outcome.reason
+    assert outcome.tangents <= 1
+
+
+def _pressed(young: float, stress: float, **more: Any) -> Study:
+    loads = {
+        "tractions": [{"on": "top", "value": [0.0, -stress]}],
+        "displacements": [clamp(2)],
+    }
+    mesh = {"builder": "block", "dim": 2, "h": 0.2}
+    return study(mesh, loads, young=young, friction=0.4, **more)
+
+
+@pytest.mark.parametrize("young", [7e10, 2.1e11, 2e6])
+def test_who_says_nothing_of_penalties_gets_the_inequality_in_any_unit(young: float) -> None:
+    """With n = 1e4 Pa the foundation was as good as absent: a contact force of 6.5 for 6.2e7."""
+    silent = solution_of(_pressed(young, 5e-4 * young, penalty={}))
+    exact = solution_of(_pressed(young, 5e-4 * young, penalty={"n": math.inf}))
+    force, wanted = (s.summary["contact_force"] for s in (silent, exact))
+    np.testing.assert_allclose(force, wanted, rtol=1e-6, atol=1e-6 * abs(wanted[1]))
+    assert wanted[1] == pytest.approx(0.62 * 5e-4 * young, rel=0.2)
+
+
+def test_steel_in_pascals_and_metres_presses_back_as_steel() -> None:
+    """The modulus is between those of plane strain with free sides and without lateral strain."""
+    mesh = {"builder": "block", "dim": 2, "size": [0.2, 0.1], "h": 0.02}
+    push = {"displacements": [{"on": "top", "value": [1e-6, -2e-6]}]}
+    found = solution_of(study(mesh, push, young=2.1e11, friction=0.3, penalty={}))
+    free, held = 2.1e11 / (1.0 - 0.3**2), 2.1e11 * 0.7 / (1.3 * 0.4)
+    assert free <= found.summary["contact_force"][1] / (0.2 * 2e-6 / 0.1) <= held
+
+
+@pytest.mark.parametrize("kernel", ["convolution", "helmholtz", "none"])
+@pytest.mark.parametrize("share", [1e-13, 1e-30])
+def test_the_displacement_scales_with_a_tiny_load(kernel: str, share: float) -> None:
+    """Friction was 2 to 9 % off where its bound was below 1e-14 of the stiffness."""
+    loads = {
+        "tractions": [{"on": "top", "value": [0.9, -0.6]}],
+        "displacements": [clamp(2)],
+    }
+    mesh = {"builder": "block", "dim": 2, "h": 0.2}
+    data = study(mesh, loads, friction=0.5, smoothing={"kernel": kernel, "radius": 0.25})
+    tiny = copy.deepcopy(data)
+    tiny["loads"]["tractions"][0]["value"] = [0.9 * share, -0.6 * share]
+    u, v = (solution_of(d).displacement.x.array for d in (data, tiny))
+    assert np.abs(v / share - u).max() <= 1e-7 * np.abs(u).max()
+
+
+def test_epsilon_is_the_same_in_any_unit_of_stress() -> None:
+    """A compliance: E times s asks for epsilon / s.  The displacement changed by 4 to 84 %."""
+    u = [
+        solution_of(
+            _pressed(s, 0.01 * s, limit=0.02, penalty={"n": 1e4 * s, "epsilon": 1e-3 / s})
+        ).displacement.x.array
+        for s in (1.0, 1e9)
+    ]
+    assert np.abs(u[1] - u[0]).max() <= 1e-7 * np.abs(u[0]).max()
+
+
+@pytest.mark.parametrize("kernel", ["convolution", "none"])
+def test_friction_alone_holds_a_pressed_and_sheared_block(kernel: str) -> None:
+    """A uniform state: pressure p, shear t < mu p, and the foot does not move."""
+    p, t = 0.02, 0.006
+    loads = {
+        "tractions": [
+            {"on": "top", "value": [t, -p]},
+            {"on": "right", "value": [0.0, t]},
+            {"on": "left", "value": [0.0, -t]},
+        ]
+    }
+    mesh = {"builder": "block", "dim": 2, "h": 0.25}
+    data = study(mesh, loads, friction=0.5, smoothing={"kernel": kernel, "radius": 0.3})
+    found = solution_of(data)
+    np.testing.assert_allclose(found.summary["contact_force"], [0.0, p], atol=1e-6 * p)
+    np.testing.assert_allclose(found.summary["friction_force"], [-t, 0.0], atol=1e-6 * t)
+    points = found.contact_points
+    assert points is not None
+    assert np.abs(points.u_tangent).max() <= 1e-6 * np.abs(found.displacement.x.array).max()
