@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,6 +24,7 @@ from contact_locking.conditions import (
 from contact_locking.domain import Domain, agree
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
+from contact_locking.friction_law import FrictionLaw
 from contact_locking.groups import groups
 from contact_locking.loads import build_loads
 from contact_locking.parameters import ContactParameters, LoadParameters, Parameters, Smoothing
@@ -36,6 +36,7 @@ from contact_locking.surface import ContactSurface
 from contact_locking.system import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 # Without a radius R averages over this share of the extent of Gamma_C, and over the neighbours of
 # each node at least: the kernel vanishes at its radius.
@@ -134,10 +135,13 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     held = check_parts_held(domain, space, data, constraints, surface, parameters)
     bound = None
     if surface is not None:
-        smoothing = _smoothing(surface, parameters.friction.smoothing, warnings)
-        coefficient = _friction_coefficient(comm, parameters.friction.coefficient)
+        assert contact is not None
+        normal = contact.normal.x.array.reshape(-1, domain.dim)[surface.blocks]
+        free_nodes = surface.free_nodes(normal, constraints.free_dofs(u))
+        smoothing = _smoothing(surface, free_nodes, parameters.friction.smoothing, warnings)
+        law = _friction_law(comm, parameters.friction.coefficient)
         frictionless = parameters.friction.coefficient == 0
-        bound = FrictionBound(surface, smoothing, coefficient, u, data, frictionless)
+        bound = FrictionBound(surface, smoothing, law, u, data, frictionless)
     return Problem(parameters, domain, material, data, u, constraints, bound, held, warnings)
 
 
@@ -226,7 +230,9 @@ def _foundation(given: ContactParameters, dim: int) -> foundation.Foundation:
     return foundation.Round(tuple(cylinder.centre), cylinder.radius, axis)
 
 
-def _smoothing(surface: ContactSurface, given: Smoothing, warnings: list[str]) -> SmoothingOperator:
+def _smoothing(
+    surface: ContactSurface, free: BoolArray, given: Smoothing, warnings: list[str]
+) -> SmoothingOperator:
     if given.kernel == "none":
         return Identity()
     comm = surface.domain.comm
@@ -242,15 +248,13 @@ def _smoothing(surface: ContactSurface, given: Smoothing, warnings: list[str]) -
             "Gamma_C, so R hardly smooths; refine the mesh there or enlarge the radius"
         )
     if given.kernel == "convolution":
-        return Convolution(comm, surface.points, surface.weights, radius)
-    largest = _LARGEST_RADIUS_SHARE * extent
-    return HelmholtzFilter(surface.weights, surface.laplacian(), min(radius, largest))
+        return Convolution(comm, surface.whole(free), radius)
+    radius = min(radius, _LARGEST_RADIUS_SHARE * extent)
+    return HelmholtzFilter(comm, surface.whole(free), surface.laplacian(), radius)
 
 
-def _friction_coefficient(
-    comm: MPI.Intracomm, value: float | str
-) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """``mu(x, s)`` at points (k, d) and slips (k,); collective."""
+def _friction_law(comm: MPI.Intracomm, value: float | str) -> FrictionLaw:
+    """``mu(x, s)`` of a number or an expression; to evaluate it is collective."""
     key = "friction.coefficient"
     expression = parse(value, (*AXES, "s"))
 
@@ -267,7 +271,11 @@ def _friction_coefficient(
         agree(comm, lambda: _refuse_negative(mu, least, points, slip, key))
         return np.maximum(mu, 0.0)
 
-    return whole
+    return FrictionLaw(
+        whole,
+        largest=float(expression.numpy()) if expression.is_constant else None,
+        lipschitz=None if "s" in expression.names else 0.0,
+    )
 
 
 def _refuse_negative(

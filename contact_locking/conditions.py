@@ -43,6 +43,12 @@ class Constraints:
             condition.set(u.x.array)
         u.x.scatter_forward()
 
+    def free_dofs(self, u: fem.Function) -> FloatArray:
+        """1 at free and 0 at constrained local dofs of ``u``, ghosts included."""
+        mask = np.ones(len(u.x.array))
+        mask[self.dofs] = 0.0
+        return mask
+
 
 def constrain(
     domain: Domain, space: fem.FunctionSpace, wanted: Sequence[ComponentCondition]

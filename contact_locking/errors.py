@@ -48,10 +48,11 @@ class NotConverged(ContactLockingError):
 
 
 class Infeasible(NotConverged):
-    """Multipliers that grow without bound: no admissible displacement has the prescribed values.
+    """Multipliers that grow without bound: no admissible field has the prescribed values.
 
-    ``factor``, if they balance without friction: the prescribed values times any larger number are
-    impossible, too; infinite if scaling them is not the way out.
+    That is said of the piecewise linear fields on the mesh, which alone the multipliers balance.
+    ``factor``, if they balance without friction: the prescribed values times any larger number
+    exclude all of them, too; infinite if scaling them is not the way out.
     """
 
     def __init__(self, message: str, factor: float) -> None:

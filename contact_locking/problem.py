@@ -203,8 +203,8 @@ def _collect(
     if report.converged and overstrain > _NOTABLE_OVERSTRAIN:
         warnings.append(
             f"{plausibility.about_the_overstrain(overstrain)}: raise penalty.n; "
-            "if that hardly helps, no displacement within the limit can follow the prescribed "
-            "ones, which penalty.n: .inf would report"
+            "if that hardly helps, no displacement on this mesh within the limit can follow the "
+            "prescribed ones, which penalty.n: .inf would report"
         )
     numbers = body_summary(domain, u, data, body)
     if report.converged:

@@ -15,8 +15,13 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat, compiled
 from contact_locking.domain import Domain
+from contact_locking.surface_mesh import SurfaceMesh
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# A normal that has this little of itself in free directions is prescribed.
+_PRESCRIBED = 1e-6
 
 VERTEX_RULE = {"quadrature_rule": "vertex", "quadrature_degree": 1}
 
@@ -47,6 +52,37 @@ class ContactSurface:
         """The outward unit normals (k, d) of the body at the nodes, facets averaged; collective."""
         normals = self.average(ufl.FacetNormal(self.domain.mesh))()
         return normals / np.linalg.norm(normals, axis=1)[:, None]
+
+    def free_nodes(self, normal: FloatArray, free_dofs: FloatArray) -> BoolArray:
+        """(k,) the nodes whose normal displacement is not prescribed.
+
+        At the others, the held nodes, the displacement condition decides: there is no pressure and
+        no friction.  ``normal`` (k, d) is the contact normal, ``free_dofs`` has 1 at free and 0 at
+        constrained dofs of the vector space, the owned ones at least.
+        """
+        is_free = free_dofs.reshape(-1, self.domain.dim)[self.blocks]
+        return np.asarray(np.linalg.norm(normal * is_free, axis=1) > _PRESCRIBED)
+
+    def whole(self, free: BoolArray | None = None) -> SurfaceMesh:
+        """Gamma_C on every rank; nodes that are not ``free`` (k,) have no weight.  Collective."""
+        comm, mesh = self.domain.comm, self.domain.mesh
+        weights = self.weights if free is None else np.where(free, self.weights, 0.0)
+        counts = comm.allgather(len(self.nodes))
+        first = sum(counts[: comm.rank])
+        # Ranks own dofs in the order of their numbers, so that all of them come in that order.
+        index_map = self.scalar_space.dofmap.index_map
+        numbers = np.concatenate(comm.allgather(index_map.local_to_global(self.nodes)))
+        dofs = np.empty(len(mesh.geometry.x), dtype=np.int32)
+        dofs[mesh.geometry.dofmap.reshape(-1)] = self.scalar_space.dofmap.list.reshape(-1)
+        corners = dofs[_compat.entities_to_geometry(mesh, self.domain.dim - 1, self.facets)]
+        local = index_map.local_to_global(corners.reshape(-1)).reshape(corners.shape)
+        facets = np.sort(np.searchsorted(numbers, np.concatenate(comm.allgather(local))), axis=1)
+        return SurfaceMesh(
+            np.concatenate(comm.allgather(self.points)),
+            np.concatenate(comm.allgather(weights)),
+            np.unique(facets, axis=0),
+            slice(first, first + len(self.nodes)),
+        )
 
     def scalar_function(self, values: FloatArray, name: str = "f") -> fem.Function:
         """A P1 function with the given values (k,) on Gamma_C and zero elsewhere; collective."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +14,7 @@ from petsc4py import PETSc
 
 from contact_locking import compiled, forms
 from contact_locking.conditions import Constraints, rigid_motions
+from contact_locking.friction_law import Coefficient, FrictionLaw
 from contact_locking.smoothing import Smoothing
 from contact_locking.surface import ContactSurface
 
@@ -29,15 +29,16 @@ _DIFFERENCE = 1e-3
 class FrictionBound:
     """``g = mu(x, |u_tau|) |R sigma_nu|`` at the nodes of Gamma_C (6), with ``sigma_nu = -p``.
 
-    ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,);
-    ``frictionless`` says that it is zero everywhere.
+    ``law`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,): a
+    :class:`~contact_locking.friction_law.FrictionLaw`, or any function, whose constants the
+    certificate samples.  ``frictionless`` says that mu is zero everywhere.
     """
 
     def __init__(
         self,
         surface: ContactSurface,
         smoothing: Smoothing,
-        coefficient: Callable[[FloatArray, FloatArray], FloatArray],
+        law: FrictionLaw | Coefficient,
         u: fem.Function,
         data: forms.ProblemData,
         frictionless: bool = False,
@@ -46,7 +47,7 @@ class FrictionBound:
         self.surface = surface
         self.frictionless = frictionless
         self.smoothing = smoothing
-        self._coefficient = coefficient
+        self.law = law if isinstance(law, FrictionLaw) else FrictionLaw(law)
         self._bound = data.contact.bound
         self._pressure = surface.average(forms.pressure(u, data))
         dim = surface.domain.dim
@@ -59,7 +60,7 @@ class FrictionBound:
         The pressure (k,) is that of the penalty law unless it is given.
         """
         smoothed = np.abs(self.smoothing.apply(self._pressure() if pressure is None else pressure))
-        return self._coefficient(self.surface.points, self.slips()) * smoothed
+        return self.law(self.surface.points, self.slips()) * smoothed
 
     def slope(self) -> tuple[FloatArray, FloatArray]:
         """``mu`` and ``d mu/ds`` (k,) at the present slips, by central differences; collective."""
@@ -68,11 +69,11 @@ class FrictionBound:
         largest = self.surface.domain.comm.allreduce(largest, op=MPI.MAX)
         width = _DIFFERENCE * slip + _DIFFERENCE**2 * largest
         if largest == 0.0:
-            return self._coefficient(self.surface.points, slip), np.zeros_like(slip)
+            return self.law(self.surface.points, slip), np.zeros_like(slip)
         low, high = np.maximum(slip - width, 0.0), slip + width
-        change = self._coefficient(self.surface.points, high)
-        change = change - self._coefficient(self.surface.points, low)
-        return self._coefficient(self.surface.points, slip), change / (high - low)
+        change = self.law(self.surface.points, high)
+        change = change - self.law(self.surface.points, low)
+        return self.law(self.surface.points, slip), change / (high - low)
 
     def slips(self) -> FloatArray:
         """``|u_tau|`` (k,)."""
@@ -83,7 +84,12 @@ class FrictionBound:
 
     def coefficient(self, slip: float) -> FloatArray:
         """``mu(x, s)`` (k,) at the nodes for one slip s everywhere; collective."""
-        return self._coefficient(self.surface.points, np.full(len(self.surface.nodes), slip))
+        return self.law(self.surface.points, np.full(len(self.surface.nodes), slip))
+
+    @property
+    def is_coulomb(self) -> bool:
+        """Whether the bound is that of (6), and not the user's own."""
+        return type(self).evaluate is FrictionBound.evaluate
 
     @property
     def values(self) -> FloatArray:
@@ -213,9 +219,7 @@ class PenalisedSystem:
 
     def free_dofs(self) -> FloatArray:
         """1 at free and 0 at constrained local dofs, ghosts included."""
-        mask = np.ones(len(self.u.x.array))
-        mask[self._constraints.dofs] = 0.0
-        return mask
+        return self._constraints.free_dofs(self.u)
 
     def assemble_free(self, form: fem.Form, f: PETSc.Vec) -> None:
         """``f`` = a linear form, zero at constrained dofs; collective."""

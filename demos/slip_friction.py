@@ -13,9 +13,9 @@
 #
 # $$g_{k+1} = \mu(|u_\tau(g_k)|)\,|R\sigma_\nu(u(g_k))|,$$
 #
-# until $g$ no longer changes. If this map is a contraction, the solution is unique (Theorem 4.1
-# asks for $L_\mu + \mu^* < \alpha L^*$), and the factor by which the changes shrink can be
-# observed.
+# until $g$ no longer changes. If this map contracts everywhere, the solution is unique; Theorem 4.1
+# asks for $L_\mu + \mu^* < \alpha L^*$. The factor by which the changes shrink on the way to the
+# solution can be observed: it is evidence and no proof.
 
 # %%
 import sys

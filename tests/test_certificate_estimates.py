@@ -6,23 +6,72 @@ import math
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from certified import certificate, solved
+from mpi4py import MPI
 from problems import block, column, with_changes
 
+from contact_locking.assembly import assemble
 from contact_locking.certificate import elliptic, indicator
+from contact_locking.certificate.constants import SAMPLED
+from contact_locking.friction_law import FrictionLaw
 from contact_locking.parameters import Parameters
+from contact_locking.problem import solve_assembled
 from contact_locking.solver.linear import iterative_options
+from contact_locking.system import FrictionBound
+
+FloatArray = npt.NDArray[np.float64]
 
 # Proved bounds ------------------------------------------------------------------------------------
+
+
+def stretched(limit: float, n: float) -> dict[str, Any]:
+    """A bar with A = alpha I, alpha = 2, under a uniform stress f = 0.04; its bounds."""
+    bar = with_changes(
+        {
+            "mesh": {"builder": "block", "h": 0.5},
+            "material": {"elasticity": {"lambda": 0.0, "mu": 1.0}, "locking_limit": limit},
+            "loads": {
+                "displacements": [{"on": "left", "value": [0.0, 0.0]}],
+                "tractions": [{"on": "right", "value": [0.04, 0.0]}],
+            },
+            "contact": {"on": []},
+            "penalty": {"n": n},
+        }
+    )
+    return dict(solved(bar).summary["bounds"])
+
+
+def test_the_bound_of_the_locking_work_is_attained_for_n_infinite() -> None:
+    # alpha M = f/2, so |Z| = f/2 and M |Z| = f^2/(4 alpha).
+    bounds = stretched(0.01, math.inf)
+    assert set(bounds) == {"displacement_norm", "locking_work"}
+    assert bounds["locking_work"]["value"] == pytest.approx(0.04**2 / 8.0, rel=1e-6)
+    assert bounds["locking_work"]["bound"] == pytest.approx(0.04**2 / 8.0, rel=1e-9)
+    assert bounds["locking_work"]["holds"] is True
+
+
+def test_the_bound_of_the_locking_penalty_is_attained_by_a_limit_near_zero() -> None:
+    # alpha e + 2n (e - M) = f with 2n = alpha and M << e: 2n e^2 = f^2/(4 alpha).
+    penalty = stretched(1e-6, 1.0)["locking_penalty"]
+    assert penalty["value"] == pytest.approx(0.04**2 / 8.0, rel=1e-3)
+    assert penalty["value"] <= penalty["bound"] <= 0.04**2 / 8.0 * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("n", [1e2, 1e5, math.inf])
+@pytest.mark.parametrize("gap", [0.0, 0.004])
+def test_the_work_of_locking_is_bounded_for_any_n(n: float, gap: float) -> None:
+    work = solved(block(penalty__n=n, contact__gap=gap)).summary["bounds"]["locking_work"]
+    assert work["holds"] is True
+    assert 0.01 * work["bound"] < work["value"] < work["bound"]
 
 
 def test_a_column_held_by_contact_alone_has_bounds_that_are_nearly_attained() -> None:
     parameters = column(pressure=0.01, penalty={"n": 1e3, "epsilon": 1e-2})
     bounds = solved(parameters).summary["bounds"]
-    displacement = bounds["displacement_norm"]
     # The springs carry the same uniform stress, so only the gap and the penetration are lost.
-    assert displacement["holds"] and bounds["contact_penalty"]["holds"]
+    assert all(entry["holds"] for entry in bounds.values())
     at_once = column(pressure=0.01, contact__gap=0.0, penalty={"n": 1e3, "epsilon": 1e-12})
     displacement = solved(at_once).summary["bounds"]["displacement_norm"]
     # a(u, u) = k |eps|^2, and alpha is less than k.
@@ -30,6 +79,25 @@ def test_a_column_held_by_contact_alone_has_bounds_that_are_nearly_attained() ->
     assert displacement["bound"] / displacement["value"] == pytest.approx(
         math.sqrt(stiffest / alpha), rel=1e-6
     )
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_the_work_of_locking_is_bounded_where_contact_alone_holds_the_body(n: float) -> None:
+    pressed = column(pressure=0.05, contact__gap=0.0, penalty={"n": n, "epsilon": 1e-3})
+    work = solved(pressed).summary["bounds"]["locking_work"]
+    assert work["holds"] is True
+    assert 0.1 * work["bound"] < work["value"] <= work["bound"]
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_the_work_of_locking_is_bounded_over_a_foundation_that_lifts_the_body(n: float) -> None:
+    wedge = block(penalty__n=n, contact__gap="-0.003*x")
+    lifted = solved(wedge).summary["bounds"]["locking_work"]
+    assert lifted["holds"] is True
+    # The field that lifts the body has a part of the strain that M allows.
+    flat = solved(block(penalty__n=n)).summary["bounds"]["locking_work"]
+    assert flat["value"] < lifted["value"] < lifted["bound"]
+    assert lifted["bound"] > 1.2 * flat["bound"]
 
 
 def test_a_load_that_lifts_a_part_of_a_loose_body_leaves_the_bounds_open() -> None:
@@ -113,16 +181,63 @@ def test_constants_of_a_slip_dependent_coefficient_are_sampled() -> None:
     ("changes", "verdict", "why"),
     [
         ({"friction__coefficient": 0.0}, "covered by theory", "no friction"),
-        ({"friction__coefficient": 0.05, "penalty__epsilon": 0.1}, "covered by theory", "is below"),
+        ({"friction__coefficient": 0.05, "penalty__epsilon": 0.1}, SAMPLED, "is below"),
         ({"friction__coefficient": 0.3}, "not known", "is not below"),
         ({"penalty__n": math.inf}, "not known", "not explicit"),
     ],
 )
-def test_uniqueness_is_covered_by_theory_or_not_known(
+def test_uniqueness_is_covered_by_theory_by_sampled_constants_or_not_known(
     changes: dict[str, Any], verdict: str, why: str
 ) -> None:
     found = certificate(block(certificate__constants=True, **changes))["constants"]["uniqueness"]
     assert found["verdict"] == verdict and why in found["why"]
+
+
+def test_a_coefficient_of_place_alone_has_exact_constants() -> None:
+    found = certificate(block(friction__coefficient="0.1 + 0.2*x"))["constants"]
+    assert (found["friction_coefficient"], found["friction_lipschitz"]) == (pytest.approx(0.3), 0.0)
+    assert found["friction_constants"] == "exact"
+
+
+def constants_of(law: Any, bound: type[FrictionBound] = FrictionBound) -> dict[str, Any]:
+    """Of a soft block that is solved with another coefficient than that of its study file."""
+    study = block(h=0.2, penalty__epsilon=0.1, certificate__constants=True)
+    problem = assemble(study, MPI.COMM_WORLD)
+    given = problem.bound
+    assert given is not None
+    problem.bound = bound(given.surface, given.smoothing, law, problem.u, problem.data)
+    return dict(solve_assembled(problem).summary["certificate"]["constants"])
+
+
+def slip_weakening(points: FloatArray, slip: FloatArray) -> FloatArray:
+    """mu* = 0.02, L_mu = 0.01."""
+    return 0.01 + 0.01 * np.exp(-slip)
+
+
+def test_the_certificate_asks_a_law_of_the_users_own_for_its_constants() -> None:
+    plain = constants_of(slip_weakening)
+    assert plain["friction_constants"] == "sampled"
+    assert plain["friction_coefficient"] == pytest.approx(0.02)
+    assert plain["friction_lipschitz"] == pytest.approx(0.01, rel=0.01)
+    assert plain["uniqueness"]["verdict"] == SAMPLED and "sampled" in plain["uniqueness"]["why"]
+    stated = constants_of(FrictionLaw(slip_weakening, largest=0.02, lipschitz=0.011))
+    assert stated["friction_constants"] == "exact"
+    assert (stated["friction_coefficient"], stated["friction_lipschitz"]) == (0.02, 0.011)
+    assert "mu* and L_mu sampled" not in stated["uniqueness"]["why"]
+
+
+def test_a_law_that_exceeds_what_it_states_has_no_verdict() -> None:
+    found = constants_of(FrictionLaw(slip_weakening, largest=0.02, lipschitz=0.001))["uniqueness"]
+    assert found["verdict"] == "not known" and "exceeds" in found["why"]
+
+
+def test_a_bound_of_the_users_own_has_no_verdict() -> None:
+    class Capped(FrictionBound):
+        def evaluate(self, pressure: FloatArray | None = None) -> FloatArray:
+            return np.minimum(super().evaluate(pressure), 0.004)
+
+    found = constants_of(slip_weakening, Capped)["uniqueness"]
+    assert found["verdict"] == "not known" and "user's own" in found["why"]
 
 
 def test_the_observed_contraction_factor_stands_beside_the_verdict() -> None:

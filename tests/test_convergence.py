@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
@@ -116,13 +117,13 @@ def measured_rate(key: str, values: list[float], **changes: Any) -> float:
 
 
 @pytest.mark.serial
-def test_theorem_4_9_the_locking_penalty_alone_has_rate_one() -> None:
+def test_theorem_4_9_the_locking_penalty_alone_has_rate_one_on_one_mesh() -> None:
     rate = measured_rate("n", [1e3, 1e4, 1e5], penalty__epsilon=1e-12)
     assert rate == pytest.approx(-1.0, abs=0.1)
 
 
 @pytest.mark.serial
-def test_theorem_4_9_the_contact_penalty_alone_has_rate_one() -> None:
+def test_theorem_4_9_the_contact_penalty_alone_has_rate_one_on_one_mesh() -> None:
     rate = measured_rate("epsilon", [1e-3, 1e-4, 1e-5], friction__coefficient=0.0)
     assert rate == pytest.approx(1.0, abs=0.1)
 
@@ -143,13 +144,27 @@ def test_theorem_4_9_the_regularisation_of_friction_is_slower_than_the_contact_p
 
 
 @pytest.mark.serial
-def test_theorem_4_9_the_bounds_hold_and_the_penalties_fall_with_rate_one() -> None:
+def test_theorem_4_9_the_bounds_hold_and_the_penalties_fall_with_rate_one_on_one_mesh() -> None:
     sizes = [1e3, 1e4, 1e5]
     bounds = [solved(8, penalty__n=n).summary["bounds"] for n in sizes]
     assert all(entry["holds"] for found in bounds for entry in found.values())
     for name in ("locking_penalty", "contact_penalty"):
         rate = fitted_rate(sizes, [found[name]["value"] for found in bounds])
         assert rate == pytest.approx(-1.0, abs=0.1)
+
+
+@pytest.mark.serial
+def test_the_locking_stress_settles_in_l1_and_grows_in_l2_and_at_its_peak() -> None:
+    study = script("locking_stress")
+    found = [study.norms(study.solved(divisions)) for divisions in (16, 32, 64)]
+    l1, square, peak = (np.array([row[k] for row in found]) for k in ("l1", "l2_squared", "max"))
+    assert np.diff(l1)[1] < 0.6 * np.diff(l1)[0]
+    # Like log(1/h): from each grid to the next by as much again.
+    assert np.diff(square)[1] == pytest.approx(np.diff(square)[0], rel=0.3)
+    assert np.diff(square)[1] > 0.2 * square[0]
+    assert peak[1:] / peak[:-1] == pytest.approx(2.0, rel=0.15)
+    for row in found:
+        assert np.abs(np.subtract(row["at"], [0.0, 1.0])).max() < row["h"]
 
 
 @pytest.mark.serial
@@ -183,6 +198,7 @@ def script(name: str) -> ModuleType:
     [
         ("theorem_4_10", ["--finest", "16"], {"DIVISIONS": (2, 4, 8), "EXPONENTS": (1.0, 2.0)}),
         ("local_friction", ["--divisions", "10"], {"RADII": (0.4, 0.2)}),
+        ("locking_stress", ["--finest", "16"], {"COARSEST": 4}),
     ],
 )
 def test_script_writes_a_table_that_can_be_drawn(
@@ -199,7 +215,8 @@ def test_script_writes_a_table_that_can_be_drawn(
     study.main()
     monkeypatch.setattr(figures, "RESULTS", tmp_path)
     panels = figures.FIGURES[name]()
-    assert all(math.isfinite(curve.rate) for panel in panels for curve in panel.curves)
+    rates = [curve.rate for panel in panels for curve in panel.curves if curve.fitted]
+    assert rates and all(math.isfinite(rate) for rate in rates)
     rate_plot(panels, tmp_path / "figure.svg")
     assert (tmp_path / "figure.svg").stat().st_size > 10_000
 

@@ -210,7 +210,8 @@ def test_a_body_without_contact_is_an_elastic_locking_body() -> None:
 
 def test_bounds_of_the_paper_hold_and_are_tight_within_an_order() -> None:
     bounds = _solved(block()).summary["bounds"]
-    assert set(bounds) == {"displacement_norm", "locking_penalty", "contact_penalty"}
+    penalties = {"locking_penalty", "contact_penalty"}
+    assert set(bounds) == {"displacement_norm", "locking_work", *penalties}
     for entry in bounds.values():
         assert entry["holds"] is True
         assert 0.0 < entry["value"] <= entry["bound"]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from lorentz import inside, product, scaled, unit
 from mpi4py import MPI
-from problems import block, column
+from problems import block, column, with_changes
 
 from contact_locking import problem
 from contact_locking.parameters import Parameters
@@ -170,6 +170,30 @@ def test_displacements_that_no_field_within_the_limit_follows_are_infeasible(by:
     low, high = summary["admissible_load_factor"]
     assert low <= 0.02 / by <= high * (1.0 + 1e-3)
     assert high <= 1.02 * low
+
+
+@pytest.mark.serial
+def test_what_is_infeasible_on_one_mesh_may_be_solved_on_a_finer_one() -> None:
+    def summary(h: float) -> dict[str, Any]:
+        pulled = with_changes(
+            {
+                "mesh": {"builder": "l_shape", "h": h},
+                "material": {"locking_limit": 0.02},
+                "loads": {
+                    "displacements": [
+                        {"on": "top", "value": [0.0, 0.0]},
+                        {"on": "right", "value": [0.0, 0.03]},
+                    ]
+                },
+                "contact": {"on": []},
+                "penalty": {"n": math.inf},
+            }
+        )
+        return dict(problem.solve(pulled).summary)
+
+    coarse, fine = summary(0.5), summary(0.25)
+    assert coarse["reason"].startswith("infeasible") and coarse["admissible_load_factor"][1] < 0.95
+    assert fine["converged"], fine["reason"]
 
 
 def test_foundation_that_no_strain_within_the_limit_makes_room_for_is_infeasible() -> None:

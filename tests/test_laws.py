@@ -194,7 +194,8 @@ def test_contact_penalty_is_monotone_and_lipschitz_as_lemma_4_4(
     operators.epsilon.value = epsilon
     trace = math.sqrt(fem.assemble_scalar(operators.trace))
     assert fem.assemble_scalar(operators.s_product) >= -1e-10 * trace**2 / epsilon
-    # With |v|_{L2(C)} <= c_0 |v|_V on both sides this is the c_0 of the lemma.
+    # With |v|_{L2(C)} <= c_0 |v|_V for u_1 - u_2 and for the test field, S^eps is Lipschitz with
+    # c_0^2/eps; the lemma's c_0/eps counts one of the two only.
     assert math.sqrt(fem.assemble_scalar(operators.s_dual)) <= trace / epsilon * (1.0 + 1e-10)
 
 

@@ -133,9 +133,10 @@ class Foot:
     def smoothing(self, kernel: str, radius: float) -> Smoothing:
         surface = self.surface
         if kernel == "convolution":
-            return Convolution(self.domain.comm, surface.points, surface.weights, radius)
+            return Convolution(self.domain.comm, surface.whole(), radius)
         if kernel == "helmholtz":
-            return HelmholtzFilter(surface.weights, surface.laplacian(), radius)
+            whole, laplacian = surface.whole(), surface.laplacian()
+            return HelmholtzFilter(self.domain.comm, whole, laplacian, radius)
         return Identity()
 
     def maximum(self, values: npt.NDArray[np.float64]) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 
 from contact_locking import forms
 from contact_locking.certificate.elliptic import (
@@ -29,19 +30,29 @@ _SLACK = 1e-6
 
 @dataclass(frozen=True)
 class _Bounds:
+    """Of ``|u|_V``, of the penalties of locking and contact, and of ``M |Z|`` in L1."""
+
     displacement_norm: float
     locking_penalty: float
     contact_penalty: float
+    locking_work: float
 
 
 def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, Any]]:
-    """The a priori bounds of Lemma 4.5 iii and Theorem 4.9 a)-c) for the penalised solution.
+    """The a priori bounds of Lemma 4.5 iii and Theorem 4.9 a)-c), with their sharp constants.
 
-    With ``v = u`` in (25), a gap >= 0 and homogeneous displacement conditions every term on the
-    left is non-negative, ``a(u,u) >= alpha |u|_V^2``, and so
+    Where ``Z = R_n(eps(u))`` or, for n = inf, ``Z in dI_B(eps(u))``, and p is the pressure,
 
-        |u|_V <= |f|_V/alpha,
-        (1/eps) |[u_nu - gap]^+|^2 <= |f|_V^2/alpha,   2n |[|eps| - M]^+|^2 <= |f|_V^2/alpha.
+        (Z, eps(u)) = W + L,   int p u_nu = int p gap + C,   W = int M |Z|,
+        L = 2n |[|eps| - M]^+|^2 = |Z|^2/2n,   C = (1/eps) |[u_nu - gap]^+|^2 = eps |p|^2.
+
+    With ``v = u`` in (25), a gap >= 0 and homogeneous displacement conditions this is
+
+        a(u, u) + W + L + C <= (f, u) <= |f|_V |u|_V,   a(u, u) >= alpha |u|_V^2,
+
+    with terms >= 0 on the left.  So ``|u|_V <= |f|_V/alpha``, and as ``|f| x - alpha x^2`` is never
+    more than ``|f|^2/(4 alpha)``, that bounds W, L and C, a quarter of what the theorem states.  L
+    and C vanish for n = inf and eps = 0; W does not.
 
     Displacements that are not zero and a negative gap enter through an admissible field ``w``
     without slip, tested with ``v = u - w`` (:func:`_held_bounds`); where contact alone holds a
@@ -55,21 +66,24 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
         w = lifting.admissible
         proved = _pressed_bounds(state, w) if state.problem.free else _held_bounds(state, w)
     except NotApplicable as failure:
-        reason = str(failure)
-        return {
-            name: {"value": value, "bound": None, "holds": None, "reason": reason}
-            for name, value in values.items()
-        }
+        return {name: _open(value, str(failure)) for name, value in values.items()}
     found = {}
     for name, value in values.items():
         bound = getattr(proved, name)
-        holds = bool(value <= bound * (1.0 + _SLACK))
-        found[name] = {"value": value, "bound": bound, "holds": holds}
+        if np.isfinite(bound):
+            holds = bool(value <= bound * (1.0 + _SLACK))
+            found[name] = {"value": value, "bound": bound, "holds": holds}
+        else:
+            found[name] = _open(value, "no admissible strain below the locking limit was found")
     return found
 
 
+def _open(value: float, reason: str) -> dict[str, Any]:
+    return {"value": value, "bound": None, "holds": None, "reason": reason}
+
+
 def _measured(state: SolvedState) -> dict[str, float]:
-    """``|u|_V`` and the penalised violations of both constraints; these are no more for n = inf."""
+    """``|u|_V``, ``int M |Z|`` and the penalties; these are no more for n = inf and eps = 0."""
     domain, data, u = state.problem.domain, state.problem.data, state.problem.u
     eps = strain(u)
     values = {"displacement_norm": norm(state, u)}
@@ -80,7 +94,16 @@ def _measured(state: SolvedState) -> dict[str, float]:
         opening = normal_part(u, data.contact.normal) - data.contact.gap
         square = integral(domain, positive_part(opening) ** 2 * data.contact.ds)
         values["contact_penalty"] = square / state.target.epsilon
+    values["locking_work"] = _locking_work(state)
     return values
+
+
+def _locking_work(state: SolvedState) -> float:
+    """``int M |Z|`` over the cells that can lock; collective."""
+    cells = state.cells
+    limit = np.where(np.isfinite(cells.limit), cells.limit, 0.0)
+    size = np.linalg.norm(cells.locking_stress, axis=(1, 2))
+    return state.sum(cells.volumes * limit * size)
 
 
 def norm(state: SolvedState, u: fem.Function) -> float:
@@ -92,30 +115,47 @@ def norm(state: SolvedState, u: fem.Function) -> float:
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """For a body that its displacement conditions hold.
 
-    Tested with ``v = u - w``, R_n and contact still give at least their penalties, as
-    ``|eps(w)| <= M`` and ``w_nu <= gap``, and friction is not negative, as ``w_tau = 0``.  So with
-    ``(f_w, v) = (f, v) - a(w, v)``
+    Tested with ``v = u - w``, friction is not negative, as ``w_tau = 0``, contact gives
+    ``C + int p (gap - w_nu) >= C``, and with ``theta = max |eps(w)|/M`` locking gives
+    ``L + int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with ``(f_w, v) = (f, v) - a(w, v)``
 
-        a(v, v) + 2n |[|eps| - M]^+|^2 + (1/eps) |[u_nu - gap]^+|^2 <= |f_w|_V |v|_V,
+        a(v, v) + (1 - theta) W + L + C <= |f_w|_V |v|_V,
 
-    hence ``|u|_V <= |w|_V + |f_w|_V/alpha``, and ``|f_w|_V^2/alpha`` for both penalties.
+    hence ``|u|_V <= |w|_V + |f_w|_V/alpha``, and ``|f_w|_V^2/(4 alpha)`` for the other three.
     """
     alpha = state.problem.material.ellipticity
     load = dual_norm(state, w)
     lift = 0.0 if w is None else norm(state, w)
-    return _Bounds(lift + load / alpha, load**2 / alpha, load**2 / alpha)
+    most = 0.25 * load**2 / alpha
+    return _Bounds(lift + load / alpha, most, most, _over(most, _room_to_lock(state, w)))
+
+
+def _room_to_lock(state: SolvedState, w: fem.Function | None) -> float:
+    """``1 - max |eps(w)|/M``, 1 without w and 0 where that is at its limit; collective."""
+    if w is None:
+        return 1.0
+    ratio = np.linalg.norm(state.cells.interpolated(strain(w)), axis=(1, 2)) / state.cells.limit
+    largest = state.problem.domain.comm.allreduce(float(ratio.max(initial=0.0)), op=MPI.MAX)
+    return max(1.0 - float(largest), 0.0)
+
+
+def _over(most: float, room: float) -> float:
+    return most / room if room > 0.0 else np.inf
 
 
 def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """For a body that contact alone keeps from a rigid motion, so that ``|.|_V`` is no norm.
 
     Springs on Gamma_C carry the load: ``a(z, v) + int q v_nu = (f_w, v)`` for all v, with
-    ``q = k z_nu``.  If they are all pressed, ``q >= 0``, then with ``v = u - w`` in (25) and
-    ``v_nu <= gap - w_nu + [u_nu - gap]^+``, the penalties L of locking and C of contact obey
+    ``q = k z_nu``.  If they are all pressed, ``q >= 0``, then ``v_nu <= gap - w_nu + eps p`` for
+    ``v = u - w`` in (25) gives, with W, L, C and theta as above and ``C = eps |p|^2``,
 
-        a(v, v) + L + C <= a(z, v) + B + C/2,   B = int q (gap - w_nu) + eps/2 |q|^2,
+        a(v, v) + (1 - theta) W + L + C <= a(z, v) + B + 2 sqrt(D C),
+        B = int q (gap - w_nu),   D = eps/4 |q|^2.
 
-    so ``|v|_V^2 <= (a(z, z) + 2B)/alpha``, ``L <= a(z, z)/4 + B`` and ``C <= a(z, z)/2 + 2B``.
+    As ``2 sqrt(D C) - C <= D`` and ``a(z, v) - a(v, v) <= a(z, z)/4``, the norm ``x^2 = a(v, v)``
+    obeys ``x <= sqrt(a(z, z))/2 + sqrt(a(z, z)/4 + B + D)``, L and ``(1 - theta) W`` are at most
+    ``a(z, z)/4 + B + D``, and ``sqrt(C) <= sqrt(D) + sqrt(a(z, z)/4 + B + D)``.
     """
     if state.problem.sliding:
         raise NotApplicable("friction alone holds a rigid motion")
@@ -136,13 +176,16 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     room = state.contact.gap
     if w is not None:
         room = room - surface.average(normal_part(w, contact.normal))()
-    total = float(surface.integral(pressure * (room + 0.5 * state.target.epsilon * pressure)))
-    energy = integral(domain, forms.elastic_form(z, z, data))
+    carried = float(surface.integral(pressure * room))
+    soft = 0.25 * state.target.epsilon * float(surface.integral(pressure**2))
+    quarter = 0.25 * integral(domain, forms.elastic_form(z, z, data))
+    most = quarter + carried + soft
     lift = 0.0 if w is None else norm(state, w)
     return _Bounds(
-        lift + float(np.sqrt((energy + 2.0 * total) / alpha)),
-        0.25 * energy + total,
-        0.5 * energy + 2.0 * total,
+        lift + float((np.sqrt(quarter) + np.sqrt(most)) / np.sqrt(alpha)),
+        most,
+        float(np.sqrt(soft) + np.sqrt(most)) ** 2,
+        _over(most, _room_to_lock(state, w)),
     )
 
 

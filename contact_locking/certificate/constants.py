@@ -30,13 +30,26 @@ _LEAST_SLIP = 1e-8
 _SLIPS = 400
 
 
+# Above what a law states of itself by rounding.
+_ROUNDING = 1e-9
+# The verdicts on uniqueness.
+COVERED = "covered by theory"
+SAMPLED = "covered for the discrete problem, by sampled constants"
+UNKNOWN = "not known"
+
+
 @dataclass(frozen=True)
 class Coefficient:
-    """``mu* = max mu`` and ``L_mu``, the Lipschitz constant of mu in s (12); exact or sampled."""
+    """``mu* = max mu`` and ``L_mu``, the Lipschitz constant of mu in s (12).
+
+    ``exact`` says whether the friction law states them, else they are sampled; ``exceeded``
+    whether samples are above what the law states.
+    """
 
     largest: float
     lipschitz: float
     exact: bool
+    exceeded: bool = False
 
 
 def constants(state: SolvedState) -> dict[str, Any]:
@@ -47,7 +60,7 @@ def constants(state: SolvedState) -> dict[str, Any]:
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
     if state.contact is None:
-        found["uniqueness"] = _verdict(True, "nothing is in contact: the problem is convex")
+        found["uniqueness"] = _verdict(COVERED, "nothing is in contact: the problem is convex")
         return found
     trace, why = _trace(state)
     coefficient = coefficient_range(state)
@@ -65,24 +78,34 @@ def constants(state: SolvedState) -> dict[str, Any]:
 
 
 def coefficient_range(state: SolvedState) -> Coefficient:
-    """mu* and L_mu over the nodes of Gamma_C and slips up to the body's extent; collective.
+    """mu* and L_mu as the friction law states them, else sampled; collective.
 
-    A constant has them exactly.  Of an expression the values and the differences between
-    neighbouring slips are sampled, which is no proof.
+    Samples are taken at the nodes of Gamma_C, where alone the discrete problem asks for mu, and at
+    slips up to the body's extent.  They prove nothing, but for a mu that does not depend on s.
     """
-    given = state.problem.parameters.friction.coefficient
-    if isinstance(given, float | int):
-        return Coefficient(float(given), 0.0, True)
     bound = state.problem.bound
     assert bound is not None
+    law = bound.law
+    if law.lipschitz == 0.0 and law.largest is not None:
+        return Coefficient(law.largest, 0.0, True)
     slips = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)]) * state.target.length
+    slips = slips[:1] if law.lipschitz == 0.0 else slips
     values = np.stack([bound.coefficient(slip) for slip in slips])
-    largest = float(values.max(initial=0.0))
     steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
     comm = state.problem.domain.comm
-    largest = float(comm.allreduce(largest, op=MPI.MAX))
-    steepest = float(comm.allreduce(float(steps.max(initial=0.0)), op=MPI.MAX))
-    return Coefficient(largest, steepest, False)
+    largest, steepest = (
+        float(comm.allreduce(float(found.max(initial=0.0)), op=MPI.MAX))
+        for found in (values, steps)
+    )
+    stated = (
+        largest if law.largest is None else law.largest,
+        steepest if law.lipschitz is None else law.lipschitz,
+    )
+    return Coefficient(
+        *stated,
+        exact=law.lipschitz is not None and (law.largest is not None or law.lipschitz == 0.0),
+        exceeded=bool(np.any(np.array([largest, steepest]) > np.array(stated) * (1 + _ROUNDING))),
+    )
 
 
 def trace_constant(state: SolvedState) -> float:
@@ -90,6 +113,8 @@ def trace_constant(state: SolvedState) -> float:
 
     The largest eigenvalue of ``int v . w = lambda (v, w)_V`` is its square.  Gamma_C is integrated
     by the vertex rule, as in the discrete problem; by convexity that is never less than exact.
+    The eigenvalue solver comes from below, to its tolerance, and the discrete fields are fewer than
+    those of V: this is no upper bound of the constant in (11).
     Raises NotApplicable where the eigenvalue solver fails.
     """
     from slepc4py import SLEPc
@@ -150,31 +175,39 @@ def _uniqueness(
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)).
 
     It is the condition of Theorem 4.2 with its constant written out; it fails for eps -> 0, as
-    there the constant of Theorem 4.1 is not explicit.
+    there the constant of Theorem 4.1 is not explicit.  Norms on Gamma_C are those of the vertex
+    rule, c_0 is that of the discrete fields and comes from below, and mu* and L_mu may be sampled:
+    the condition speaks of the discrete problem, and as far as these numbers are right.
     """
     assert state.contact is not None
     bound = state.problem.bound
     assert bound is not None
     if bound.frictionless:
-        return _verdict(True, "there is no friction: the problem is convex")
+        return _verdict(COVERED, "there is no friction: the problem is convex")
     report = {"contraction": state.report.contraction}
+    if not bound.is_coulomb:
+        return _verdict(UNKNOWN, "the friction bound is the user's own") | report
+    if coefficient.exceeded:
+        why = "the friction law exceeds the largest value or the Lipschitz constant that it states"
+        return _verdict(UNKNOWN, why) | report
     if state.target.epsilon == 0.0:
-        return _verdict(False, "the constant L* of Theorem 4.1 is not explicit") | report
+        return _verdict(UNKNOWN, "the constant L* of Theorem 4.1 is not explicit") | report
     if trace is None:
-        return _verdict(False, f"c_0 is not known ({why})") | report
+        return _verdict(UNKNOWN, f"c_0 is not known ({why})") | report
     local = float(np.max(np.abs(state.contact.smoothed_stress), initial=0.0))
     stress = float(state.problem.domain.comm.allreduce(local, op=MPI.MAX))
     left = coefficient.largest * bound.smoothing.norm() * trace
     slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
     right = 2.0 * float(np.sqrt(state.target.epsilon * max(slack, 0.0)))
     covered = left < right
+    sampled = "" if coefficient.exact else ", mu* and L_mu sampled"
     return report | _verdict(
-        covered,
+        SAMPLED if covered else UNKNOWN,
         f"mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
-        f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g}"
-        + ("" if coefficient.exact else " (mu* and L_mu are sampled)"),
+        f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g} "
+        f"(c_0 of the fields on this mesh, from below{sampled})",
     )
 
 
-def _verdict(covered: bool, why: str) -> dict[str, Any]:
-    return {"verdict": "covered by theory" if covered else "not known", "why": why}
+def _verdict(verdict: str, why: str) -> dict[str, Any]:
+    return {"verdict": verdict, "why": why}

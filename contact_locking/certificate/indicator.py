@@ -34,7 +34,8 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     It estimates, and does not bound, ``int (s_exact - s) : (e_exact - e)``, which the monotone
     locking law makes at least ``a(u_exact - u, u_exact - u)``; that alone is what ``elastic``
     estimates.  The stress alone, in the norm of A^-1, would not do: P1 elements reach the limit in
-    about every second cell of a locked zone, so Z alternates on any mesh, where strains hardly do.
+    about every second cell of a locked zone in 2D, and in fewer in 3D, so Z alternates on any mesh,
+    where strains hardly do.
     Collective.
     """
     cells, m = state.cells, len(MANDEL_PAIRS[state.dim])

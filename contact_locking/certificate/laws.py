@@ -2,9 +2,11 @@
 
 The formulas stand here a second time, in NumPy and from the conjugate functions, on purpose: what
 the solver's laws get wrong is not repeated.  For a frozen friction bound each law is
-``z in d phi(x)``, so Fenchel's ``phi(x) + phi*(z) - z x >= 0`` vanishes exactly where it holds, and
-with equilibrium the sum of the three is the duality gap: it bounds
-``a(u - w, u - w)/2`` for the exact discrete solution ``w``.
+``z in d phi(x)``, so Fenchel's ``phi(x) + phi*(z) - z x >= 0`` vanishes exactly where it holds.  It
+is the complementarity and, for finite n and eps > 0, ``n int ([|eps| - M]^+ - |Z|/(2n))^2`` and
+``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``; what is squared there is judged as a violation, and the
+criterion ``duality_gap`` is the sum of the complementarities alone.  With the squares and with
+equilibrium the sum would bound ``a(u - w, u - w)/2`` for the exact discrete solution ``w``.
 """
 
 from __future__ import annotations
@@ -148,11 +150,12 @@ def bound_change(state: SolvedState) -> float:
 
 
 def smoothing_constants(state: SolvedState) -> float:
-    """``max |R 1 - 1|``: a mollifier keeps constants; collective."""
+    """``max |R 1 - 1|`` over the free nodes: a mollifier keeps constants; collective."""
     bound = state.problem.bound
     assert bound is not None
     ones = np.ones(len(bound.surface.nodes))
-    local = float(np.max(np.abs(bound.smoothing.apply(ones) - 1.0), initial=0.0))
+    change = np.abs(bound.smoothing.apply(ones) - 1.0)[state.free_nodes]
+    local = float(np.max(change, initial=0.0))
     return float(max(state.problem.domain.comm.allgather(local)))
 
 

@@ -101,14 +101,9 @@ class SolvedState:
 
     @cached_property
     def free_nodes(self) -> BoolArray:
-        """(k,) the nodes of Gamma_C whose normal displacement is not prescribed.
-
-        At the others the displacement condition decides and contact has no say.
-        """
+        """(k,) the nodes of Gamma_C whose normal displacement is not prescribed."""
         assert self.contact is not None
-        blocks = self.contact.surface.blocks
-        is_free = self.system.free_dofs().reshape(-1, self.dim)[blocks]
-        return np.asarray(np.linalg.norm(self.contact.normal * is_free, axis=1) > 1e-6)
+        return self.contact.surface.free_nodes(self.contact.normal, self.system.free_dofs())
 
     def sum(self, values: FloatArray) -> float:
         """The sum over all ranks; collective."""

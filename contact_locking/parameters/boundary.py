@@ -194,7 +194,8 @@ class Smoothing(Section):
     )
     radius: Positive | None = entry(
         None,
-        "r, of the kernel; null: a tenth of the extent of Gamma_C, two facets at least",
+        "r, of the kernel, measured along Gamma_C; null: a tenth of the extent of Gamma_C, two "
+        "facets at least",
         "length",
     )
 

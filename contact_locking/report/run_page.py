@@ -50,7 +50,7 @@ def _verdict(summary: Mapping[str, Any]) -> Markup:
         reason = str(summary.get("reason") or "")
         return element("div", element("strong", "Converged"), reason, class_="verdict")
     reason = shown(summary.get("reason") or "no reason is given")
-    title = "Infeasible" if reason.startswith("infeasible") else "Not converged"
+    title = "Infeasible on this mesh" if reason.startswith("infeasible") else "Not converged"
     way_out = summary.get("suggestion")
     return element(
         "div",

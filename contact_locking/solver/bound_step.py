@@ -5,7 +5,8 @@ The bound ``G = mu(|u_tau|) |R p|`` (6) follows pressure and slip, which follow 
 
     b - mu R dp(b) - mu'(s) |R p| ds(b) = mu |R p| - G.
 
-All of it is linear in b.  The unknowns are those of the nodes of Gamma_C, so GMRES solves for them
+All of it is linear in b.  Of a bound of the user's own nothing is known but its value: without the
+derivatives the step is that to the new value.  The unknowns are those of the nodes of Gamma_C, so GMRES solves for them
 with one back-substitution an iteration, by the factorisation that the step has anyway.
 """
 
@@ -44,16 +45,17 @@ class BoundStep:
         cones = self._cones
         mu, slope = bound.slope()
         smoothed = bound.smoothing.apply(cones.at_all_nodes(self._contact.z))
-        self._smoothed = np.abs(smoothed)[cones.active]
-        self._mu = mu[cones.active]
+        known = float(bound.is_coulomb)
+        self._wanted = bound.evaluate(cones.at_all_nodes(self._contact.z))[cones.active]
+        self._mu = known * mu[cones.active]
         slip = cones.slips(cones.system.u.x.array)
         size = np.sqrt(np.sum(slip**2, axis=0))
         self._along = slip / np.maximum(size, np.finfo(float).tiny)
-        self._slope = slope[cones.active] * self._smoothed
+        self._slope = known * (slope * np.abs(smoothed))[cones.active]
 
     def of(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:
         """The b for the step (dp, ds) that leaves the bound where it is; collective."""
-        wanted = self._mu * self._smoothed + self._moved(pressure_step, slip_step)
+        wanted = self._wanted + self._moved(pressure_step, slip_step)
         right = wanted - self._friction.bound
         step = self._solve(right)
         return np.maximum(step, -_MOST_TAKEN * self._friction.bound)

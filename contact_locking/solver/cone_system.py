@@ -380,8 +380,7 @@ class ConeSystem:
         surface, contact = self.surface, self.system.data.contact
         assert surface is not None and contact is not None
         normal = contact.normal.x.array.reshape(-1, self.dim)[surface.blocks]
-        is_free = self._free.reshape(-1, self.dim)[surface.blocks]
-        self.active = np.linalg.norm(normal * is_free, axis=1) > 1e-6
+        self.active: npt.NDArray[Any] = surface.free_nodes(normal, self._free)
         self.normal = np.ascontiguousarray(normal[self.active].T)
         self._nodes, self._blocks = surface.nodes[self.active], surface.blocks[self.active]
         self.node_weights = surface.weights[self.active]

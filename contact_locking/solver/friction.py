@@ -1,4 +1,9 @@
-"""The outer fixed point on the friction bound ``g = mu(|u_tau|) |R sigma_nu|`` (Lemma 4.7)."""
+"""The outer fixed point on the friction bound ``g = mu(|u_tau|) |R sigma_nu|``.
+
+The map takes a bound g, solves Tresca's problem, friction under the known bound g, and gives the
+bound of its solution.  The map Lambda of Lemma 4.7 takes a traction instead, a vector, and has the
+same fixed points but other contraction factors; for eps = 0 it is not defined.
+"""
 
 from __future__ import annotations
 

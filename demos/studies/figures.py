@@ -7,6 +7,7 @@ Draws into FOLDER, results/figures by default, and prints the tables as Markdown
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -29,6 +30,7 @@ BOUNDED = {
     "displacement_norm": r"$\|u_n\|_V$",
     "locking_penalty": r"$2n \int ([|\varepsilon| - M]^+)^2$",
     "contact_penalty": r"$n \int ([u_\nu]^+)^2$",
+    "locking_work": r"$\int M |Z|$",
 }
 PENALTIES = (10.0, 1e2, 1e3, 1e4, 1e5, 1e6)
 # Rates are fitted to the last values, where they have settled.
@@ -62,7 +64,7 @@ def bounds() -> list[Panel]:
     found = rows("theorem_4_9")
     panels = []
     for name, title in BOUNDED.items():
-        fitted = 0 if name == "displacement_norm" else FITTED
+        fitted = FITTED if name.endswith("penalty") else 0
         value = curve("value", found, "penalty.n", f"bounds.{name}.value", fitted)
         bound = curve("bound", found, "penalty.n", f"bounds.{name}.bound")
         panels.append(Panel(title, "n = 1/ε", "", [value, replace(bound, plain=True)]))
@@ -141,11 +143,34 @@ def local_friction() -> list[Panel]:
     return panels
 
 
+def locking_stress() -> list[Panel]:
+    found = rows("locking_stress")
+    halvings = [math.log2(1.0 / row["h"]) for row in found]
+    heads = {"l1": r"$\int |Z|$", "l2_squared": r"$\int |Z|^2$"}
+    panels = [
+        Panel(
+            title,
+            r"$\log_2(1/h)$",
+            "",
+            [Curve("n = ∞", halvings, [row[key] for row in found])],
+            logarithmic=False,
+        )
+        for key, title in heads.items()
+    ]
+    panels.append(Panel(r"$\max |Z|$", "h", "", [curve("n = ∞", found, "h", "max", FITTED)]))
+    body = [
+        [f"1/{1.0 / row['h']:.0f}", *(f"{row[key]:.3e}" for key in ("l1", "l2_squared", "max"))]
+        for row in found
+    ]
+    table(["h", "∫ \\|Z\\|", "∫ \\|Z\\|²", "max \\|Z\\|"], body)
+    return panels
+
+
 def contraction() -> list[Panel]:
     mu, factor = "friction.coefficient", "friction_fixed_point.contraction"
     nested, inside = (rows("contraction", solver__friction=way) for way in ("nested", "inside"))
     line = Curve("1", [nested[0][mu], nested[-1][mu]], [1.0, 1.0], plain=True)
-    factors = [curve(r"factor of $\Lambda$", nested, mu, factor), line]
+    factors = [curve("factor", nested, mu, factor), line]
     steps = [
         curve(way, [row for row in cases if row["converged"]], mu, "iterations.tangents")
         for way, cases in (("nested", nested), ("inside", inside))
@@ -154,9 +179,9 @@ def contraction() -> list[Panel]:
         [f"{a[mu]:g}", f"{a[factor]:.3f}", _steps(a), _steps(b)]
         for a, b in zip(nested, inside, strict=True)
     ]
-    table(["μ", "factor of Λ", "tangents, nested", "tangents, inside"], body)
+    table(["μ", "contraction factor", "tangents, nested", "tangents, inside"], body)
     return [
-        Panel("Contraction of the fixed point", "μ", "", factors, logarithmic=False),
+        Panel("Contraction of the friction bound's map", "μ", "", factors, logarithmic=False),
         Panel("Tangents where it converged", "μ", "", steps, logarithmic=False),
     ]
 
@@ -178,6 +203,7 @@ FIGURES: dict[str, Callable[[], list[Panel]]] = {
     "theorem_4_10": theorem_4_10,
     "local_friction": local_friction,
     "contraction": contraction,
+    "locking_stress": locking_stress,
 }
 
 

@@ -1,0 +1,29 @@
+"""The coefficient of friction as a function of place and slip, with what is known of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Coefficient = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """``mu(x, s) <= largest`` and ``|mu(x, s) - mu(x, t)| <= lipschitz |s - t|``, as (12) asks.
+
+    ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,).  ``largest``
+    is mu* and ``lipschitz``, one over a length, L_mu.  The certificate takes both as they are
+    stated; what is None it samples, which proves nothing.
+    """
+
+    coefficient: Coefficient
+    largest: float | None = None
+    lipschitz: float | None = None
+
+    def __call__(self, points: FloatArray, slip: FloatArray) -> FloatArray:
+        return self.coefficient(points, slip)

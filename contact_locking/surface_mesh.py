@@ -1,0 +1,108 @@
+"""Gamma_C as one mesh that every rank holds: how its nodes are joined, and how far apart they are.
+
+Distances are measured along Gamma_C, so that parts which lie near each other in space without being
+joined, or which fold back on each other, stay apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# Equal distances that rounding tells apart lie on the same side of a radius.
+_ROUNDING = 1e-12
+# Rows of distances that are held as a full matrix at a time.
+_ROWS = 256
+
+
+@dataclass(frozen=True)
+class SurfaceMesh:
+    """The nodes of Gamma_C with their weights, and its facets; made by ``ContactSurface.whole``.
+
+    ``points`` (k, d), ``weights`` (k,) and ``facets`` (m, d), numbers of nodes, are the same on
+    every rank; ``own`` are the nodes that this rank owns.
+    """
+
+    points: FloatArray
+    weights: FloatArray
+    facets: IntArray
+    own: slice
+
+    @cached_property
+    def edges(self) -> csr_matrix:
+        """The lengths of the edges between nodes, as a symmetric matrix (k, k)."""
+        dim = self.points.shape[1]
+        ends = [self.facets[:, [i, j]] for i in range(dim) for j in range(i)]
+        pairs = np.unique(np.sort(np.concatenate(ends), axis=1), axis=0)
+        lengths = np.linalg.norm(np.diff(self.points[pairs], axis=1)[:, 0], axis=1)
+        shape = (len(self.points), len(self.points))
+        upper = csr_matrix((lengths, (pairs[:, 0], pairs[:, 1])), shape=shape)
+        return (upper + upper.T).tocsr()
+
+    @cached_property
+    def parts(self) -> IntArray:
+        """(k,) the number of the connected part of Gamma_C on which each node lies."""
+        return np.asarray(connected_components(self.edges, directed=False)[1], dtype=np.int64)
+
+    def mean_by_part(self, values: FloatArray, weights: FloatArray | None = None) -> FloatArray:
+        """(k,) the mean of values (k,) over the part of each node, with weights (k,) or without."""
+        weights = np.ones(len(values)) if weights is None else weights
+        total = np.bincount(self.parts, weights)
+        sums = np.bincount(self.parts, weights * values)
+        means = np.divide(sums, total, out=np.zeros_like(sums), where=total > 0.0)
+        return np.asarray(means[self.parts])
+
+    def within(self, radius: float) -> tuple[IntArray, IntArray, FloatArray]:
+        """Own nodes, all nodes nearer to them than ``radius``, and their distances; three (p,).
+
+        In two dimensions the distance is the length of the curve between the nodes.  In three it is
+        that of the straight line, between nodes that are joined within the ball of that radius: on
+        a flat piece both are the same, on a curved one the straight line is shorter by a share of
+        the square of radius times curvature over 24, and a fold of the surface that comes near in
+        space alone is left out.
+        """
+        near = self._along_curves if self.points.shape[1] == 2 else self._inside_balls
+        rows, columns, distances = near(radius)
+        inside = distances < radius * (1.0 - _ROUNDING)
+        return rows[inside], columns[inside], distances[inside]
+
+    def _along_curves(self, radius: float) -> tuple[IntArray, IntArray, FloatArray]:
+        first, last, _ = self.own.indices(len(self.points))
+        found = []
+        for start in range(first, last, _ROWS):
+            some = np.arange(start, min(start + _ROWS, last))
+            lengths = dijkstra(self.edges, directed=False, indices=some, limit=radius)
+            row, column = np.nonzero(np.isfinite(lengths))
+            found.append((row + start - first, column, lengths[row, column]))
+        return _joined(found)
+
+    def _inside_balls(self, radius: float) -> tuple[IntArray, IntArray, FloatArray]:
+        own = np.arange(len(self.points))[self.own]
+        found = []
+        balls = cKDTree(self.points).query_ball_point(self.points[own], radius, return_sorted=True)
+        for row, (node, ball) in enumerate(zip(own, balls, strict=True)):
+            column = np.asarray(ball, dtype=np.int64)
+            _, piece = connected_components(self.edges[column][:, column], directed=False)
+            column = column[piece == piece[np.searchsorted(column, node)]]
+            lengths = np.linalg.norm(self.points[column] - self.points[node], axis=1)
+            found.append((np.full(len(column), row), column, lengths))
+        return _joined(found)
+
+
+def _joined(
+    found: Sequence[tuple[IntArray, IntArray, FloatArray]],
+) -> tuple[IntArray, IntArray, FloatArray]:
+    if not found:
+        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
+    rows, columns, lengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return rows, columns, lengths
