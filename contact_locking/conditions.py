@@ -122,8 +122,8 @@ def check_held(
     count = free.shape[1]
     if count == 0:
         return
-    normal = np.zeros((0, count)) if contact is None else contact
-    normal = normal / max(float(np.abs(normal).max(initial=0.0)), 1e-300)
+    given = np.zeros((0, count)) if contact is None else contact
+    normal: FloatArray = given / max(float(np.abs(given).max(initial=0.0)), 1e-300)
     rows = np.vstack([normal, -work[None, :] / max(float(np.abs(work).max()), 1e-300)])
     leaves = friction and contact is not None
     for aim in [None] if leaves else _directions(count):

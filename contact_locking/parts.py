@@ -14,6 +14,7 @@ from contact_locking import compiled, forms
 from contact_locking.conditions import (
     Constraints,
     check_held,
+    describe_motion,
     free_motions,
     rigid_motions,
     sliding_motions,
@@ -24,6 +25,7 @@ from contact_locking.parameters import Parameters
 from contact_locking.surface import ContactSurface
 
 BoolArray = npt.NDArray[np.bool_]
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -98,29 +100,82 @@ def _check_rigid_motions(
 ) -> tuple[int, int]:
     """How many rigid motions of a part contact holds, how many of them friction alone.
 
-    Raises InputError if one is free.
-
-    ``part`` marks the local dofs of the part.
+    ``part`` marks the local dofs of the part.  Raises InputError if a motion is free.
     """
-    free = free_motions(domain, space, constraints, part)
-    if not free.shape[1]:
+    found = _Motions(domain, space, data, constraints, surface, part)
+    if not found.free.shape[1]:
         return 0, 0
-    motions = (free.T @ rigid_motions(space)) * part
-    work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
-    load = fem.assemble_vector(work_form).array
-    work = domain.comm.allreduce(motions @ load)
-    normals = None
-    if surface is not None and data.contact is not None:
-        own = surface.blocks[part[surface.blocks * domain.dim]]
-        blocks = motions.reshape(len(motions), -1, domain.dim)[:, own]
-        nu = data.contact.normal.x.array.reshape(-1, domain.dim)[own]
-        local = np.einsum("fkd,kd->kf", blocks, nu)
-        normals = np.concatenate(domain.comm.allgather(local))
-    if normals is not None and not len(normals):
-        normals = None
+    normals = found.normals
     friction = parameters.friction.coefficient != 0
-    check_held(free, normals, work, domain.dim, friction)
-    return int(free.shape[1]), 0 if normals is None else sliding_motions(normals).shape[1]
+    check_held(found.free, normals, found.work, domain.dim, friction)
+    sliding = 0 if normals is None else sliding_motions(normals).shape[1]
+    return int(found.free.shape[1]), sliding
+
+
+def describe_slide(
+    domain: Domain,
+    space: fem.FunctionSpace,
+    data: forms.ProblemData,
+    constraints: Constraints,
+    surface: ContactSurface,
+) -> str | None:
+    """A motion along Gamma_C that friction, with the bound there is, does not stop, in words.
+
+    The loads do more work along it than friction can take, ``(f, c) > int G |c_tau|``.  Looked at
+    are the motions along which the loads push the most.  None if friction stops them; collective.
+    """
+    bound = data.contact.bound.x.array[surface.nodes] if data.contact is not None else np.zeros(0)
+    for number in range(len(domain.part_names)):
+        mask = _dofs(domain, space, number)
+        found = _Motions(domain, space, data, constraints, surface, mask)
+        if found.normals is None or not found.free.shape[1]:
+            continue
+        slides = sliding_motions(found.normals)
+        push = slides @ (slides.T @ found.work)
+        if not np.any(push):
+            continue
+        own = surface.is_of(mask)
+        slip = np.linalg.norm(np.einsum("fkd,f->kd", found.at_contact, push), axis=1)
+        taken = domain.comm.allreduce(float(surface.weights[own] @ (bound[own] * slip)))
+        work = float(push @ found.work)
+        if work > taken:
+            motion = describe_motion(found.free @ push, domain.dim)
+            return f"friction cannot hold the body, which is free to move (rigid motion: {motion})"
+    return None
+
+
+class _Motions:
+    """The rigid motions of a part that its displacement conditions leave; collective to make.
+
+    ``free`` (m, f) are their coefficients, ``work`` (f,) that of the loads, ``at_contact``
+    (f, k, d) the motions at the owned nodes of Gamma_C on the part, and ``normals`` (n, f) their
+    normal components at all such nodes, None if there are none.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        space: fem.FunctionSpace,
+        data: forms.ProblemData,
+        constraints: Constraints,
+        surface: ContactSurface | None,
+        part: BoolArray,
+    ) -> None:
+        self.free = free_motions(domain, space, constraints, part)
+        self.normals: FloatArray | None = None
+        if not self.free.shape[1]:
+            return
+        motions = (self.free.T @ rigid_motions(space)) * part
+        work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
+        self.work = domain.comm.allreduce(motions @ fem.assemble_vector(work_form).array)
+        if surface is None or data.contact is None:
+            return
+        own = surface.blocks[surface.is_of(part)]
+        self.at_contact = motions.reshape(len(motions), -1, domain.dim)[:, own]
+        nu = data.contact.normal.x.array.reshape(-1, domain.dim)[own]
+        local = np.einsum("fkd,kd->kf", self.at_contact, nu)
+        normals = np.concatenate(domain.comm.allgather(local))
+        self.normals = normals if len(normals) else None
 
 
 def _dofs(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:

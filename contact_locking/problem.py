@@ -21,6 +21,7 @@ from contact_locking.certificate.state import SolvedState
 from contact_locking.domain import on_root
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
+from contact_locking.parts import describe_slide
 from contact_locking.progress import Monitor
 from contact_locking.restart import Restart
 from contact_locking.results import (
@@ -41,6 +42,9 @@ FloatArray = npt.NDArray[np.float64]
 
 # A penalised strain this share above its limit deserves a word.
 _NOTABLE_OVERSTRAIN = 0.1
+_WAY_OUT_OF_SLIDING = (
+    "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
+)
 _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
@@ -198,6 +202,11 @@ def _collect(
     state = SolvedState.of(problem, system, target, settings, report)
     body, contact = state.body, state.contact
     certificate = certify(state)
+    slide = None
+    if problem.sliding and problem.bound is not None and not report.converged:
+        slide = describe_slide(
+            domain, u.function_space, data, problem.constraints, problem.bound.surface
+        )
     warnings = [*problem.warnings]
     overstrain = body.largest_overstrain(domain)
     if report.converged and overstrain > _NOTABLE_OVERSTRAIN:
@@ -212,8 +221,8 @@ def _collect(
     summary: dict[str, Any] = {
         "title": problem.parameters.title,
         "converged": report.converged,
-        "reason": report.reason,
-        "suggestion": report.suggestion,
+        "reason": f"{slide}; {report.reason}" if slide else report.reason,
+        "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
         **numbers,
         **(no_contact_summary(domain.dim) if contact is None else contact.summary()),
         "iterations": {

@@ -48,6 +48,10 @@ class ContactSurface:
         self.weights = mass[self.nodes]
         self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
 
+    def is_of(self, dofs: BoolArray) -> BoolArray:
+        """(k,) whether the nodes are among the marked local dofs of the vector space."""
+        return np.asarray(dofs[self.blocks * self.domain.dim])
+
     def body_normals(self) -> FloatArray:
         """The outward unit normals (k, d) of the body at the nodes, facets averaged; collective."""
         normals = self.average(ufl.FacetNormal(self.domain.mesh))()

@@ -48,6 +48,8 @@ class FrictionBound:
         self.frictionless = frictionless
         self.smoothing = smoothing
         self.law = law if isinstance(law, FrictionLaw) else FrictionLaw(law)
+        #: What of mu is taken; solvers lower it to find out how much friction has a solution.
+        self.share = 1.0
         self._bound = data.contact.bound
         self._pressure = surface.average(forms.pressure(u, data))
         dim = surface.domain.dim
@@ -60,7 +62,7 @@ class FrictionBound:
         The pressure (k,) is that of the penalty law unless it is given.
         """
         smoothed = np.abs(self.smoothing.apply(self._pressure() if pressure is None else pressure))
-        return self.law(self.surface.points, self.slips()) * smoothed
+        return self._mu(self.slips()) * smoothed
 
     def slope(self) -> tuple[FloatArray, FloatArray]:
         """``mu`` and ``d mu/ds`` (k,) at the present slips, by central differences; collective."""
@@ -69,11 +71,12 @@ class FrictionBound:
         largest = self.surface.domain.comm.allreduce(largest, op=MPI.MAX)
         width = _DIFFERENCE * slip + _DIFFERENCE**2 * largest
         if largest == 0.0:
-            return self.law(self.surface.points, slip), np.zeros_like(slip)
+            return self._mu(slip), np.zeros_like(slip)
         low, high = np.maximum(slip - width, 0.0), slip + width
-        change = self.law(self.surface.points, high)
-        change = change - self.law(self.surface.points, low)
-        return self.law(self.surface.points, slip), change / (high - low)
+        return self._mu(slip), (self._mu(high) - self._mu(low)) / (high - low)
+
+    def _mu(self, slip: FloatArray) -> FloatArray:
+        return self.share * self.law(self.surface.points, slip)
 
     def slips(self) -> FloatArray:
         """``|u_tau|`` (k,)."""

@@ -6,8 +6,9 @@ The bound ``G = mu(|u_tau|) |R p|`` (6) follows pressure and slip, which follow 
     b - mu R dp(b) - mu'(s) |R p| ds(b) = mu |R p| - G.
 
 All of it is linear in b.  Of a bound of the user's own nothing is known but its value: without the
-derivatives the step is that to the new value.  The unknowns are those of the nodes of Gamma_C, so GMRES solves for them
-with one back-substitution an iteration, by the factorisation that the step has anyway.
+derivatives the step is that to the new value.  The unknowns are those of the nodes of Gamma_C, so
+GMRES solves for them with one back-substitution an iteration, by the factorisation that the step
+has anyway.
 """
 
 from __future__ import annotations
@@ -53,12 +54,15 @@ class BoundStep:
         self._along = slip / np.maximum(size, np.finfo(float).tiny)
         self._slope = known * (slope * np.abs(smoothed))[cones.active]
 
-    def of(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:
-        """The b for the step (dp, ds) that leaves the bound where it is; collective."""
+    def adapt(self, pressure_step: FloatArray, slip_step: FloatArray) -> None:
+        """Set the step of the bound to what agrees with (dp, ds) and with itself; collective.
+
+        The step (dp, ds) is one with the step of the bound that is set before.
+        """
+        friction = self._friction
         wanted = self._wanted + self._moved(pressure_step, slip_step)
-        right = wanted - self._friction.bound
-        step = self._solve(right)
-        return np.maximum(step, -_MOST_TAKEN * self._friction.bound)
+        step = friction.bound_step + self._solve(wanted - friction.bound - friction.bound_step)
+        friction.bound_step = np.maximum(step, -_MOST_TAKEN * friction.bound)
 
     def _moved(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:
         """``mu R dp + mu'(s) |R p| ds``."""

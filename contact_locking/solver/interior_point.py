@@ -11,6 +11,7 @@ costs few back-substitutions more than one with a known bound.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -74,10 +75,25 @@ _DIVERGED = 1e2
 _LEAST = 1e-10
 # A bound is kept above this share of the largest, so that the friction cones have an inside.
 _LEAST_BOUND = 1e-12
-# The start: complementarity against the density of the elastic energy, and the least opening
-# against the strain times the length.
+# The start: complementarity against the density of the elastic energy.
 _START_LEVEL = 0.1
-_START_OPENING = 0.03
+
+
+@dataclass(frozen=True)
+class Approach:
+    """What a solve that fails is tried again with.
+
+    ``opening`` is the least opening of contact at the start against the strain times the length.
+    ``trusts_newton`` leaves the friction bound where a step brought it, if that came closer.
+    """
+
+    opening: float
+    trusts_newton: bool
+
+
+# The first is faster on fine meshes; the second finds solutions where friction changes much with
+# the slip.
+APPROACHES = (Approach(0.1, trusts_newton=True), Approach(100.0, trusts_newton=False))
 
 
 class InteriorPoint:
@@ -95,13 +111,14 @@ class InteriorPoint:
         monitor: Monitor,
         bound_moves: bool = True,
     ) -> None:
+        self.approach = APPROACHES[0]
         self._bound_moves = bound_moves
         self._system, self._target = system, target
         self._settings, self._monitor = settings, monitor
         self._lorentz = Lorentz(system.comm)
         self._cones = cones = ConeSystem(system, settings, target.stiffness)
-        unstrained = np.zeros((cones.rows, len(cones.limit)))
-        self._point = ConePoint(cones, target.length, self._locking_block(unstrained))
+        self._unstrained = np.zeros((cones.rows, len(cones.limit)))
+        self._point = ConePoint(cones, target.length, self._locking_block(self._unstrained))
         self._friction_change = 0.0
         #: Whether the elastic displacement alone is the solution.
         self.is_elastic = False
@@ -179,7 +196,7 @@ class InteriorPoint:
         locking.start(level)
         contact = friction = None
         if system.bound is not None:
-            least = _START_OPENING * size * target.length
+            least = self.approach.opening * size * target.length
             opening = cones.node_gap - cones.normal_displacements(system.u.x.array)
             contact = ContactBlock(opening, cones.node_weights, target.epsilon, least)
             contact.start(level * target.length)
@@ -261,7 +278,8 @@ class InteriorPoint:
         before = self._friction_change
         self._friction_change = bound.norm(wanted - used) / size if size > 0.0 else 0.0
         bound.values = used
-        if self._friction_change > max(_CLOSER * before, _CLOSE):
+        came_closer = self._friction_change <= max(_CLOSER * before, _CLOSE)
+        if not (came_closer and self.approach.trusts_newton):
             bound.values = wanted
             friction.set_bound(wanted[cones.active])
 
@@ -272,13 +290,9 @@ class InteriorPoint:
         """
         point = self._point
         corrections = point.corrections(affine, min(1.0, t / _TRUSTED))
-        best = self._direction(target, corrections)
-        if self._moving is not None:
-            bound, _, friction = self._moving
-            step = BoundStep(point, bound, _MOST_LEFT)
-            friction.bound_step = step.of(best[1][1][1], best[1][2][0][1 : 1 + self._cones.dim])
-            best = self._direction(target, corrections)
+        best = self._adapted(target, corrections, self._direction(target, corrections))
         t = self._length(best)
+        recentred = False
         for _ in range(_RECENTRINGS):
             if t >= _LONG_ENOUGH:
                 break
@@ -287,8 +301,20 @@ class InteriorPoint:
             longer = self._length(candidate)
             if longer < _GAIN * t:
                 break
-            best, corrections, t = candidate, trial, longer
+            best, corrections, t, recentred = candidate, trial, longer, True
+        if recentred:
+            best = self._adapted(target, corrections, best)
+            t = self._length(best)
         return best, t
+
+    def _adapted(self, target: float, corrections: list[Any], direction: Direction) -> Direction:
+        """The direction with the step of the bound that agrees with it; collective."""
+        if self._moving is None:
+            return direction
+        step = BoundStep(self._point, self._moving[0], _MOST_LEFT)
+        steps = direction[1]
+        step.adapt(steps[1][1], steps[2][0][1 : 1 + self._cones.dim])
+        return self._direction(target, corrections)
 
     def _direction(self, target: float, corrections: list[Any] | None) -> Direction:
         """A linear solve may leave a share of what the iteration has not yet achieved."""
@@ -348,9 +374,7 @@ class InteriorPoint:
     def multipliers(self) -> Multipliers:
         """Those of the present iterate; collective."""
         if self.is_elastic:
-            count = 0 if self._cones.surface is None else len(self._cones.node_gap)
-            stress = np.zeros((self._cones.rows, len(self._cones.limit)))
-            return self._cones.multipliers(stress, np.zeros(count), None, np.zeros(count, bool))
+            return self._cones.multipliers(self._unstrained, None, None, None)
         return self._point.multipliers(self._target.young)
 
     def _new_bound(self, bound: FrictionBound, pressure: FloatArray) -> FloatArray:

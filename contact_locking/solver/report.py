@@ -31,15 +31,16 @@ class Settings:
 class SolverReport:
     """How a solve went.  Counters add up over all stages; ``reason`` is in words.
 
-    ``contraction`` is the factor by which the friction fixed point shrank its update, None where
-    there was too little to observe; ``suggestion`` names the way out of a failure.
-    ``admissible_factor`` brackets the largest multiple of the prescribed displacements that can be
-    followed, if they cannot be.
+    ``is_infeasible`` says that nothing is admissible on this mesh.  ``contraction`` is the factor
+    by which the friction fixed point shrank its update, None where there was too little to observe;
+    ``suggestion`` names the way out of a failure.  ``admissible_factor`` brackets the largest
+    multiple of the prescribed displacements that can be followed, if they cannot be.
     ``multipliers`` are set where they are unknowns of the solver; otherwise the laws give them.
     ``from_saved`` says that a saved state was what the solution was reached from.
     """
 
     converged: bool = False
+    is_infeasible: bool = False
     reason: str = ""
     suggestion: str = ""
     tangents: int = 0

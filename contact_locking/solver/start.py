@@ -20,7 +20,7 @@ _NEARLY = 0.1
 _LINEAR_SHARE = 0.3
 # The loads' part of the displacement is taken by this factor, so that few cells are far beyond
 # their limit.
-_LOAD_SHARE = 0.003
+_LOAD_SHARE = 0.001
 
 
 class ElasticStart:

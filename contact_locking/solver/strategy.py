@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from contact_locking.errors import InputError, NotConverged
+from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.continuation import Penalties, PenaltyPath, follow
-from contact_locking.solver.feasibility import judge
+from contact_locking.solver.feasibility import judge, share_of_friction
 from contact_locking.solver.friction import fixed_point
-from contact_locking.solver.interior_point import InteriorPoint
+from contact_locking.solver.interior_point import APPROACHES, InteriorPoint
 from contact_locking.solver.linear import is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.report import Settings, SolverReport
@@ -43,8 +43,12 @@ _NEWTON_WAY_OUT = (
     "bound does not settle, lower friction.coefficient or enlarge friction.smoothing.radius."
 )
 _INFEASIBLE_WAY_OUT = (
-    "Lower the prescribed displacements, raise material.locking_limit or move the foundation away; "
-    "a soft penalty.n has a solution that exceeds the limit."
+    "Refine the mesh, lower the prescribed displacements, raise material.locking_limit or move the "
+    "foundation away; a soft penalty.n has a solution that exceeds the limit."
+)
+_FRICTION_WAY_OUT = (
+    "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "
+    "a bound, and there may be no equilibrium."
 )
 _INTERIOR_WAY_OUT = (
     "Raise solver.max_iterations if it was low.  If the friction bound does not settle, lower "
@@ -136,8 +140,12 @@ def interior_point(
     bound = system.bound
     nested = settings.nested and bound is not None and not bound.frictionless
     solver = InteriorPoint(system, target, settings, monitor, bound_moves=not nested)
+    tries = APPROACHES if bound is not None and not bound.frictionless else APPROACHES[:1]
     try:
-        _solve_by(solver, bound if nested else None, system, target, settings, report, monitor)
+        for solver.approach in tries:
+            _solve_by(solver, bound if nested else None, system, target, settings, report, monitor)
+            if not report.reason or report.is_infeasible:
+                break
         report.stages.append(_stage_of(target, report))
         if not report.reason:
             # Newton's last steps want a linear solver as sharp as they are.
@@ -162,7 +170,8 @@ def _solve_by(
     monitor: Monitor,
 ) -> None:
     """Once, or for each value of a ``nested`` bound; why it failed is left in the report."""
-    start = system.u.x.array.copy()
+    start = system.u.x.array * (1.0 - system.free_dofs())
+    report.reason, report.multipliers = "", None
 
     def solve() -> None:
         system.u.x.array[:] = start
@@ -180,7 +189,7 @@ def _solve_by(
             fixed_point(nested, solve, settings, report, monitor, least, evaluate)
     except NotConverged as failure:
         report.multipliers = report.multipliers or solver.multipliers()
-        report.reason = str(failure)
+        report.reason, report.is_infeasible = str(failure), isinstance(failure, Infeasible)
 
 
 def _newton_from(
@@ -218,16 +227,20 @@ def _stage_of(target: Target, report: SolverReport) -> dict[str, float | int]:
 def _explain(
     system: PenalisedSystem, target: Target, settings: Settings, report: SolverReport
 ) -> None:
-    """Say so if the problem was not solved because nothing is admissible."""
+    """Say why the problem was not solved, if nothing is admissible or friction is too large."""
     verdict = judge(system, target, settings, report)
     if verdict is None:
+        share = share_of_friction(system, target, settings, report)
+        if share is not None:
+            report.reason += f"; {share}"
+            report.suggestion = _FRICTION_WAY_OUT
         return
     report.reason, report.admissible_factor = verdict.reason, verdict.factor
     report.suggestion = _INFEASIBLE_WAY_OUT
     if verdict.factor is not None:
         low, high = (f"{100.0 * share:.3g}" for share in verdict.factor)
         share = f"{low} to {high}" if verdict.factor[0] else f"less than {high}"
-        report.reason += f"; {share} % of the prescribed displacements can be followed"
+        report.reason += f"; {share} % of the prescribed displacements can be followed on this mesh"
 
 
 def _polish(
