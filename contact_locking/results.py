@@ -85,7 +85,9 @@ class ContactFields:
             self.traction = 0.0 - surface.average(forms.friction(u, data))()
             touches = self.pressure > 0.0
         else:
-            self.pressure, self.traction = multipliers.pressure, 0.0 - multipliers.friction
+            self.pressure, traction = multipliers.pressure, 0.0 - multipliers.friction
+            along = np.einsum("ki,ki->k", traction, self.normal)[:, None]
+            self.traction = traction - along * self.normal
             touches = multipliers.touches
         self.smoothed_stress = -bound.smoothing.apply(self.pressure)
         self.bound = bound.values.copy()
@@ -95,8 +97,8 @@ class ContactFields:
     def gather(self) -> tuple[ContactPoints | None, IntArray | None]:
         """All points and facets on rank 0, in an order that no distribution changes; else None.
 
-        Open points have no pressure; a solver with multipliers leaves there what its tolerance
-        allows, some 1e-7 of the peak.
+        They balance the loads as the fields do: a solver with multipliers leaves open points the
+        pressure that its tolerance allows, some 1e-7 of the peak.
         """
         columns = (
             self.surface.points,
@@ -104,7 +106,7 @@ class ContactFields:
             self.u_normal,
             self.u_tangent,
             self.gap,
-            np.where(self.state == OPEN, 0.0, self.pressure),
+            self.pressure,
             self.traction,
             self.bound,
             self.state,

@@ -2,14 +2,19 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
 from numbers import Real
-from typing import Any
+from typing import Any, Self
 
 Point = tuple[float, float, float]
 
-#: Lengths outside this range meet the absolute tolerances of the geometry kernel.
-LENGTHS = (1e-5, 1e5)
+#: Lengths in this range have squares and cubes that are numbers.
+LENGTHS = (1e-50, 1e50)
+#: Lengths below this share of the largest meet the tolerances of the geometry kernel.
+SMALLEST_SHARE = 1e-6
+#: Lengths are given to Gmsh with so many digits, in units of the largest.
+DIGITS = 14
 #: More cells than this are taken for a mistake in an element size.
 MOST_CELLS = 20_000_000
 #: Growth of the element size per unit of distance from the refined zone.
@@ -56,6 +61,12 @@ class Geometry(ABC):
             elif isinstance(entry.default, float) or (entry.default is None and value is not None):
                 object.__setattr__(self, entry.name, length(entry.name, value))
         self.validate()
+        for name, value in self.lengths():
+            if value < SMALLEST_SHARE * self.extent:
+                raise ValueError(
+                    f"{name}: {value:g} is less than {SMALLEST_SHARE:g} of the largest length, "
+                    f"{self.extent:g}"
+                )
         if self.h > self.thickness * (1 + 1e-9):
             raise ValueError(
                 f"h: {self.h:g} is more than the thickness of the body, {self.thickness:g}"
@@ -113,6 +124,33 @@ class Geometry(ABC):
     @abstractmethod
     def validate(self) -> None:
         """Check what is particular to this geometry; lengths are positive and finite already."""
+
+    def lengths(self) -> Iterator[tuple[str, float]]:
+        """The lengths among the parameters that are given, with their names."""
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if entry.metadata.get("unit") == "length" and value is not None:
+                for number in value if isinstance(value, tuple) else (value,):
+                    yield entry.name, number
+
+    @property
+    def extent(self) -> float:
+        """The largest length among the parameters: the unit of length that Gmsh works in."""
+        return max(value for _, value in self.lengths())
+
+    def in_units_of(self, unit: float) -> Self:
+        """The same geometry in another unit of length, rounded to ``DIGITS``.
+
+        So a body has one mesh, whatever the unit its lengths were given in.
+        """
+
+        def scaled(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return tuple(map(scaled, value))
+            return None if value is None else float(f"{value / unit:.{DIGITS - 1}e}")
+
+        names = [entry.name for entry in fields(self) if entry.metadata.get("unit") == "length"]
+        return replace(self, **{name: scaled(getattr(self, name)) for name in names})
 
     @property
     def finest(self) -> float:

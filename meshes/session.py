@@ -52,9 +52,13 @@ def build(geometry: Geometry, model_name: str = "body") -> Iterator[Any]:
 
     As `empty_model`; raises RuntimeError if Gmsh cannot make the mesh.
     """
+    unit = geometry.extent
     with empty_model(model_name) as model:
         try:
-            geometry.build(model)
+            # The kernel of the geometry has absolute tolerances, made for lengths around 1.
+            geometry.in_units_of(unit).build(model)
+            if unit != 1.0:
+                model.mesh.affineTransform([unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0])
         except Exception as error:  # Gmsh's own errors have no type of their own
             raise RuntimeError(f"Gmsh cannot mesh {geometry}: {error}") from error
         yield model
