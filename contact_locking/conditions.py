@@ -123,7 +123,7 @@ def check_held(
     if count == 0:
         return
     given = np.zeros((0, count)) if contact is None else contact
-    normal: FloatArray = given / max(float(np.abs(given).max(initial=0.0)), 1e-300)
+    normal = np.asarray(given / max(float(np.abs(given).max(initial=0.0)), 1e-300), dtype=float)
     rows = np.vstack([normal, -work[None, :] / max(float(np.abs(work).max()), 1e-300)])
     leaves = friction and contact is not None
     for aim in [None] if leaves else _directions(count):

@@ -28,7 +28,7 @@ def system() -> PenalisedSystem:
     """The model case, where n is small enough for a start at zero, solved for its first bound."""
     made = assemble(block(h=0.1, penalty__n=10.0, penalty__epsilon=0.1), MPI.COMM_WORLD)
     system = PenalisedSystem(made.data, made.u, made.constraints, made.bound)
-    system.set_penalty(10.0, 0.1)
+    system.set_penalty(10.0, 0.1, 0.1)
     assert system.bound is not None
     for _ in range(2):
         newton = NewtonSolver(system, Settings(), Monitor())
@@ -85,7 +85,7 @@ def test_full_steps_that_lead_away_are_given_up(
     system: PenalisedSystem, newton: NewtonSolver
 ) -> None:
     # With a stiff penalty nothing of the soft one's solution is near.
-    system.set_penalty(1e8, 1e-8)
+    system.set_penalty(1e8, 1e-8, 1e-8)
     report = SolverReport()
     start = system.u.x.array.copy()
     with pytest.raises(NotConverged):
@@ -117,7 +117,7 @@ def test_the_last_steps_need_no_symbolic_factorisation_of_their_own(
 
     before = {name: counts(name) for name in events}
     system.clear()
-    target = Target(10.0, 0.1, 1.0, 1.0)
+    target = Target(10.0, 0.1, 0.1, 1.0, 1.0, 1.0, 1.0, 1.0)
     report = solve("interior_point", system, target, Settings(), Monitor())
     # Newton was the last to solve: the multipliers are those of the penalty laws.
     assert report.converged and report.multipliers is None

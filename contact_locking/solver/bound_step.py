@@ -62,7 +62,7 @@ class BoundStep:
         friction = self._friction
         wanted = self._wanted + self._moved(pressure_step, slip_step)
         step = friction.bound_step + self._solve(wanted - friction.bound - friction.bound_step)
-        friction.bound_step = np.maximum(step, -_MOST_TAKEN * friction.bound)
+        friction.bound_step[:] = np.maximum(step, -_MOST_TAKEN * friction.bound)
 
     def _moved(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:
         """``mu R dp + mu'(s) |R p| ds``."""

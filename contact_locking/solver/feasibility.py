@@ -18,6 +18,8 @@ from contact_locking.system import PenalisedSystem
 
 # How close the factor that works and the one that does not have to be.
 _PRECISION = 0.01
+# The penalty that stands for an infinite one, over the stiffness.
+_STIFF = 1e6
 _ROUNDS = 8
 # The share of the friction coefficient that stands for none, and how often the share is halved in
 # on.
@@ -52,17 +54,35 @@ def judge(
         return None
     bound = system.bound
     bound_kept = None if bound is None else bound.values
-    target = target.inequality()
-    solver = InteriorPoint(system, target, settings, Monitor(), bound_moves=False)
+    limit = target.inequality()
+    # Its multipliers grow with the penalty where nothing is admissible, and then balance.
+    stiff = dataclasses.replace(
+        limit,
+        n=_STIFF * target.stiffness,
+        epsilon=target.length / (_STIFF * target.stiffness),
+    )
+    solver, penalised = (
+        InteriorPoint(system, wanted, settings, Monitor(), bound_moves=False)
+        for wanted in (limit, stiff)
+    )
     tries = SolverReport()
 
     def fails(factor: float) -> Infeasible | None:
         system.u.x.array[:] = factor * prescribed
         try:
             solver.solve(tries)
+            return None
         except Infeasible as failure:
             return failure
-        return None
+        except NotConverged as failure:
+            unsolved = failure
+        system.u.x.array[:] = factor * prescribed
+        try:
+            penalised.solve(tries)
+            penalised.require_feasible()
+        except Infeasible as failure:
+            return failure
+        raise unsolved
 
     try:
         if bound is not None:
@@ -77,6 +97,7 @@ def judge(
         return None
     finally:
         solver.destroy()
+        penalised.destroy()
         report.tangents += tries.tangents
         report.linear += tries.linear
         system.u.x.array[:] = displacement

@@ -71,6 +71,9 @@ _CLOSER, _CLOSE = 0.5, 1e-6
 # Multipliers that have grown by this factor while the laws stay violated may prove that nothing is
 # admissible.
 _DIVERGED = 1e2
+# Next to the work of locking the elastic energy can be nothing; this share of it then stands for
+# the energy that the duality gap is compared with.
+_LOCKING_SHARE = 1e-2
 # Energies are judged against this share of that at the start if they are smaller.
 _LEAST = 1e-10
 # A bound is kept above this share of the largest, so that the friction cones have an inside.
@@ -155,12 +158,12 @@ class InteriorPoint:
                 break
             self._stop_if_infeasible(measures)
             if iteration == limit:
-                self._require_feasible()
+                self.require_feasible()
                 raise NotConverged(
                     f"{limit} interior point iterations did not suffice ({measures})"
                 )
             if not self._iterate(report):
-                self._require_feasible()
+                self.require_feasible()
                 raise NotConverged(f"the interior point step vanished ({measures})")
         report.duality_gap = measures.gap
         return self.multipliers()
@@ -345,9 +348,9 @@ class InteriorPoint:
         first_size, first_primal = self._first
         if size > _DIVERGED * first_size and measures.primal > 0.01 * first_primal:
             self._first = size, first_primal
-            self._require_feasible()
+            self.require_feasible()
 
-    def _require_feasible(self) -> None:
+    def require_feasible(self) -> None:
         """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""
         factor = excluded_factor(self._point, self._target)
         if factor < 1.0:
@@ -363,7 +366,8 @@ class InteriorPoint:
         point.visit()
         tolerance = self._settings.tolerance
         strain = target.mean_strain(cones.energy, cones.largest_displacement(), tolerance)
-        energy = 0.5 * target.ellipticity * strain**2 * target.volume + point.locking_work()
+        energy = 0.5 * target.ellipticity * strain**2 * target.volume
+        energy = max(energy, _LOCKING_SHARE * point.locking_work())
         return Measures(
             point.equilibrium_residual() / max(cones.force_scale, self._least_force),
             point.primal_residual(strain * target.length),

@@ -113,6 +113,8 @@ def _judge(
         outcome.kind, outcome.reason = NOT_SOLVED, reason
         if reason.startswith("infeasible"):
             _judge_infeasible(truth, discrete, outcome)
+        elif truth.refused is not None and truth.refused in reason:
+            outcome.kind = REFUSED
         return
     state = state_of(solution, discrete)
     found = judge.violations(solution.parameters, discrete, state)

@@ -154,7 +154,7 @@ def not_held_by_friction(random: Random) -> Case:
         ]
     }
     data = study(unit_block(random, 2), loads, friction=mu, smoothing=some_kernel(random))
-    return Case(data, Truth(admissible=True, refused="rigid motion"))
+    return Case(data, Truth(admissible=True, refused="friction cannot hold"))
 
 
 @family
