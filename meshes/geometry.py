@@ -61,18 +61,18 @@ class Geometry(ABC):
             elif isinstance(entry.default, float) or (entry.default is None and value is not None):
                 object.__setattr__(self, entry.name, length(entry.name, value))
         self.validate()
-        for name, value in self.lengths():
-            if value < SMALLEST_SHARE * self.extent:
-                raise ValueError(
-                    f"{name}: {value:g} is less than {SMALLEST_SHARE:g} of the largest length, "
-                    f"{self.extent:g}"
-                )
         if self.h > self.thickness * (1 + 1e-9):
             raise ValueError(
                 f"h: {self.h:g} is more than the thickness of the body, {self.thickness:g}"
             )
         if self.finest > self.h:
             raise ValueError(f"h_contact: {self.finest:g} is more than h, {self.h:g}")
+        for name, value in self.lengths():
+            if value < SMALLEST_SHARE * self.extent:
+                raise ValueError(
+                    f"{name}: {value:g} is less than {SMALLEST_SHARE:g} of the largest length, "
+                    f"{self.extent:g}"
+                )
         cells = self.estimated_cells()
         if cells > MOST_CELLS:
             # The zone at the contact is the usual culprit where it holds most of the cells.
@@ -135,8 +135,8 @@ class Geometry(ABC):
 
     @property
     def extent(self) -> float:
-        """The largest length among the parameters: the unit of length that Gmsh works in."""
-        return max(value for _, value in self.lengths())
+        """The largest length of the body's parameters: the unit of length that Gmsh works in."""
+        return max(value for name, value in self.lengths() if name not in ("h", "h_contact"))
 
     def in_units_of(self, unit: float) -> Self:
         """The same geometry in another unit of length, rounded to ``DIGITS``.

@@ -362,3 +362,18 @@ def test_parameters_carry_unit_and_description_and_defaults_can_be_built(name: s
     assert geometry == make(name, **{e.name: getattr(geometry, e.name) for e in fields(geometry)})
     with build(geometry) as model:
         assert len(model.getPhysicalGroups(geometry.dim)) == len(geometry.cell_names)
+
+
+@pytest.mark.parametrize("name", BUILDERS)
+@pytest.mark.parametrize("unit", [1e-9, 2.54e-2, 1e9])
+def test_a_body_has_the_same_mesh_in_any_unit_of_length(name: str, unit: float) -> None:
+    given = BUILDERS[name]()
+    scaled: dict[str, Any] = {
+        key: tuple(unit * x for x in value) if isinstance(value, tuple) else unit * value
+        for key, value in ((key, getattr(given, key)) for key, _ in given.lengths())
+    }
+    places = []
+    for geometry in (given, BUILDERS[name](**scaled)):
+        with build(geometry) as model:
+            places.append(model.mesh.getNodes()[1])
+    assert places[1] == pytest.approx(unit * places[0], rel=1e-13, abs=1e-15 * unit)

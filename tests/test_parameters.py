@@ -37,7 +37,8 @@ def test_defaults_are_the_block_without_loads() -> None:
     assert parameters.material.locking_limit == math.inf
     assert parameters.contact.on == ("bottom",)
     assert parameters.friction.coefficient == 0.0
-    assert parameters.penalty.n == 1e4
+    assert parameters.penalty.n == math.inf
+    assert parameters.friction.regularisation is None
     assert parameters.penalty.epsilon is None
     assert parameters.study is None
 
@@ -336,7 +337,7 @@ def test_schema_is_json_with_defaults_and_units() -> None:
     definition = schema()
     json.dumps(definition, allow_nan=False)
     n = definition["$defs"]["PenaltyParameters"]["properties"]["n"]
-    assert (n["default"], n["unit"]) == (1e4, "stress")
+    assert (n["default"], n["unit"]) == (".inf", "stress")
     material = definition["$defs"]["MaterialParameters"]["properties"]
     assert material["locking_limit"]["default"] == ".inf"
     kinds = definition["$defs"]["MeshParameters"]["anyOf"]

@@ -113,7 +113,7 @@ def test_epsilon_is_the_same_in_any_unit_of_stress() -> None:
 
 @pytest.mark.parametrize("kernel", ["convolution", "none"])
 def test_friction_alone_holds_a_pressed_and_sheared_block(kernel: str) -> None:
-    """A uniform state: pressure p, shear t < mu p, no strain along the foot, which does not move."""
+    """A uniform state without strain along the foot: pressure p, shear t < mu p, no slip."""
     p, t = 0.02, 0.006
     loads = {
         "tractions": [

@@ -43,9 +43,14 @@ def _solved(n: float, linear: str, **options: str) -> Solution:
     return solution
 
 
+# Either stops at a duality gap of 1e-8 of the elastic energy, unless Newton polishes it.  The gap
+# bounds a(e, e)/2 of the error e; energies, which are linear in e, agree to 1e-7 here.
+_SAME = 2e-7
+
+
 def _agree(one: Solution, other: Solution) -> None:
     for key in ("compliance", "elastic_energy"):
-        assert one.summary[key] == pytest.approx(other.summary[key], rel=1e-9)
+        assert one.summary[key] == pytest.approx(other.summary[key], rel=_SAME)
 
 
 @pytest.mark.parametrize("patience", [0, 30, _NEVER], ids=["at once", "on the way", "never"])
@@ -116,7 +121,7 @@ def test_locked_zones_too_large_for_the_filter_are_left_to_multigrid_alone(
     plain = problem.solve(parameters)
     assert filtered.converged and plain.converged
     assert plain.summary["iterations"]["linear"] > filtered.summary["iterations"]["linear"]
-    assert plain.summary["compliance"] == pytest.approx(filtered.summary["compliance"], rel=1e-9)
+    assert plain.summary["compliance"] == pytest.approx(filtered.summary["compliance"], rel=_SAME)
 
 
 def test_where_cg_breaks_down_the_residual_is_filtered_again_and_cg_goes_on(

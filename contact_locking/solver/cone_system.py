@@ -110,7 +110,10 @@ class ConeSystem:
     def slips(self, displacement: FloatArray) -> FloatArray:
         """``u_tau`` (d, k)."""
         values = self._nodal(displacement)
-        return values - np.einsum("ik,ik->k", values, self.normal) * self.normal
+        # Once more, as rounding leaves a normal part that the stiffness of sticking enlarges.
+        for _ in range(2):
+            values = values - np.einsum("ik,ik->k", values, self.normal) * self.normal
+        return values
 
     def set_scaling(
         self,
@@ -220,7 +223,8 @@ class ConeSystem:
         right.reshape(-1, self.dim)[self._blocks] -= (self.node_weights * friction).T
         right *= self._free
         self._answer.set(0.0)
-        self._linear.solve(self._right, self._answer, accuracy * float(self._right.norm()))
+        residual = accuracy * float(self._right.norm())
+        self._linear.solve(self._right, self._answer, residual, is_rough=True)
         return self._answer.array_r * self._free
 
     def move(self, t: float, step: FloatArray) -> None:

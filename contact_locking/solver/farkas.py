@@ -24,7 +24,7 @@ _ROUNDING = 1e-6
 _ACCURACY = 1e-8
 
 
-def excluded_factor(point: ConePoint, target: Target) -> float:
+def excluded_factor(point: ConePoint, target: Target) -> float | None:
     """The least factor on the prescribed values u_D that the multipliers prove impossible.
 
     Let ``B(v) = int Z : eps(v) + int p v_nu`` for any Z and ``p >= 0``.  If B vanishes for every v
@@ -39,15 +39,16 @@ def excluded_factor(point: ConePoint, target: Target) -> float:
 
     ``Z - k eps(rho)`` and ``p - (k/L) rho_nu`` do, but for ``a(rho, v)``, which adds at most
     ``int c |eps(rho)| (M + |eps(u)|)`` to R, c being the largest eigenvalue of A.  Where nothing
-    limits the strain 1 takes the place of M.  Infinite without a proof, and where friction alone
-    holds the body, so that rho is not determined; collective.
+    limits the strain 1 takes the place of M.
+
+    None without a proof that ``P > R``, and where friction alone holds the body, so that rho is not
+    determined.  Infinite if R is negative: then the gap alone is in the way, and to scale u_D is
+    no way out.  Collective.
     """
     cones = point.cones
     pressure = None if point.contact is None else point.contact.z
-    if not _may_exclude(point, pressure):
-        return math.inf
-    if cones.system.held_by_friction:
-        return math.inf
+    if cones.system.held_by_friction or not _may_exclude(point, pressure):
+        return None
     stiffness = _STIFFER * target.stiffness
     springs = None
     if pressure is not None:
@@ -59,12 +60,13 @@ def excluded_factor(point: ConePoint, target: Target) -> float:
         pressure = pressure - springs * cones.normal_displacements(rho)
         negative = bool(np.any(pressure < 0.0))
         if cones.comm.allreduce(negative, op=MPI.LOR):
-            return math.inf
+            return None
     power = cones.power(cones.system.u.x.array, stress, pressure)
     resistance = cones.resistance(stress, pressure)
     resistance += cones.work_beyond(rho, _SMALL_STRAIN)
-    resistance += _ROUNDING * (abs(power) + abs(resistance))
-    return max(resistance, 0.0) / power if resistance < power and power > 0.0 else math.inf
+    if power - resistance <= _ROUNDING * (abs(power) + abs(resistance)):
+        return None
+    return resistance / power if resistance > 0.0 else math.inf
 
 
 def _may_exclude(point: ConePoint, pressure: FloatArray | None) -> bool:

@@ -58,9 +58,9 @@ _GAP_LEFT = 0.5
 _GAP_BACK = 10.0
 # The gap may not be a smaller share than this of the other residuals.
 _GAP_AHEAD = 1e-2
-# The share of the duality gap, or of the tolerance, that a linear solve may leave as residual:
-# sharper solves save a tangent or two and cost more than these.
-_LINEAR_SHARE = 0.3
+# The share of the duality gap that a linear solve may leave as residual, but for this share of the
+# tolerance: sharper solves save a tangent or two and cost more than these.
+_LINEAR_SHARE, _SHARPEST = 0.3, 0.03
 # It leaves no more than this share of the forces.  At the beginning, when the residual is a hundred
 # times as large as they are, solves that left more led to short steps, at n = inf to five tangents
 # more or nowhere.
@@ -321,7 +321,7 @@ class InteriorPoint:
 
     def _direction(self, target: float, corrections: list[Any] | None) -> Direction:
         """A linear solve may leave a share of what the iteration has not yet achieved."""
-        accuracy = _LINEAR_SHARE * max(self._settings.tolerance, self._measured.gap)
+        accuracy = max(_LINEAR_SHARE * self._measured.gap, _SHARPEST * self._settings.tolerance)
         return self._point.direction(target, corrections, min(accuracy, _MOST_LEFT))
 
     def _length(self, direction: Direction) -> float:
@@ -353,7 +353,7 @@ class InteriorPoint:
     def require_feasible(self) -> None:
         """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""
         factor = excluded_factor(self._point, self._target)
-        if factor < 1.0:
+        if factor is not None:
             raise Infeasible(
                 "infeasible: no displacement of this mesh within the locking limit and the gap "
                 "follows the prescribed values; " + self._cones.describe_excess(self._point.strain),

@@ -89,17 +89,23 @@ class TangentSolver:
         else:
             self._multigrid.refresh()
 
-    def solve(self, right: PETSc.Vec, step: PETSc.Vec, residual: float) -> None:
+    def solve(
+        self, right: PETSc.Vec, step: PETSc.Vec, residual: float, is_rough: bool = False
+    ) -> None:
         """Leave a residual of ``residual`` at most; collective.
 
-        CG starts from ``step``.  Raises NotConverged, or PETSc's error.
+        CG starts from ``step``.  Solves that are rough, and many, do not count as reasons for a
+        filter.  Raises NotConverged, or PETSc's error.
         """
         if self._multigrid is None:
             self._solve(right, step)
             return
         size = right.norm() or 1.0
         rtol = min(_LOOSEST, max(residual / size, _ROUNDING))
+        patience = self._patience
         self._solve_by_cg(self._multigrid, right, step, rtol)
+        if is_rough:
+            self._patience = patience
         # Whatever else is left, the next iterate's equilibrium is judged by its own residual.
         is_done = self._ksp.getConvergedReason() > 0
         if not (is_done or self._ksp.getResidualNorm() <= _LOOSEST * size):
