@@ -17,6 +17,8 @@ _LARGE_STRAIN = 1.0
 _ABSURD = 1e30
 # More than this is said as a multiple, less in per cent.
 _MULTIPLE = 10.0
+# What penalties leave of a violation is notable from this share on; the one that is aimed at.
+_NOTABLE, _AIM = 0.1, 0.01
 
 
 def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
@@ -62,8 +64,41 @@ def about_the_strain(largest: float) -> list[str]:
     ]
 
 
-def about_the_overstrain(overstrain: float) -> str:
-    """``|eps|/M - 1`` in words."""
-    if overstrain < _MULTIPLE:
-        return f"the strain exceeds its limit by up to {100.0 * overstrain:.0f} %"
-    return f"the strain is up to {1.0 + overstrain:.3g} times its limit"
+def about_the_overstrain(overstrain: float, n: float, young: float) -> list[str]:
+    """A word about a penalised strain that exceeds its limit by a notable share of M.
+
+    ``overstrain`` is ``|eps|/M - 1`` at its largest, ``|Z|/(2 n M)`` by (23).  A stiffer penalty has
+    to bear the same Z, or what the material bears now if that is more.
+    """
+    if overstrain <= _NOTABLE:
+        return []
+    size = f"exceeds its limit by up to {100.0 * overstrain:.0f} %"
+    if overstrain >= _MULTIPLE:
+        size = f"is up to {1.0 + overstrain:.3g} times its limit"
+    better = max(n, 0.5 * young) * overstrain / _AIM
+    return [
+        f"the strain {size}: penalty.n: {better:.1e} leaves about "
+        f"{100.0 * _AIM:.0f} %, and .inf nothing; if that hardly helps, no displacement on this "
+        "mesh within the limit can follow the prescribed ones, which .inf would report"
+    ]
+
+
+def about_the_penetration(
+    penetration: float, displacement: float, epsilon: float, soft: float, follows_n: bool
+) -> list[str]:
+    """A word about a body that enters the foundation by a notable share of its displacement.
+
+    ``penetration`` is ``max [u_nu - gap]^+ = eps p`` (25), ``displacement`` the largest ``|u|``;
+    ``soft`` is the compliance of the body, its length over Young's modulus; ``follows_n`` says that
+    epsilon is 1/n.
+    """
+    if penetration <= _NOTABLE * displacement:
+        return []
+    share = penetration / displacement
+    better = _AIM * min(epsilon / share, soft)
+    key, value = ("penalty.n", 1.0 / better) if follows_n else ("penalty.epsilon", better)
+    return [
+        f"the body enters the foundation by {100.0 * share:.0f} % of its largest displacement: "
+        f"{key}: {value:.1e} leaves about {100.0 * _AIM:.0f} %, and penalty.n: .inf "
+        "without an epsilon nothing"
+    ]

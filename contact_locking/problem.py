@@ -40,8 +40,6 @@ from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 
-# A penalised strain this share above its limit deserves a word.
-_NOTABLE_OVERSTRAIN = 0.1
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
 )
@@ -208,23 +206,27 @@ def _collect(
             domain, u.function_space, data, problem.constraints, problem.bound.surface
         )
     warnings = [*problem.warnings]
-    overstrain = body.largest_overstrain(domain)
-    if report.converged and overstrain > _NOTABLE_OVERSTRAIN:
-        warnings.append(
-            f"{plausibility.about_the_overstrain(overstrain)}: raise penalty.n; "
-            "if that hardly helps, no displacement on this mesh within the limit can follow the "
-            "prescribed ones, which penalty.n: .inf would report"
-        )
     numbers = body_summary(domain, u, data, body)
+    touching = no_contact_summary(domain.dim) if contact is None else contact.summary()
     if report.converged:
         warnings += plausibility.about_the_strain(numbers["strain_norm_max"])
+        warnings += plausibility.about_the_overstrain(
+            body.largest_overstrain(domain), target.n, target.young
+        )
+        warnings += plausibility.about_the_penetration(
+            touching["penetration_max"],
+            state.largest_displacement,
+            target.epsilon,
+            target.length / target.young,
+            follows_n=problem.parameters.penalty.epsilon is None,
+        )
     summary: dict[str, Any] = {
         "title": problem.parameters.title,
         "converged": report.converged,
         "reason": f"{slide}; {report.reason}" if slide else report.reason,
         "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
         **numbers,
-        **(no_contact_summary(domain.dim) if contact is None else contact.summary()),
+        **touching,
         "iterations": {
             "tangents": report.tangents,
             "linear": report.linear,

@@ -131,3 +131,14 @@ def test_friction_alone_holds_a_pressed_and_sheared_block(kernel: str) -> None:
     points = found.contact_points
     assert points is not None
     assert np.abs(points.u_tangent).max() <= 1e-6 * np.abs(found.displacement.x.array).max()
+
+
+def test_a_penalty_that_is_soft_for_the_material_is_warned_of_with_one_that_does() -> None:
+    """Steel in pascals on a foundation of 1/epsilon = n = 1e4 Pa/m, which it hardly feels."""
+    soft = solution_of(_pressed(2e11, 1e8, penalty={"n": 1e4}))
+    (warning,) = [text for text in soft.summary["warnings"] if "enters the foundation" in text]
+    proposed = float(warning.split("penalty.n: ")[1].split()[0])
+    stiff = solution_of(_pressed(2e11, 1e8, penalty={"n": proposed}))
+    assert not stiff.summary["warnings"]
+    largest = abs(stiff.displacement.x.array).max()
+    assert stiff.summary["penetration_max"] <= 0.02 * largest

@@ -74,9 +74,14 @@ class SolvedState:
         With alpha, and not with the largest eigenvalue of A, it does not shrink for nearly
         incompressible bodies, whose strains meet no more resistance than others.  Collective.
         """
+        tolerance = self.settings.tolerance
+        return self.target.mean_strain(self.energy, self.largest_displacement, tolerance)
+
+    @cached_property
+    def largest_displacement(self) -> float:
+        """The largest component of u; collective."""
         local = float(np.max(np.abs(self.problem.u.x.array), initial=0.0))
-        largest = self.problem.domain.comm.allreduce(local, op=MPI.MAX)
-        return self.target.mean_strain(self.energy, largest, self.settings.tolerance)
+        return float(self.problem.domain.comm.allreduce(local, op=MPI.MAX))
 
     @property
     def mean_stress(self) -> float:
