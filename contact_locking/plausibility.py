@@ -67,8 +67,8 @@ def about_the_strain(largest: float) -> list[str]:
 def about_the_overstrain(overstrain: float, n: float, young: float) -> list[str]:
     """A word about a penalised strain that exceeds its limit by a notable share of M.
 
-    ``overstrain`` is ``|eps|/M - 1`` at its largest, ``|Z|/(2 n M)`` by (23).  A stiffer penalty has
-    to bear the same Z, or what the material bears now if that is more.
+    ``overstrain`` is ``|eps|/M - 1`` at its largest, ``|Z|/(2 n M)`` by (23).  A stiffer penalty
+    has to bear the same Z, or what the material bears now if that is more.
     """
     if overstrain <= _NOTABLE:
         return []
@@ -92,7 +92,7 @@ def about_the_penetration(
     ``soft`` is the compliance of the body, its length over Young's modulus; ``follows_n`` says that
     epsilon is 1/n.
     """
-    if penetration <= _NOTABLE * displacement:
+    if epsilon == 0.0 or penetration <= _NOTABLE * displacement:
         return []
     share = penetration / displacement
     better = _AIM * min(epsilon / share, soft)

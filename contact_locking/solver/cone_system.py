@@ -186,13 +186,14 @@ class ConeSystem:
         parts = []
         for vector in (self._stretched, self._load):
             vector.copy(self._right)
-            right = self._right.array_w
-            if vector is self._stretched:
-                if pressure is not None:
-                    traction = (self.node_weights * pressure * self.normal).T
-                    right.reshape(-1, self.dim)[self._blocks] += traction
-                right *= -1.0
-            right *= self._free
+            # PETSc keeps the norm of a vector until the array is given back.
+            with self._right as right:
+                if vector is self._stretched:
+                    if pressure is not None:
+                        traction = (self.node_weights * pressure * self.normal).T
+                        right.reshape(-1, self.dim)[self._blocks] += traction
+                    right *= -1.0
+                right *= self._free
             size = float(self._right.norm())
             self._answer.set(0.0)
             if size > 0.0:
@@ -218,10 +219,10 @@ class ConeSystem:
 
         An iterative solver leaves the share ``accuracy`` of the change; collective.
         """
-        right = self._right.array_w
-        right[:] = 0.0
-        right.reshape(-1, self.dim)[self._blocks] -= (self.node_weights * friction).T
-        right *= self._free
+        with self._right as right:
+            right[:] = 0.0
+            right.reshape(-1, self.dim)[self._blocks] -= (self.node_weights * friction).T
+            right *= self._free
         self._answer.set(0.0)
         residual = accuracy * float(self._right.norm())
         self._linear.solve(self._right, self._answer, residual, is_rough=True)

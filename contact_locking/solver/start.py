@@ -82,10 +82,16 @@ class ElasticStart:
         cones.set_scaling(nothing, springs, (along, np.zeros(nodes), np.zeros((cones.dim, nodes))))
 
     def _push(self) -> FloatArray | None:
-        """The pressure of springs that rest on a foundation inside the body."""
+        """The pressure of springs that rest where the body comes to rest on the foundation.
+
+        That is the foundation itself inside the body, and the nearest of it outside.
+        """
         if self._springs is None:
             return None
-        return self._springs * np.maximum(-self._cones.node_gap, 0.0)
+        gap = self._cones.node_gap
+        nearest = float(np.min(gap, initial=np.inf))
+        nearest = max(self._cones.comm.allreduce(nearest, op=MPI.MIN), 0.0)
+        return -self._springs * np.minimum(gap, nearest)
 
     def _is_admissible(self, margin: float) -> bool:
         """Whether strains and openings keep their limits, but for a share of them; collective."""
