@@ -3,10 +3,10 @@
 The formulas stand here a second time, in NumPy and from the conjugate functions, on purpose: what
 the solver's laws get wrong is not repeated.  For a frozen friction bound each law is
 ``z in d phi(x)``, so Fenchel's ``phi(x) + phi*(z) - z x >= 0`` vanishes exactly where it holds.  It
-is the complementarity and, for finite n and eps > 0, ``n int ([|eps| - M]^+ - |Z|/(2n))^2`` and
-``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``; what is squared there is judged as a violation, and the
-criterion ``duality_gap`` is the sum of the complementarities alone.  With the squares and with
-equilibrium the sum would bound ``a(u - w, u - w)/2`` for the exact discrete solution ``w``.
+is a complementarity and, for finite n and eps > 0, ``n int ([|eps| - M]^+ - |Z|/(2n))^2`` and
+``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``.  With equilibrium the sum over the laws is the duality
+gap, and bounds ``a(u - w, u - w)/2`` for the exact discrete solution ``w`` with this friction
+bound, where the displacement violates no limit (n = inf) and no gap (eps = 0).
 """
 
 from __future__ import annotations
@@ -35,23 +35,22 @@ def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Crite
     Limits are the solver's tolerances times ``margin``.
     """
     law = margin * max(state.settings.tolerance, _TOLERANCE)
-    products, violation = locking(state)
+    products, violation, squares = locking(state)
+    gap = products + squares
     found = {
         "locking_complementarity": Criterion(products, law, "complementarity of locking"),
         "locking_violation": Criterion(violation, law, "violation of the locking law"),
     }
     if state.contact is not None:
-        products, violation = contact(state)
+        products, violation, conjugate = contact(state)
+        gap += conjugate
         found["contact_complementarity"] = Criterion(products, law, "complementarity of contact")
         found["contact_violation"] = Criterion(violation, law, "violation of the contact law")
         assert state.problem.bound is not None
         if not state.problem.bound.frictionless:
             found |= _friction_criteria(state, law, margin)
-    found["duality_gap"] = Criterion(
-        sum(item.value for name, item in found.items() if name.endswith("complementarity")),
-        law,
-        "duality gap",
-    )
+            gap += found["friction_complementarity"].value
+    found["duality_gap"] = Criterion(gap, law, "duality gap")
     return found
 
 
@@ -71,11 +70,12 @@ def _friction_criteria(state: SolvedState, law: float, margin: float) -> dict[st
     }
 
 
-def locking(state: SolvedState) -> tuple[float, float]:
-    """``int |Z| max(M, |eps|) - Z : eps`` and ``s int |[|eps| - M]^+ - |Z|/(2n)|``.
+def locking(state: SolvedState) -> tuple[float, float, float]:
+    """``int |Z| max(M, |eps|) - Z : eps``, ``s int |[|eps| - M]^+ - |Z|/(2n)|``, and squares.
 
-    Where both vanish ``Z`` is ``R_n(eps)`` (23), for n = inf an element of ``dI_B(eps)`` (1).  The
-    stress s is the mean stress; a soft penalty answers a strain by less, ``2n`` times the mean.
+    The last is ``n int ([|eps| - M]^+ - |Z|/(2n))^2``, 0 for n = inf.  Where the others vanish
+    ``Z`` is ``R_n(eps)`` (23), for n = inf an element of ``dI_B(eps)`` (1).  The stress s is the
+    mean stress; a soft penalty answers a strain by less, ``2n`` times the mean.
     """
     cells = state.cells
     norm = np.linalg.norm(cells.strain, axis=(1, 2))
@@ -87,18 +87,23 @@ def locking(state: SolvedState) -> tuple[float, float]:
     products = np.abs(size * largest - work)
     excess = np.maximum(norm - cells.limit, 0.0)
     violation = np.abs(excess - size / (2.0 * state.target.n))
-    stress = min(state.mean_stress, 2.0 * state.target.n * state.mean_strain)
+    n = state.target.n
+    stress = min(state.mean_stress, 2.0 * n * state.mean_strain)
+    squares = n * state.sum(cells.volumes * violation**2) if np.isfinite(n) else 0.0
     return (
         state.share_of_work(state.sum(cells.volumes * products)),
         state.share_of_work(stress * state.sum(cells.volumes * violation)),
+        state.share_of_work(squares),
     )
 
 
-def contact(state: SolvedState) -> tuple[float, float]:
-    """``int |p c|`` and ``s int [-c]^+ + |eps| L int [-p]^+``, ``c = gap + eps p - u_nu``.
+def contact(state: SolvedState) -> tuple[float, float, float]:
+    """``int |p c|``, ``s int [-c]^+ + |eps| L int [-p]^+``, and Fenchel's sum.
 
-    Where both vanish ``p = [u_nu - gap]^+/eps`` (25), for eps = 0 Signorini's conditions (5).  The
-    stress s is the mean stress, or ``|eps| L/eps`` if a soft foundation answers by less.
+    ``c = gap + eps p - u_nu``, and the sum is ``int |p (max(gap, u_nu) - u_nu)|`` and, for eps > 0,
+    ``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``.  Where the others vanish ``p = [u_nu - gap]^+/eps``
+    (25), for eps = 0 Signorini's conditions (5).  The stress s is the mean stress, or
+    ``|eps| L/eps`` if a soft foundation answers by less.
     """
     fields = state.contact
     assert fields is not None
@@ -108,9 +113,15 @@ def contact(state: SolvedState) -> tuple[float, float]:
     stress = state.mean_stress if epsilon == 0.0 else min(state.mean_stress, length / epsilon)
     entering = state.sum(weights * np.maximum(-opening, 0.0))
     pulling = state.sum(weights * np.maximum(-fields.pressure, 0.0))
+    apart = np.maximum(fields.gap - fields.u_normal, 0.0)
+    conjugate = np.abs(fields.pressure * apart)
+    if epsilon > 0.0:
+        left = np.maximum(fields.u_normal - fields.gap, 0.0) - epsilon * fields.pressure
+        conjugate += left**2 / (2.0 * epsilon)
     return (
         state.share_of_work(state.sum(weights * np.abs(fields.pressure * opening))),
         state.share_of_work(stress * entering + length * pulling),
+        state.share_of_work(state.sum(weights * conjugate)),
     )
 
 
