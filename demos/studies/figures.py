@@ -190,7 +190,8 @@ def lost_equilibrium() -> list[Panel]:
     mu, force = "friction.coefficient", "contact_force.1"
     found = rows("lost_equilibrium")
     solved = [row for row in found if row["converged"]]
-    inverse = Curve("h = 1/4", [row[mu] for row in solved], [1.0 / row[force] for row in solved])
+    squares = [row[force] ** -2 for row in solved]
+    inverse = Curve("h = 1/4", [row[mu] for row in solved], squares)
     body = [
         [f"{row[mu]:g}", f"{row[force]:.4f}" if row["converged"] else "", _steps(row)]
         for row in found
@@ -198,7 +199,7 @@ def lost_equilibrium() -> list[Panel]:
     table(["μ", "contact force", "tangents"], body)
     return [
         Panel("Contact force", "μ", "", [curve("h = 1/4", solved, mu, force)], logarithmic=False),
-        Panel("1 / contact force", "μ", "", [inverse], logarithmic=False),
+        Panel("1 / contact force²", "μ", "", [inverse], logarithmic=False),
     ]
 
 
