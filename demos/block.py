@@ -16,7 +16,9 @@
 # $$-\sigma_\nu = \tfrac{1}{\epsilon}[u_\nu - g]^+, \qquad
 #   \sigma_\tau = -\mu\,|R\sigma_\nu|\,\frac{u_\tau}{\sqrt{|u_\tau|^2 + \epsilon^2}}.$$
 #
-# The exact laws are the limit $n \to \infty$, $\epsilon = 1/n \to 0$. What is learned here: how to
+# The exact laws are the limit $n \to \infty$, $\epsilon = 1/n \to 0$, and what is solved where a
+# study file gives no penalty. (The $\epsilon$ of friction is a length, $\epsilon E$ with Young's
+# modulus $E$, which is 1 here.) What is learned here: how to
 # solve a study file from Python, what is in the solution, and what the penalty costs.
 #
 # Any key of the study file can be changed on the command line, here and in the other demos:

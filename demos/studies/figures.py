@@ -186,6 +186,23 @@ def contraction() -> list[Panel]:
     ]
 
 
+def lost_equilibrium() -> list[Panel]:
+    mu, force = "friction.coefficient", "contact_force.1"
+    found = rows("lost_equilibrium")
+    solved = [row for row in found if row["converged"]]
+    squares = [row[force] ** -2 for row in solved]
+    inverse = Curve("h = 1/4", [row[mu] for row in solved], squares)
+    body = [
+        [f"{row[mu]:g}", f"{row[force]:.4f}" if row["converged"] else "", _steps(row)]
+        for row in found
+    ]
+    table(["μ", "contact force", "tangents"], body)
+    return [
+        Panel("Contact force", "μ", "", [curve("h = 1/4", solved, mu, force)], logarithmic=False),
+        Panel("1 / contact force²", "μ", "", [inverse], logarithmic=False),
+    ]
+
+
 def _steps(row: Row) -> str:
     return str(row["iterations.tangents"]) if row["converged"] else "not converged"
 
@@ -203,6 +220,7 @@ FIGURES: dict[str, Callable[[], list[Panel]]] = {
     "theorem_4_10": theorem_4_10,
     "local_friction": local_friction,
     "contraction": contraction,
+    "lost_equilibrium": lost_equilibrium,
     "locking_stress": locking_stress,
 }
 
