@@ -117,6 +117,7 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
                 "tractions": [{"on": "top", "value": [0, -0.05]}],
             },
             "friction": {"coefficient": 0.3, "smoothing": {"radius": 0.5}},
+            "penalty": {"n": 1e4},
             "certificate": {"limit": True},
         }
     )
