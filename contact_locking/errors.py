@@ -48,11 +48,10 @@ class NotConverged(ContactLockingError):
 
 
 class Infeasible(NotConverged):
-    """Multipliers that grow without bound: no admissible field has the prescribed values.
+    """No admissible field on this mesh has the prescribed values, by Farkas's lemma.
 
-    That is said of the piecewise linear fields on the mesh, which alone the multipliers balance.
-    ``factor``, if they balance without friction: the prescribed values times any larger number
-    exclude all of them, too; infinite if scaling them is not the way out.
+    The prescribed values times any number above ``factor`` exclude all of them, too; it is infinite
+    if scaling them is not the way out.
     """
 
     def __init__(self, message: str, factor: float) -> None:

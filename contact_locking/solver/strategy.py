@@ -50,6 +50,7 @@ _FRICTION_WAY_OUT = (
     "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "
     "a bound, and there may be no equilibrium."
 )
+_NESTED_WAY_OUT = "Take solver.friction: inside, which needs no contraction."
 _INTERIOR_WAY_OUT = (
     "Raise solver.max_iterations if it was low.  If the friction bound does not settle, lower "
     "friction.coefficient or enlarge friction.smoothing.radius."
@@ -139,8 +140,11 @@ def interior_point(
         return _success(report)
     bound = system.bound
     nested = settings.nested and bound is not None and not bound.frictionless
+    if nested:
+        report.suggestion = _NESTED_WAY_OUT
     solver = InteriorPoint(system, target, settings, monitor, bound_moves=not nested)
-    tries = APPROACHES if bound is not None and not bound.frictionless else APPROACHES[:1]
+    moves = bound is not None and not bound.frictionless and not nested
+    tries = APPROACHES if moves else APPROACHES[:1]
     try:
         for solver.approach in tries:
             _solve_by(solver, bound if nested else None, system, target, settings, report, monitor)
@@ -230,7 +234,7 @@ def _explain(
     """Say why the problem was not solved, if nothing is admissible or friction is too large."""
     verdict = judge(system, target, settings, report)
     if verdict is None:
-        share = share_of_friction(system, target, settings, report)
+        share = None if settings.nested else share_of_friction(system, target, settings, report)
         if share is not None:
             report.reason += f"; {share}"
             report.suggestion = _FRICTION_WAY_OUT
@@ -258,6 +262,7 @@ def _polish(
         return False
     settings = dataclasses.replace(settings, max_iterations=min(steps, settings.max_iterations))
     kept = system.u.x.array.copy()
+    change_kept, contraction_kept = report.friction_change, report.contraction
     bound_kept = None if system.bound is None else system.bound.values.copy()
     system.set_penalty(target.n, target.epsilon, target.regularisation)
     newton = NewtonSolver(system, settings, monitor, near, direct)
@@ -267,6 +272,7 @@ def _polish(
         return True
     except NotConverged:
         system.u.x.array[:] = kept
+        report.friction_change, report.contraction = change_kept, contraction_kept
         if system.bound is not None and bound_kept is not None:
             system.bound.values = bound_kept
         return False
