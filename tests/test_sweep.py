@@ -159,10 +159,8 @@ def test_a_true_and_a_false_verdict_of_infeasibility_are_told_apart() -> None:
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_transform_and_its_inverse_leave_a_study_as_it_was(dim: int) -> None:
     there = Transform.random(np.random.default_rng(dim), dim, homogeneous=True)
-    inverse = np.argsort(there.axes)
     back = Transform(
-        tuple(int(i) for i in inverse),
-        tuple(there.signs[i] for i in inverse),
+        tuple(zip(*there.rows, strict=True)),
         1.0 / there.length,
         1.0 / there.stress,
         1.0 / there.load,

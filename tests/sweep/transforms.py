@@ -1,9 +1,8 @@
 """A problem in other units, mirrored or turned: its solution is that of the problem, transformed.
 
-``x -> length Q x`` with a matrix Q of one entry 1 or -1 in each row and column, stresses times
-``stress``; then ``u -> length Q u``.  Where u is proportional to the loads, these are multiplied by
-``load`` as well.  The mesh is the same one with its nodes moved, so that the numbers must agree to
-what the solver promises.
+``x -> length Q x`` with an orthogonal Q, stresses times ``stress``; then ``u -> length Q u``.
+Where u is proportional to the loads, these are multiplied by ``load`` as well.  The mesh is the
+same one with its nodes moved, so that the numbers must agree to what the solver promises.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 import copy
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -30,40 +29,46 @@ _COORDINATE = re.compile(r"\b[xyzs]\b")
 
 @dataclass(frozen=True)
 class Transform:
-    """Row i of Q has ``signs[i]`` in column ``axes[i]``."""
+    """Q by its ``rows``; where rollers are turned, each row has one entry 1 or -1."""
 
-    axes: tuple[int, ...]
-    signs: tuple[int, ...]
-    length: float
-    stress: float
+    rows: tuple[tuple[float, ...], ...]
+    length: float = 1.0
+    stress: float = 1.0
     load: float = 1.0
+
+    @classmethod
+    def of(cls, Q: FloatArray, length: float = 1.0, stress: float = 1.0) -> Transform:
+        return cls(tuple(tuple(float(q) for q in row) for row in Q), length, stress)
 
     @classmethod
     def random(cls, random: Random, dim: int, homogeneous: bool) -> Transform:
         """Of any symmetry of a cube; loads up to 1e-30 where the solution scales with them."""
-        return cls(
-            tuple(int(i) for i in random.permutation(dim)),
-            tuple(int(i) for i in random.choice([-1, 1], dim)),
-            10.0 ** random.uniform(-3.0, 3.0),
-            10.0 ** random.uniform(-6.0, 9.0),
-            10.0 ** random.uniform(-30.0, 0.0) if homogeneous else 1.0,
-        )
+        Q = np.eye(dim)[random.permutation(dim)] * random.choice([-1.0, 1.0], dim)[:, None]
+        transform = cls.of(Q, 10.0 ** random.uniform(-3.0, 3.0), 10.0 ** random.uniform(-6.0, 9.0))
+        load = 10.0 ** random.uniform(-30.0, 0.0) if homogeneous else 1.0
+        return replace(transform, load=load)
 
     @property
     def matrix(self) -> FloatArray:
         """Q."""
-        Q = np.zeros((len(self.axes), len(self.axes)))
-        Q[np.arange(len(self.axes)), self.axes] = self.signs
-        return Q
+        return np.array(self.rows)
+
+    @property
+    def dim(self) -> int:
+        return len(self.rows)
 
     def move(self, domain: Domain) -> None:
         """Move the nodes of a mesh, for good."""
-        x, dim = domain.mesh.geometry.x, len(self.axes)
-        x[:, :dim] = self.length * (x[:, :dim] @ self.matrix.T)
+        x = domain.mesh.geometry.x
+        x[:, : self.dim] = self.places(x[:, : self.dim])
+
+    def places(self, x: FloatArray) -> FloatArray:
+        """Where the points (k, d) of the problem are."""
+        return np.asarray(self.length * (x @ self.matrix.T))
 
     def back(self, u: FloatArray) -> FloatArray:
         """The displacement of the problem from that of the transformed one, both by nodes."""
-        turned = u.reshape(-1, len(self.axes)) @ self.matrix
+        turned = u.reshape(-1, self.dim) @ self.matrix
         return np.asarray(turned.ravel() / (self.length * self.load))
 
     def study(self, given: Study) -> Study:
@@ -108,13 +113,24 @@ class Transform:
             matrix = self.stress * turn @ np.array(given["stiffness"]) @ turn.T
             given["stiffness"] = (0.5 * (matrix + matrix.T)).tolist()
         else:
-            given["young"] = self._value(given["young"], self.stress)
+            for key in {"young", "lambda", "mu"} & set(given):
+                given[key] = self._value(given[key], self.stress)
 
     def _vector(self, values: list[Value], factor: float) -> list[Value]:
-        return [
-            self._value(values[axis], sign * factor)
-            for axis, sign in zip(self.axes, self.signs, strict=True)
-        ]
+        return [self._sum(row, values, factor) for row in self.rows]
+
+    def _sum(self, row: tuple[float, ...], values: list[Value], factor: float) -> Value:
+        """A component of ``factor Q v``; null where the only component it is made of is."""
+        parts = [(q, v) for q, v in zip(row, values, strict=True) if q]
+        if len(parts) == 1:
+            ((q, value),) = parts
+            turned: Value = self._value(value, q * factor)
+            return turned
+        if any(v is None for _, v in parts):
+            raise ValueError("a roller has no such direction")
+        if any(isinstance(v, str) for _, v in parts):
+            return " + ".join(f"({self._value(v, q * factor)})" for q, v in parts)
+        return factor * float(sum(q * float(v or 0.0) for q, v in parts))
 
     def _value(self, value: Value, factor: float) -> Any:
         """A number or an expression times a factor, its coordinates those of the problem."""
@@ -127,8 +143,9 @@ class Transform:
             name = match.group()
             if name == "s":
                 return f"(s/{self.length!r})"
-            row = self.axes.index("xyz".index(name))
-            return f"({self.signs[row]}*{'xyz'[row]}/{self.length!r})"
+            column = [row["xyz".index(name)] for row in self.rows]
+            parts = [f"{q!r}*{axis}" for q, axis in zip(column, "xyz", strict=False) if q]
+            return f"(({' + '.join(parts)})/{self.length!r})"
 
         return f"{factor!r}*({_COORDINATE.sub(old, value)})"
 
@@ -139,7 +156,7 @@ class Transform:
                     body[key] = self._vector(body[key], factor)
             if "radius" in body:
                 body["radius"] *= self.length
-        if "cylinder" in given and len(self.axes) == 3:
+        if "cylinder" in given and self.dim == 3:
             body = given["cylinder"]
             body["axis"] = self._vector(body.get("axis", [0.0, 1.0, 0.0]), 1.0)
 
