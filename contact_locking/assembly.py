@@ -239,7 +239,7 @@ def _smoothing(
     radius = given.radius
     size = surface.domain.facet_diameter(surface.facets)
     places = np.concatenate(comm.allgather(surface.points))
-    extent = float(np.linalg.norm(np.ptp(places, axis=0)))
+    extent = _extent(places)
     if radius is None:
         radius = max(_DEFAULT_RADIUS_SHARE * extent, _DEFAULT_RADIUS_FACETS * size)
     elif radius < size:
@@ -251,6 +251,18 @@ def _smoothing(
         return Convolution(comm, surface.whole(free), radius)
     radius = min(radius, _LARGEST_RADIUS_SHARE * extent)
     return HelmholtzFilter(comm, surface.whole(free), surface.laplacian(), radius)
+
+
+def _extent(places: FloatArray) -> float:
+    """How far apart points (k, d) are: from the one farthest from the middle to that from it.
+
+    Of a straight or rectangular Gamma_C the length or diagonal, however it lies.
+    """
+    place = places.mean(axis=0)
+    for _ in range(2):
+        distances = np.linalg.norm(places - place, axis=1)
+        place = places[np.argmax(distances)]
+    return float(distances.max())
 
 
 def _friction_law(comm: MPI.Intracomm, value: float | str) -> FrictionLaw:

@@ -99,6 +99,23 @@ class Domain:
         high = self.comm.allgather(x.max(axis=0, initial=-np.inf))
         return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
+    def extent(self) -> float:
+        """``sqrt(12 lambda)``, lambda the largest second moment of the body per volume; collective.
+
+        The length of a block, however it lies, where the bounding box is larger if it is turned.
+        """
+        dim, middle = self.dim, self.bounding_box().mean(axis=0)
+        owned = self.mesh.topology.index_map(dim).size_local
+        x = self.mesh.geometry.x[self.mesh.geometry.dofmap[:owned], :dim] - middle
+        volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1]))
+        sums = x.sum(axis=1)
+        squares = np.einsum("cki,ckj->cij", x, x) + np.einsum("ci,cj->cij", sums, sums)
+        volume = self.comm.allreduce(volumes.sum())
+        centre = self.comm.allreduce(volumes @ sums) / ((dim + 1) * volume)
+        second = self.comm.allreduce(np.tensordot(volumes, squares, axes=1))
+        moments = second / ((dim + 1) * (dim + 2) * volume) - np.outer(centre, centre)
+        return float(np.sqrt(12.0 * np.linalg.eigvalsh(moments)[-1]))
+
     def _tag(self, name: str, table: dict[str, int], key: str | None) -> int:
         if name not in table and table is self.facet_names and name in self.unusable:
             raise InputError(f"in {self.origin}, {self.unusable[name]}", key)

@@ -129,7 +129,7 @@ def solve_assembled(
         stiffness=material.stiffness,
         ellipticity=material.ellipticity,
         young=material.young,
-        length=float(np.ptp(domain.bounding_box(), axis=0).max()),
+        length=domain.extent(),
         volume=integral(domain, fem.Constant(domain.mesh, 1.0) * problem.data.dx),
     )
     report = None if restarted is None else restarted.solved_already(system, target, settings)
