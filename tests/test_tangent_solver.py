@@ -74,7 +74,7 @@ def test_one_symbolic_factorisation_serves_most_filters(
     filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Filter] = []
-    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 30})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 50})
     create = Filter.__init__
 
     def kept(self: Filter, *given: Any) -> None:

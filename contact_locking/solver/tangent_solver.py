@@ -33,10 +33,8 @@ _LOOSEST = 1e-2
 # No linear residual gets smaller than this.
 _ROUNDING = 1e-12
 # So many iterations with one tangent, by dimension, may be taken instead of the filter's
-# factorisation.  On the block of the benchmarks in 3D one rank takes 37, 41 and 46 s (n = 1e4), and
-# 45, 43 and 44 s (inf), with 30, 60 and 125; two take 24 s and 29 s with 60 and 26 s and 30 s with
-# 125.
-_PATIENCE = {2: 10, 3: 60}
+# factorisation: some fifteen in 3D, and two in 2D, for each of the seven solves that it serves.
+_PATIENCE = {2: 16, 3: 100}
 # Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
 # down on it: it is filtered again, so often at most.
 _RESTARTS = 3
