@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,9 +125,12 @@ def check_held(
     given = np.zeros((0, count)) if contact is None else contact
     normal = np.asarray(given / max(float(np.abs(given).max(initial=0.0)), 1e-300), dtype=float)
     rows = np.vstack([normal, -work[None, :] / max(float(np.abs(work).max()), 1e-300)])
-    leaves = friction and contact is not None
-    for aim in [None] if leaves else _directions(count):
-        motion = _leaving(rows) if aim is None else _unresisted(rows, aim)
+    motions: Iterable[FloatArray | None]
+    if friction and contact is not None:
+        motions = [_leaving(rows)]
+    else:
+        motions = (_unresisted(rows, aim) for aim in _directions(count))
+    for motion in motions:
         if motion is None:
             continue
         if contact is None:

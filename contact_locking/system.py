@@ -237,7 +237,28 @@ class PenalisedSystem:
         """
         self._assemble(self._elastic)
         acting = max(self._load_norm, float(la.norm(self._work.x)))
+        return self.above_rounding(acting, tolerance)
+
+    def above_rounding(self, acting: float, tolerance: float) -> float:
+        """``acting``, or the force whose share ``tolerance`` is rounding in ``u``, if that is more.
+
+        Collective.
+        """
+        size = np.linalg.norm(self.u.x.array.reshape(-1, self.dim), axis=1)
+        largest = self.comm.allreduce(float(np.max(size, initial=0.0)), op=MPI.MAX)
+        # Where forces act, next to which this is nothing, it is not evaluated cell by cell.
+        if largest * self._rounding_of_one <= tolerance * acting:
+            return acting
         return max(acting, self.force_rounding() / tolerance)
+
+    @cached_property
+    def _rounding_of_one(self) -> float:
+        """:meth:`force_rounding` if ``|u| = 1`` everywhere; collective."""
+        kept = self.u.x.array.copy()
+        self.u.x.array[:] = 1.0 / np.sqrt(self.dim)
+        rounding = self.force_rounding()
+        self.u.x.array[:] = kept
+        return rounding
 
     def force_rounding(self) -> float:
         """What rounding in ``a(u, .)`` may leave, as a norm over all dofs; collective."""

@@ -45,9 +45,11 @@ class BoundStep:
         self._contact, self._friction = point.contact, point.friction
         cones = self._cones
         mu, slope = bound.slope()
-        smoothed = bound.smoothing.apply(cones.at_all_nodes(self._contact.z))
+        pressure = cones.at_all_nodes(self._contact.z)
+        smoothed = bound.smoothing.apply(pressure)
         known = float(bound.is_coulomb)
-        self._wanted = bound.evaluate(cones.at_all_nodes(self._contact.z))[cones.active]
+        wanted = mu * np.abs(smoothed) if bound.is_coulomb else bound.evaluate(pressure)
+        self._wanted = wanted[cones.active]
         self._mu = known * mu[cones.active]
         slip = cones.slips(cones.system.u.x.array)
         size = np.sqrt(np.sum(slip**2, axis=0))

@@ -95,7 +95,7 @@ class ConeSystem:
         self._elasticity.mult(self._seen, self._stretched)
         self.energy = 0.5 * float(self._stretched.dot(self._seen))
         acting = max(self._load.norm(), self._stretched.norm())
-        self.force_scale = float(max(acting, self.system.force_rounding() / self._tolerance))
+        self.force_scale = self.system.above_rounding(float(acting), self._tolerance)
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
 
     def strains(self, displacement: FloatArray) -> FloatArray:

@@ -293,7 +293,11 @@ class InteriorPoint:
         """
         point = self._point
         corrections = point.corrections(affine, min(1.0, t / _TRUSTED))
-        best = self._adapted(target, corrections, self._direction(target, corrections))
+        bound_step = None
+        if self._moving is not None:
+            bound_step = BoundStep(point, self._moving[0], _MOST_LEFT)
+        best = self._direction(target, corrections)
+        best = self._adapted(bound_step, target, corrections, best)
         t = self._length(best)
         recentred = False
         for _ in range(_RECENTRINGS):
@@ -306,17 +310,22 @@ class InteriorPoint:
                 break
             best, corrections, t, recentred = candidate, trial, longer, True
         if recentred:
-            best = self._adapted(target, corrections, best)
+            best = self._adapted(bound_step, target, corrections, best)
             t = self._length(best)
         return best, t
 
-    def _adapted(self, target: float, corrections: list[Any], direction: Direction) -> Direction:
+    def _adapted(
+        self,
+        bound_step: BoundStep | None,
+        target: float,
+        corrections: list[Any],
+        direction: Direction,
+    ) -> Direction:
         """The direction with the step of the bound that agrees with it; collective."""
-        if self._moving is None:
+        if bound_step is None:
             return direction
-        step = BoundStep(self._point, self._moving[0], _MOST_LEFT)
         steps = direction[1]
-        step.adapt(steps[1][1], steps[2][0][1 : 1 + self._cones.dim])
+        bound_step.adapt(steps[1][1], steps[2][0][1 : 1 + self._cones.dim])
         return self._direction(target, corrections)
 
     def _direction(self, target: float, corrections: list[Any] | None) -> Direction:

@@ -41,12 +41,6 @@ class Measures:
         )
 
 
-def mean(comm: MPI.Intracomm, weights: FloatArray, values: FloatArray) -> float:
-    """The weighted mean over all ranks, 0 without weights; collective."""
-    total, weight = comm.allreduce(np.array([float(weights @ values), float(weights.sum())]))
-    return float(total / weight) if weight > 0.0 else 0.0
-
-
 def relative_rms(
     comm: MPI.Intracomm, weights: FloatArray, values: FloatArray, scale: FloatArray
 ) -> float:
