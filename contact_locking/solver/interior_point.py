@@ -146,6 +146,8 @@ class InteriorPoint:
         finally:
             report.linear += self._cones.take_iterations()
         if self.is_elastic:
+            unbalanced = self._cones.residual_norm(self._unstrained, None, None)
+            monitor.iteration(0, unbalanced / (self._cones.force_scale or 1.0))
             report.duality_gap = 0.0
             return self.multipliers()
         limit = settings.max_iterations
