@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from contact_locking.domain import Domain
     from contact_locking.parameters import Parameters
+    from contact_locking.results import ContactFields
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,6 +66,7 @@ class Solution:
     tangential_traction: fem.Function  # P1, vector, sigma_tau
     contact_state: fem.Function  # P1, OPEN, STICK or SLIP
     friction_bound: fem.Function  # P1, mu |R sigma_nu|
+    contacts: tuple[ContactFields, ...]  # the nodal fields of each contact, on every rank
     contact_points: ContactPoints | None
     contact_facets: npt.NDArray[np.int64] | None  # (m, d), their corners as numbers of the points
     summary: dict[str, Any] = field(default_factory=dict)

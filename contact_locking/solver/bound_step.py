@@ -20,7 +20,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from contact_locking.solver.cone_point import ConePoint
-from contact_locking.system import FrictionBound
+from contact_locking.contacts import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
 

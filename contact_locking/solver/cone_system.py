@@ -17,7 +17,7 @@ from contact_locking import compiled, forms
 from contact_locking.material import MANDEL_PAIRS, mandel_factor, strain
 from contact_locking.solver.filtered_multigrid import StiffPart
 from contact_locking.solver.linear import is_direct
-from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.solver.report import Settings
 from contact_locking.solver.storage import IN_BLOCKS
 from contact_locking.solver.strain_operator import StrainOperator
@@ -266,7 +266,7 @@ class ConeSystem:
             every[1][self.active] = friction.T
         if touches is not None:
             every[2][self.active] = touches
-        return Multipliers(field, *every)
+        return Multipliers(field, (ContactForces(*every),) if self.surface is not None else ())
 
     def at_all_nodes(self, values: FloatArray) -> FloatArray:
         """Values (k,) at the nodes as values at all owned nodes of Gamma_C, zero elsewhere."""

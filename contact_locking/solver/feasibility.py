@@ -127,7 +127,7 @@ def share_of_friction(
         system.u.x.array[:] = prescribed
         bound.share = share
         try:
-            found = solver.solve(tries).pressure
+            found = solver.solve(tries).contacts[0].pressure
         except NotConverged:
             return None
         return float(bound.surface.integral(found))

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from contact_locking.errors import NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.report import Settings, SolverReport
-from contact_locking.system import FrictionBound
+from contact_locking.contacts import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -29,11 +29,12 @@ from contact_locking.solver.cones import Lorentz
 from contact_locking.solver.farkas import excluded_factor
 from contact_locking.solver.linear import LINEAR_FAILURE
 from contact_locking.solver.measures import Measures
-from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.start import ElasticStart
 from contact_locking.solver.target import Target
-from contact_locking.system import FrictionBound, PenalisedSystem
+from contact_locking.contacts import FrictionBound
+from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 

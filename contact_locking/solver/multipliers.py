@@ -1,4 +1,4 @@
-"""The locking stress, contact pressure and friction traction as unknowns of their own."""
+"""The locking stress, contact pressures and friction tractions as unknowns of their own."""
 
 from __future__ import annotations
 
@@ -12,14 +12,21 @@ FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Multipliers:
-    """Z as a P0 function, and at the owned nodes of Gamma_C pressure (k,) and -sigma_tau (k, d).
+class ContactForces:
+    """At the owned nodes of a contact: ``pressure`` (k,) and ``friction = -sigma_tau`` (k, d).
 
     ``touches`` (k,) says where the body is in contact; elsewhere the pressure vanishes up to the
     solver's tolerance only.
     """
 
-    locking_stress: fem.Function
     pressure: FloatArray
     friction: FloatArray
     touches: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Z as a P0 function, and the forces of each contact."""
+
+    locking_stress: fem.Function
+    contacts: tuple[ContactForces, ...]

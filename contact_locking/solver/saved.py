@@ -16,16 +16,16 @@ FloatArray = npt.NDArray[np.float64]
 class SavedState:
     """What solved some problem on this mesh with the penalties that it names.
 
-    ``displacement`` holds local values, ghosts included, ``pressure`` (k,) those at the owned nodes
-    of Gamma_C, None where nothing is known of it.
+    ``displacement`` holds local values, ghosts included, ``pressures`` those (k,) at the owned nodes
+    of each contact; without any, nothing is known of them.
     """
 
     displacement: FloatArray
-    pressure: FloatArray | None
+    pressures: tuple[FloatArray, ...]
     n: float
     epsilon: float
-    regularisation: float
+    regularisations: tuple[float, ...]
 
     def enter(self, system: PenalisedSystem) -> None:
-        """Put displacement and friction bound into ``system``; collective."""
-        system.take_over(self.displacement, self.pressure)
+        """Put displacement and friction bounds into ``system``; collective."""
+        system.take_over(self.displacement, self.pressures)

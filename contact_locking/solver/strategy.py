@@ -20,7 +20,8 @@ from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.saved import SavedState
 from contact_locking.solver.target import Target
-from contact_locking.system import FrictionBound, PenalisedSystem
+from contact_locking.contacts import FrictionBound
+from contact_locking.system import PenalisedSystem
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2
@@ -71,7 +72,7 @@ def newton_with_continuation(
     report = SolverReport(suggestion=_NEWTON_WAY_OUT)
     if saved is not None:
         saved.enter(system)
-        onwards = PenaltyPath.onwards(saved.n, saved.epsilon, saved.regularisation, target)
+        onwards = PenaltyPath.onwards(saved.n, saved.epsilon, (*saved.regularisations, 0.0)[0], target)
         cautious = dataclasses.replace(
             settings, max_iterations=min(_RESCUE, settings.max_iterations)
         )
@@ -103,7 +104,7 @@ def _follow(
 
     def stage(penalties: Penalties, last: bool) -> None:
         n, epsilon, _ = penalties
-        system.set_penalty(*penalties)
+        system.set_penalty(n, epsilon, [penalties[2]] * len(system.contacts))
         monitor.stage(len(report.stages) + 1, round(path.decades) + 1, n, epsilon)
         before = report.tangents
         if last:
@@ -183,7 +184,7 @@ def _solve_by(
 
     def evaluate() -> npt.NDArray[np.float64]:
         assert nested is not None and report.multipliers is not None
-        return nested.evaluate(report.multipliers.pressure)
+        return nested.evaluate(report.multipliers.contacts[0].pressure)
 
     try:
         solve()
@@ -207,7 +208,7 @@ def _newton_from(
     """Newton from a saved state that is near; says whether it arrived, else starts afresh."""
     if is_direct(settings.linear, system.dim, system.size) and _has_digits(target):
         saved.enter(system)
-        system.set_penalty(target.n, target.epsilon, target.regularisation)
+        system.set_penalty(target.n, target.epsilon, target.regularisations)
         if system.relative_residual(settings.tolerance) <= _NEAR:
             updates = min(_FEW_UPDATES, settings.max_friction_updates)
             few = dataclasses.replace(settings, max_friction_updates=updates)
@@ -264,7 +265,7 @@ def _polish(
     kept = system.u.x.array.copy()
     change_kept, contraction_kept = report.friction_change, report.contraction
     bound_kept = None if system.bound is None else system.bound.values.copy()
-    system.set_penalty(target.n, target.epsilon, target.regularisation)
+    system.set_penalty(target.n, target.epsilon, target.regularisations)
     newton = NewtonSolver(system, settings, monitor, near, direct)
     try:
         _settle(newton, system, target, settings, report, monitor)

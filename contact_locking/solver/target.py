@@ -20,21 +20,25 @@ class Target:
 
     n: float
     epsilon: float
-    regularisation: float
+    regularisations: tuple[float, ...]
     stiffness: float
     ellipticity: float
     young: float
     length: float
     volume: float
 
+    @property
+    def regularisation(self):  # INTERIM
+        return self.regularisations[0] if self.regularisations else 0.0
+
     def inequality(self) -> Target:
         """The same problem without penalties."""
-        return dataclasses.replace(self, n=math.inf, epsilon=0.0, regularisation=0.0)
+        return dataclasses.replace(self, n=math.inf, epsilon=0.0, regularisations=tuple(0.0 for _ in self.regularisations))
 
     @property
     def is_inequality(self) -> bool:
         """Whether neither penalty is left."""
-        return math.isinf(self.n) and self.epsilon == 0.0 and self.regularisation == 0.0
+        return math.isinf(self.n) and self.epsilon == 0.0 and not any(self.regularisations)
 
     def mean_strain(self, energy: float, displacement: float, tolerance: float) -> float:
         """``sqrt(a(u, u)/(alpha |Omega|))``, or what rounding in ``u`` leaves, if that is larger.
