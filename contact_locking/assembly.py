@@ -29,6 +29,7 @@ from contact_locking.loads import build_loads
 from contact_locking.parameters import LoadParameters, Parameters
 from contact_locking.parts import Held, check_parts_held
 
+
 @dataclass
 class Problem:
     """Everything that exists before the first solve; made by :func:`assemble`."""

@@ -111,10 +111,6 @@ class Contact:
         along = np.einsum("ki,ki->k", values, normals)
         return along, values - along[:, None] * normals
 
-    def penalty_pressure(self, u: fem.Function, epsilon: float) -> FloatArray:
-        """``p = [u_nu - gap]^+/eps`` (k,) at the nodes (25)."""
-        return np.maximum(self.split(u)[0] - self.gaps, 0.0) / epsilon
-
     def friction_bound(self, u: fem.Function, pressure: FloatArray) -> FloatArray:
         """The bound (k,) that belongs to a displacement and a pressure (k,); collective."""
         return self.friction.evaluate(pressure, self.slips(u))

@@ -130,7 +130,7 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
     locking = _p0(domain, stress, "locking_stress", (domain.dim, domain.dim))
     forces = []
     for contact in data.contacts:
-        pressure = contact.penalty_pressure(u, float(data.epsilon.value))
+        pressure = contact.surface.average(forms.pressure(u, contact, data))()
         friction = contact.surface.average(forms.friction(u, contact))()
         forces.append(ContactForces(pressure, friction, pressure > 0.0))
     return Multipliers(locking, tuple(forces))

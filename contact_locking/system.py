@@ -16,6 +16,7 @@ from petsc4py import PETSc
 from contact_locking import compiled, forms
 from contact_locking.conditions import Constraints, rigid_motions
 from contact_locking.contacts import Contact
+from contact_locking.surface import NodalAverage
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -77,6 +78,13 @@ class PenalisedSystem:
             tangent += forms.contact_stiffness(v, du, self.contacts, factor)
         # With more than DOLFINx's own flags this takes GCC a minute in 3D, and is as fast.
         return fem.form(tangent)
+
+    @cached_property
+    def _penalty_pressures(self) -> list[NodalAverage]:
+        return [
+            contact.surface.average(forms.pressure(self.u, contact, self.data))
+            for contact in self.contacts
+        ]
 
     @property
     def size(self) -> int:
@@ -210,10 +218,8 @@ class PenalisedSystem:
 
     def update_bounds(self) -> None:
         """Set every friction bound to that of the penalty law at the displacement; collective."""
-        epsilon = float(self.data.epsilon.value)
-        for contact in self.contacts:
-            pressure = contact.penalty_pressure(self.u, epsilon)
-            contact.bounds = contact.friction_bound(self.u, pressure)
+        for contact, pressure in zip(self.contacts, self._penalty_pressures, strict=True):
+            contact.bounds = contact.friction_bound(self.u, pressure())
 
     def clear(self) -> None:
         """``u = 0`` but for the prescribed values, and no friction; collective."""
@@ -250,12 +256,14 @@ class _Interim:  # INTERIM
     is_coulomb = property(lambda self: self.c.friction.is_coulomb)
     normal = property(lambda self: self.c.normal)
     gap = property(lambda self: self.c.gap)
-    share = property(lambda self: self.c.friction.share, lambda self, v: setattr(self.c.friction, "share", v))
+    share = property(
+        lambda self: self.c.friction.share, lambda self, v: setattr(self.c.friction, "share", v)
+    )
     values = property(lambda self: self.c.bounds, lambda self, v: setattr(self.c, "bounds", v))
 
     def evaluate(self, pressure=None):
         if pressure is None:
-            pressure = self.c.penalty_pressure(self.s.u, float(self.s.data.epsilon.value))
+            pressure = self.s._penalty_pressures[0]()
         return self.c.friction_bound(self.s.u, pressure)
 
     def slope(self):

@@ -27,14 +27,13 @@ TOLERANCE = 1e-9
 def system() -> PenalisedSystem:
     """The model case, where n is small enough for a start at zero, solved for its first bound."""
     made = assemble(block(h=0.1, penalty__n=10.0, penalty__epsilon=0.1), MPI.COMM_WORLD)
-    system = PenalisedSystem(made.data, made.u, made.constraints, made.bound)
-    system.set_penalty(10.0, 0.1, 0.1)
-    assert system.bound is not None
+    system = PenalisedSystem(made.data, made.u, made.constraints)
+    system.set_penalty(10.0, 0.1, [0.1])
     for _ in range(2):
         newton = NewtonSolver(system, Settings(), Monitor())
         newton.solve(TOLERANCE, SolverReport())
         newton.destroy()
-        system.bound.values = system.bound.evaluate()
+        system.update_bounds()
     return system
 
 
@@ -47,12 +46,12 @@ def newton(system: PenalisedSystem) -> Iterator[NewtonSolver]:
 
 def tangents_after(system: PenalisedSystem, newton: NewtonSolver, factor: float) -> int:
     """Those that a solve takes for ``factor`` times the bound of the solve before it."""
-    assert system.bound is not None
     report = SolverReport()
     newton.solve(TOLERANCE, report, least_steps=1)
     before = report.tangents
     assert before > 0
-    system.bound.values = factor * system.bound.values
+    (contact,) = system.contacts
+    contact.bounds = factor * contact.bounds
     newton.solve(TOLERANCE, report, least_steps=1)
     assert system.relative_residual() <= TOLERANCE
     return report.tangents - before
@@ -85,7 +84,7 @@ def test_full_steps_that_lead_away_are_given_up(
     system: PenalisedSystem, newton: NewtonSolver
 ) -> None:
     # With a stiff penalty nothing of the soft one's solution is near.
-    system.set_penalty(1e8, 1e-8, 1e-8)
+    system.set_penalty(1e8, 1e-8, [1e-8])
     report = SolverReport()
     start = system.u.x.array.copy()
     with pytest.raises(NotConverged):
@@ -117,7 +116,7 @@ def test_the_last_steps_need_no_symbolic_factorisation_of_their_own(
 
     before = {name: counts(name) for name in events}
     system.clear()
-    target = Target(10.0, 0.1, 0.1, 1.0, 1.0, 1.0, 1.0, 1.0)
+    target = Target(10.0, 0.1, (0.1,), 1.0, 1.0, 1.0, 1.0, 1.0)
     report = solve("interior_point", system, target, Settings(), Monitor())
     # Newton was the last to solve: the multipliers are those of the penalty laws.
     assert report.converged and report.multipliers is None

@@ -20,7 +20,7 @@ from contact_locking.certificate.elliptic import (
 )
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.state import SolvedState
-from contact_locking.convex import normal_part, positive_part, squared_norm, unit_ball_excess
+from contact_locking.convex import squared_norm, unit_ball_excess
 from contact_locking.material import strain
 from contact_locking.results import integral
 

@@ -15,7 +15,6 @@ from ufl.core.expr import Expr
 
 from contact_locking import compiled, forms
 from contact_locking.certificate.state import SolvedState
-from contact_locking.convex import normal_part
 from contact_locking.material import strain
 from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
 

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from contact_locking.solver.cone_point import ConePoint
 from contact_locking.contacts import FrictionBound
+from contact_locking.solver.cone_point import ConePoint
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
 from contact_locking.solver.cone_system import ConeSystem
 from contact_locking.solver.measures import relative_rms
-from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.multipliers import Multipliers
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from contact_locking.contacts import FrictionBound
 from contact_locking.errors import NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.report import Settings, SolverReport
-from contact_locking.contacts import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
 

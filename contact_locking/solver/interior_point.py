@@ -19,6 +19,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from contact_locking.contacts import FrictionBound
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
@@ -29,11 +30,10 @@ from contact_locking.solver.cones import Lorentz
 from contact_locking.solver.farkas import excluded_factor
 from contact_locking.solver.linear import LINEAR_FAILURE
 from contact_locking.solver.measures import Measures
-from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.start import ElasticStart
 from contact_locking.solver.target import Target
-from contact_locking.contacts import FrictionBound
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]

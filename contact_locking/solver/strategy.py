@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from contact_locking.contacts import FrictionBound
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.progress import Monitor
 from contact_locking.solver.continuation import Penalties, PenaltyPath, follow
@@ -20,7 +21,6 @@ from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.report import Settings, SolverReport
 from contact_locking.solver.saved import SavedState
 from contact_locking.solver.target import Target
-from contact_locking.contacts import FrictionBound
 from contact_locking.system import PenalisedSystem
 
 # Stages before the last only have to be good starting points.
@@ -72,7 +72,9 @@ def newton_with_continuation(
     report = SolverReport(suggestion=_NEWTON_WAY_OUT)
     if saved is not None:
         saved.enter(system)
-        onwards = PenaltyPath.onwards(saved.n, saved.epsilon, (*saved.regularisations, 0.0)[0], target)
+        onwards = PenaltyPath.onwards(
+            saved.n, saved.epsilon, (*saved.regularisations, 0.0)[0], target
+        )
         cautious = dataclasses.replace(
             settings, max_iterations=min(_RESCUE, settings.max_iterations)
         )

@@ -33,7 +33,9 @@ class Target:
 
     def inequality(self) -> Target:
         """The same problem without penalties."""
-        return dataclasses.replace(self, n=math.inf, epsilon=0.0, regularisations=tuple(0.0 for _ in self.regularisations))
+        return dataclasses.replace(
+            self, n=math.inf, epsilon=0.0, regularisations=tuple(0.0 for _ in self.regularisations)
+        )
 
     @property
     def is_inequality(self) -> bool:
