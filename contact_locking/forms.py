@@ -149,32 +149,3 @@ def contact_stiffness(v: Expr, du: Expr, data: ProblemData, factor: fem.Constant
     assert data.contact is not None
     nu = data.contact.normal
     return factor / data.epsilon * normal_part(du, nu) * normal_part(v, nu) * data.contact.ds
-
-
-def scaled_tangent(
-    v: Expr,
-    du: Expr,
-    data: ProblemData,
-    locking: tuple[Expr, Expr, Expr],
-    contact: Expr,
-    friction: tuple[Expr, Expr, Expr],
-) -> Expr:
-    """The tangent with cones eliminated: ``a(du, v)`` plus the blocks of each cell and node.
-
-    ``int a eps(du) : eps(v) + b (W : eps(du)) (W : eps(v))`` for ``locking = (a, b, W)``,
-    ``int k du_nu v_nu`` for ``contact = k``, and
-    ``int a du_tau . v_tau - b (w . du_tau) (w . v_tau)`` for ``friction = (a, b, w)``.
-    """
-    a, b, w = locking
-    eps, eps_v = strain(du), strain(v)
-    form = elastic_form(du, v, data)
-    form += a * ufl.inner(eps, eps_v) * data.dx
-    form += b * ufl.inner(w, eps) * ufl.inner(w, eps_v) * data.dx
-    if data.contact is not None:
-        nu, ds = data.contact.normal, data.contact.ds
-        slip, slip_v = tangential_part(du, nu), tangential_part(v, nu)
-        a, b, w = friction
-        form += contact * normal_part(du, nu) * normal_part(v, nu) * ds
-        form += a * ufl.inner(slip, slip_v) * ds
-        form -= b * ufl.inner(w, slip) * ufl.inner(w, slip_v) * ds
-    return form

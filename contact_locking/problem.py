@@ -32,9 +32,10 @@ from contact_locking.results import (
     no_contact_summary,
 )
 from contact_locking.solution import Solution
-from contact_locking.solver import Settings, SolverReport
+from contact_locking.solver import Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
 from contact_locking.solver.options import UserOptions, require_harmless, require_known
+from contact_locking.solver.penalty import Penalty
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
@@ -123,9 +124,7 @@ def solve_assembled(
     material, domain = problem.material, problem.domain
     n, epsilon, regularisation = penalty(problem.parameters, material.young)
     target = Target(
-        n,
-        epsilon,
-        regularisation,
+        Penalty(n, epsilon, (regularisation,)),
         stiffness=material.stiffness,
         ellipticity=material.ellipticity,
         young=material.young,
@@ -135,7 +134,7 @@ def solve_assembled(
     report = None if restarted is None else restarted.solved_already(system, target, settings)
     if report is None:
         saved = None if restarted is None else restarted.state
-        report = solve_system(method, system, target, settings, monitor, saved)
+        report = solve_system(method, Task(system, target, settings, monitor), saved)
     system.set_penalty(n, epsilon, regularisation)
     monitor.message("computing fields and the certificate")
     solution = _collect(problem, system, target, report, settings)
@@ -211,12 +210,12 @@ def _collect(
     if report.converged:
         warnings += plausibility.about_the_strain(numbers["strain_norm_max"])
         warnings += plausibility.about_the_overstrain(
-            body.largest_overstrain(domain), target.n, target.young
+            body.largest_overstrain(domain), target.penalty.n, target.young
         )
         warnings += plausibility.about_the_penetration(
             touching["penetration_max"],
             state.largest_displacement,
-            target.epsilon,
+            target.penalty.epsilon,
             target.length / target.young,
             follows_n=problem.parameters.penalty.epsilon is None,
         )
@@ -238,9 +237,9 @@ def _collect(
             "contraction": report.contraction,
         },
         "penalty": {
-            "n": target.n,
-            "epsilon": target.epsilon,
-            "regularisation": target.regularisation,
+            "n": target.penalty.n,
+            "epsilon": target.penalty.epsilon,
+            "regularisation": target.penalty.regularisations[0],
         },
         "duality_gap": report.duality_gap,
         "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),

@@ -12,7 +12,7 @@ from contact_locking.assembly import Problem
 from contact_locking.certificate import is_solved
 from contact_locking.certificate.state import SolvedState
 from contact_locking.solver import SavedState, Settings, SolverReport
-from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
@@ -80,9 +80,10 @@ def _acting(state: SolvedState, multipliers: Multipliers) -> Multipliers:
     if problem.bound is None:
         return dataclasses.replace(multipliers, locking_stress=stress)
     rubs = state.free_nodes & (not problem.bound.frictionless)
-    return Multipliers(
-        stress,
-        np.where(state.free_nodes, multipliers.pressure, 0.0),
-        np.where(rubs[:, None], multipliers.friction, 0.0),
-        multipliers.touches & state.free_nodes,
+    forces = multipliers.contacts[0]
+    acting = ContactForces(
+        np.where(state.free_nodes, forces.pressure, 0.0),
+        np.where(rubs[:, None], forces.friction, 0.0),
+        forces.touches & state.free_nodes,
     )
+    return Multipliers(stress, (acting,))

@@ -85,10 +85,11 @@ class ContactFields:
             self.traction = 0.0 - surface.average(forms.friction(u, data))()
             touches = self.pressure > 0.0
         else:
-            self.pressure, traction = multipliers.pressure, 0.0 - multipliers.friction
+            forces = multipliers.contacts[0]
+            self.pressure, traction = forces.pressure, 0.0 - forces.friction
             along = np.einsum("ki,ki->k", traction, self.normal)[:, None]
             self.traction = traction - along * self.normal
-            touches = multipliers.touches
+            touches = forces.touches
         self.smoothed_stress = -bound.smoothing.apply(self.pressure)
         self.bound = bound.values.copy()
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -290,6 +292,28 @@ class PenalisedSystem:
         self._constraints.apply(self.u)
         if self.bound is not None:
             self.bound.values = np.zeros_like(self.bound.values)
+
+    @contextlib.contextmanager
+    def preserved(self, only_on_failure: bool = False) -> Iterator[None]:
+        """Give the displacement and the friction bound back the values from before the block.
+
+        With ``only_on_failure`` this happens where the block raises, not where it ends; collective.
+        """
+        displacement = self.u.x.array.copy()
+        bound = None if self.bound is None else self.bound.values
+
+        def restore() -> None:
+            self.u.x.array[:] = displacement
+            if self.bound is not None and bound is not None:
+                self.bound.values = bound
+
+        try:
+            yield
+        except BaseException:
+            restore()
+            raise
+        if not only_on_failure:
+            restore()
 
     def relative_residual(self, tolerance: float = 1e-8) -> float:
         """``|F(u)|`` over the free dofs, relative to :meth:`force_scale`; collective."""

@@ -87,13 +87,15 @@ def _measured(state: SolvedState) -> dict[str, float]:
     domain, data, u = state.problem.domain, state.problem.data, state.problem.u
     eps = strain(u)
     values = {"displacement_norm": norm(state, u)}
-    if np.isfinite(state.target.n):
+    if np.isfinite(state.target.penalty.n):
         excess = unit_ball_excess(eps, data.inverse_limit) ** 2 * squared_norm(eps)
-        values["locking_penalty"] = 2.0 * state.target.n * integral(domain, excess * data.dx)
-    if data.contact is not None and state.target.epsilon > 0.0:
+        values["locking_penalty"] = (
+            2.0 * state.target.penalty.n * integral(domain, excess * data.dx)
+        )
+    if data.contact is not None and state.target.penalty.epsilon > 0.0:
         opening = normal_part(u, data.contact.normal) - data.contact.gap
         square = integral(domain, positive_part(opening) ** 2 * data.contact.ds)
-        values["contact_penalty"] = square / state.target.epsilon
+        values["contact_penalty"] = square / state.target.penalty.epsilon
     values["locking_work"] = _locking_work(state)
     return values
 
@@ -177,7 +179,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     if w is not None:
         room = room - surface.average(normal_part(w, contact.normal))()
     carried = float(surface.integral(pressure * room))
-    soft = 0.25 * state.target.epsilon * float(surface.integral(pressure**2))
+    soft = 0.25 * state.target.penalty.epsilon * float(surface.integral(pressure**2))
     quarter = 0.25 * integral(domain, forms.elastic_form(z, z, data))
     most = quarter + carried + soft
     lift = 0.0 if w is None else norm(state, w)

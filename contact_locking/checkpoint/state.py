@@ -25,7 +25,8 @@ from contact_locking.domain import on_root
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.solution import OPEN, Solution
 from contact_locking.solver import SavedState
-from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.penalty import Penalty
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -150,9 +151,10 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     if problem.bound is None or record.contact:
         multipliers, bound = _load_multipliers(load, problem)
     if problem.bound is not None and multipliers is not None:
-        pressure = multipliers.pressure
+        pressure = multipliers.contacts[0].pressure
     displacement = load("displacement", space).x.array
-    state = SavedState(displacement, pressure, record.n, record.epsilon, record.regularisation)
+    penalty = Penalty(record.n, record.epsilon, (record.regularisation,))
+    state = SavedState(displacement, pressure, penalty)
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
     return Checkpoint(state, multipliers, bound, record.converged and same)
 
@@ -164,8 +166,7 @@ def _load_multipliers(
     dim = problem.domain.dim
     stress = load("locking_stress", fem.functionspace(problem.domain.mesh, ("DG", 0, (dim, dim))))
     if problem.bound is None:
-        none = np.zeros(0)
-        return Multipliers(stress, none, none, none.astype(bool)), None
+        return Multipliers(stress, ()), None
     surface = problem.bound.surface
     pressure, contact_state, bound = (
         load(name, surface.scalar_space).x.array[surface.nodes]
@@ -173,7 +174,8 @@ def _load_multipliers(
     )
     traction = load("tangential_traction", surface.vector_space).x.array.reshape(-1, dim)
     friction = 0.0 - traction[surface.blocks]
-    return Multipliers(stress, pressure, friction, contact_state != OPEN), bound
+    forces = ContactForces(pressure, friction, contact_state != OPEN)
+    return Multipliers(stress, (forces,)), bound
 
 
 def _fields(solution: Solution) -> dict[str, fem.Function]:
