@@ -28,6 +28,7 @@ from contact_locking.groups import groups
 from contact_locking.loads import build_loads
 from contact_locking.parameters import LoadParameters, Parameters
 from contact_locking.parts import Held, check_parts_held
+from contact_locking.penalty import Penalty
 
 
 @dataclass
@@ -40,6 +41,7 @@ class Problem:
     data: forms.ProblemData
     u: fem.Function
     constraints: Constraints
+    penalty: Penalty
     held: list[Held]
     warnings: list[str]
 
@@ -81,12 +83,6 @@ class Problem:
             contact.friction.smoothing.destroy()
 
 
-def penalty(parameters: Parameters) -> tuple[float, float]:
-    """``n`` and ``epsilon``, which is ``1/n`` unless it is given."""
-    n, epsilon = parameters.penalty.n, parameters.penalty.epsilon
-    return n, 1.0 / n if epsilon is None else epsilon
-
-
 def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None = None) -> Problem:
     """Mesh, material, loads, conditions, contact and friction; collective.
 
@@ -100,24 +96,27 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     space = fem.functionspace(domain.mesh, ("P", 1, (domain.dim,)))
     _check_parts(domain, parameters)
     constraints = constrain(domain, space, _conditions(domain, parameters.loads))
-    n, epsilon = penalty(parameters)
+    n, epsilon = parameters.penalty.n, parameters.penalty.compliance
+    # The paper has the same epsilon, a compliance, in (22) in the place of a length: Young's
+    # modulus makes a length of it.
+    contacts = build_contacts(
+        domain, space, constraints, parameters, material.young * epsilon, warnings
+    )
+    slips = tuple(float(contact.regularisation.value) for contact in contacts)
+    penalty = Penalty(n, epsilon, slips)
     data = forms.ProblemData(
         elastic_stress=material.elastic_stress,
         largest_eigenvalue=material.largest_eigenvalue,
         inverse_limit=material.inverse_limit,
         dx=ufl.Measure("dx", domain=domain.mesh),
         loads=build_loads(domain, parameters.loads, material.stiffness, warnings),
-        # The paper has the same epsilon, a compliance, in (22) in the place of a length: Young's
-        # modulus makes a length of it.
-        contacts=build_contacts(
-            domain, space, constraints, parameters, material.young * epsilon, warnings
-        ),
+        contacts=contacts,
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
     )
     u = fem.Function(space, name="displacement")
     held = check_parts_held(domain, space, data, constraints, parameters.loads)
-    return Problem(parameters, domain, material, data, u, constraints, held, warnings)
+    return Problem(parameters, domain, material, data, u, constraints, penalty, held, warnings)
 
 
 def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:

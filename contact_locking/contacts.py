@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,7 +69,7 @@ class FrictionBound:
         return type(self).evaluate is FrictionBound.evaluate
 
 
-@dataclass
+@dataclass(eq=False)
 class Contact:
     """Signorini's conditions (5) and Coulomb's law (6) on one part of Gamma_C.
 
@@ -133,3 +134,9 @@ class Contact:
         """The L2 norm on this part of Gamma_C by the vertex rule; collective."""
         local = float(np.sum(self.surface.weights * values**2))
         return float(np.sqrt(self.surface.domain.comm.allreduce(local)))
+
+
+def joint_norm(contacts: Sequence[Contact], values: Sequence[FloatArray]) -> float:
+    """The L2 norm over the parts of Gamma_C of values (k,) on each of them; collective."""
+    norms = [contact.norm(part) for contact, part in zip(contacts, values, strict=True)]
+    return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)

@@ -42,10 +42,6 @@ class ProblemData:
     epsilon: fem.Constant
     own_energy: Callable[[fem.Function], Expr] | None = None
 
-    @property
-    def contact(self):  # INTERIM
-        return self.contacts[0] if self.contacts else None
-
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
     """``a(u, v) = int A eps(u) : eps(v)``."""
@@ -131,32 +127,3 @@ def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[Contact], factor: Ex
         * contact.surface.ds
         for contact in contacts
     )
-
-
-def scaled_tangent(
-    v: Expr,
-    du: Expr,
-    data: ProblemData,
-    locking: tuple[Expr, Expr, Expr],
-    contact: Expr,
-    friction: tuple[Expr, Expr, Expr],
-) -> Expr:
-    """The tangent with cones eliminated: ``a(du, v)`` plus the blocks of each cell and node.
-
-    ``int a eps(du) : eps(v) + b (W : eps(du)) (W : eps(v))`` for ``locking = (a, b, W)``,
-    ``int k du_nu v_nu`` for ``contact = k``, and
-    ``int a du_tau . v_tau - b (w . du_tau) (w . v_tau)`` for ``friction = (a, b, w)``.
-    """
-    a, b, w = locking
-    eps, eps_v = strain(du), strain(v)
-    form = elastic_form(du, v, data)
-    form += a * ufl.inner(eps, eps_v) * data.dx
-    form += b * ufl.inner(w, eps) * ufl.inner(w, eps_v) * data.dx
-    for only in data.contacts:
-        nu, ds = only.normal, only.surface.ds
-        slip, slip_v = tangential_part(du, nu), tangential_part(v, nu)
-        a, b, w = friction
-        form += contact * normal_part(du, nu) * normal_part(v, nu) * ds
-        form += a * ufl.inner(slip, slip_v) * ds
-        form -= b * ufl.inner(w, slip) * ufl.inner(w, slip_v) * ds
-    return form

@@ -129,7 +129,8 @@ class _Motions:
         motions = (self.free.T @ rigid_motions(space)) * part
         self.work = np.zeros(len(motions))
         self.at_contacts: list[_AtContact] = []
-        self.normals, self.rubs = np.zeros((0, len(motions))), np.zeros(0, dtype=bool)
+        self.normals: FloatArray = np.zeros((0, len(motions)))
+        self.rubs: BoolArray = np.zeros(0, dtype=bool)
         if not len(motions):
             return
         work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))

@@ -14,7 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import __version__, checkpoint, plausibility, study_file
-from contact_locking.assembly import Problem, assemble, penalty
+from contact_locking.assembly import Problem, assemble
 from contact_locking.certificate import Certificate, certify
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.certificate.state import SolvedState
@@ -32,7 +32,7 @@ from contact_locking.results import (
     on_gamma_c,
 )
 from contact_locking.solution import Solution
-from contact_locking.solver import Settings, SolverReport
+from contact_locking.solver import Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
 from contact_locking.solver.options import UserOptions, require_harmless, require_known
 from contact_locking.solver.target import Target
@@ -120,12 +120,8 @@ def solve_assembled(
         held_by_friction=problem.sliding > 0,
     )
     material, domain = problem.material, problem.domain
-    n, epsilon = penalty(problem.parameters)
-    regularisations = tuple(float(contact.regularisation.value) for contact in problem.contacts)
     target = Target(
-        n,
-        epsilon,
-        regularisations,
+        problem.penalty,
         stiffness=material.stiffness,
         ellipticity=material.ellipticity,
         young=material.young,
@@ -135,8 +131,8 @@ def solve_assembled(
     report = None if restarted is None else restarted.solved_already(system, target, settings)
     if report is None:
         saved = None if restarted is None else restarted.state
-        report = solve_system(method, system, target, settings, monitor, saved)
-    system.set_penalty(n, epsilon, regularisations)
+        report = solve_system(method, Task(system, target, settings, monitor), saved)
+    system.set_penalty(problem.penalty)
     monitor.message("computing fields and the certificate")
     solution = _collect(problem, system, target, report, settings)
     if unused := options.unused():
@@ -207,12 +203,12 @@ def _collect(
     if report.converged:
         warnings += plausibility.about_the_strain(numbers["strain_norm_max"])
         warnings += plausibility.about_the_overstrain(
-            body.largest_overstrain(domain), target.n, target.young
+            body.largest_overstrain(domain), target.penalty.n, target.young
         )
         warnings += plausibility.about_the_penetration(
             touching["penetration_max"],
             state.largest_displacement,
-            target.epsilon,
+            target.penalty.epsilon,
             target.length / target.young,
             follows_n=problem.parameters.penalty.epsilon is None,
         )
@@ -234,9 +230,9 @@ def _collect(
             "contraction": report.contraction,
         },
         "penalty": {
-            "n": target.n,
-            "epsilon": target.epsilon,
-            "regularisation": max(target.regularisations, default=0.0),
+            "n": target.penalty.n,
+            "epsilon": target.penalty.epsilon,
+            "regularisation": max(target.penalty.regularisations, default=0.0),
         },
         "duality_gap": report.duality_gap,
         "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +17,7 @@ from petsc4py import PETSc
 from contact_locking import compiled, forms
 from contact_locking.conditions import Constraints, rigid_motions
 from contact_locking.contacts import Contact
+from contact_locking.penalty import Penalty
 from contact_locking.surface import NodalAverage
 
 FloatArray = npt.NDArray[np.float64]
@@ -92,15 +94,11 @@ class PenalisedSystem:
         dofmap = self.u.function_space.dofmap
         return int(dofmap.index_map.size_global * dofmap.index_map_bs)
 
-    def set_penalty(self, n: float, epsilon: float, regularisations: Sequence[float]) -> None:
-        """Set the penalty parameters, and the length that smooths friction for each contact."""
-        self.data.n.value, self.data.epsilon.value = n, epsilon
-        for contact, regularisation in zip(self.contacts, regularisations, strict=True):
-            contact.regularisation.value = regularisation
-
-    @property
-    def bound(self):  # INTERIM
-        return _Interim(self.contacts[0], self) if self.contacts else None
+    def set_penalty(self, penalty: Penalty) -> None:
+        """Let the penalised forms use these parameters."""
+        self.data.n.value, self.data.epsilon.value = penalty.n, penalty.epsilon
+        for contact, length in zip(self.contacts, penalty.regularisations, strict=True):
+            contact.regularisation.value = length
 
     @property
     def rubbing(self) -> tuple[Contact, ...]:
@@ -216,10 +214,18 @@ class PenalisedSystem:
         for contact, pressure in zip(self.contacts, pressures, strict=True):
             contact.bounds = contact.friction_bound(self.u, pressure)
 
+    def penalty_bounds(self) -> list[FloatArray]:
+        """The friction bounds of :attr:`rubbing` that belong to the penalty law; collective."""
+        return [
+            contact.friction_bound(self.u, pressure())
+            for contact, pressure in zip(self.contacts, self._penalty_pressures, strict=True)
+            if not contact.friction.frictionless
+        ]
+
     def update_bounds(self) -> None:
         """Set every friction bound to that of the penalty law at the displacement; collective."""
-        for contact, pressure in zip(self.contacts, self._penalty_pressures, strict=True):
-            contact.bounds = contact.friction_bound(self.u, pressure())
+        for contact, bound in zip(self.rubbing, self.penalty_bounds(), strict=True):
+            contact.bounds = bound
 
     def clear(self) -> None:
         """``u = 0`` but for the prescribed values, and no friction; collective."""
@@ -227,6 +233,28 @@ class PenalisedSystem:
         self._constraints.apply(self.u)
         for contact in self.contacts:
             contact.bounds = np.zeros_like(contact.bounds)
+
+    @contextlib.contextmanager
+    def preserved(self, only_on_failure: bool = False) -> Iterator[None]:
+        """Give the displacement and the friction bounds back the values from before the block.
+
+        With ``only_on_failure`` this happens where the block raises, not where it ends; collective.
+        """
+        displacement = self.u.x.array.copy()
+        bounds = [contact.bounds for contact in self.contacts]
+
+        def restore() -> None:
+            self.u.x.array[:] = displacement
+            for contact, values in zip(self.contacts, bounds, strict=True):
+                contact.bounds = values
+
+        try:
+            yield
+        except BaseException:
+            restore()
+            raise
+        if not only_on_failure:
+            restore()
 
     def relative_residual(self, tolerance: float = 1e-8) -> float:
         """``|F(u)|`` over the free dofs, relative to :meth:`force_scale`; collective."""
@@ -244,31 +272,3 @@ class PenalisedSystem:
         self._work.x.array[:] = 0.0
         fem.assemble_vector(self._work.x.array, form)
         self._work.x.scatter_reverse(la.InsertMode.add)
-
-
-class _Interim:  # INTERIM
-    def __init__(self, contact, system):
-        self.__dict__["c"], self.__dict__["s"] = contact, system
-
-    surface = property(lambda self: self.c.surface)
-    frictionless = property(lambda self: self.c.friction.frictionless)
-    smoothing = property(lambda self: self.c.friction.smoothing)
-    is_coulomb = property(lambda self: self.c.friction.is_coulomb)
-    normal = property(lambda self: self.c.normal)
-    gap = property(lambda self: self.c.gap)
-    share = property(
-        lambda self: self.c.friction.share, lambda self, v: setattr(self.c.friction, "share", v)
-    )
-    values = property(lambda self: self.c.bounds, lambda self, v: setattr(self.c, "bounds", v))
-
-    def evaluate(self, pressure=None):
-        if pressure is None:
-            pressure = self.s._penalty_pressures[0]()
-        return self.c.friction_bound(self.s.u, pressure)
-
-    def slope(self):
-        slips = self.c.slips(self.s.u)
-        return self.c.friction.coefficient(slips), self.c.friction.slope(slips)
-
-    def norm(self, v):
-        return self.c.norm(v)

@@ -73,6 +73,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         tangential_traction=function(vector, traction),
         contact_state=function(scalar, state),
         friction_bound=function(scalar, lambda x: 0.3 * pressure(x)),
+        contacts=(),
         contact_points=_points(dim) if contact and mesh.comm.rank == 0 else None,
         contact_facets=_facets(dim) if contact and mesh.comm.rank == 0 else None,
         summary={

@@ -11,6 +11,7 @@ from problems import block, column
 from contact_locking import forms, problem
 from contact_locking.assembly import Problem, assemble
 from contact_locking.parameters import Parameters
+from contact_locking.penalty import Penalty
 from contact_locking.progress import Monitor
 from contact_locking.system import PenalisedSystem
 
@@ -87,7 +88,7 @@ def test_friction_bound_is_mu_times_the_smoothed_pressure() -> None:
     made, system = _system(
         block(friction={"coefficient": "0.2 + 0.1*s", "smoothing": {"kernel": "none"}})
     )
-    system.set_penalty(1e3, 1e-2, [1e-2])
+    system.set_penalty(Penalty(1e3, 1e-2, (1e-2,)))
     # A rigid motion presses by 0.02 and slips by 0.3 everywhere, clamped nodes excepted.
     made.u.interpolate(lambda x: np.array([0.3 + 0.0 * x[0], -0.02 + 0.0 * x[0]]))
     expected = (0.2 + 0.1 * 0.3) * (0.02 / 1e-2)

@@ -87,14 +87,15 @@ def _measured(state: SolvedState) -> dict[str, float]:
     domain, data, u = state.problem.domain, state.problem.data, state.problem.u
     eps = strain(u)
     values = {"displacement_norm": norm(state, u)}
-    if np.isfinite(state.target.n):
+    penalty = state.target.penalty
+    if np.isfinite(penalty.n):
         excess = unit_ball_excess(eps, data.inverse_limit) ** 2 * squared_norm(eps)
-        values["locking_penalty"] = 2.0 * state.target.n * integral(domain, excess * data.dx)
-    if state.contacts and state.target.epsilon > 0.0:
+        values["locking_penalty"] = 2.0 * penalty.n * integral(domain, excess * data.dx)
+    if state.contacts and penalty.epsilon > 0.0:
         entered = [np.maximum(fields.u_normal - fields.gap, 0.0) for fields in state.contacts]
         pairs = zip(state.contacts, entered, strict=True)
         square = sum(float(fields.surface.integral(excess**2)) for fields, excess in pairs)
-        values["contact_penalty"] = square / state.target.epsilon
+        values["contact_penalty"] = square / penalty.epsilon
     values["locking_work"] = _locking_work(state)
     return values
 
@@ -176,7 +177,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
             )
         room = fields.gap if w is None else fields.gap - fields.contact.split(w)[0]
         carried += float(fields.surface.integral(pressure * room))
-        soft += 0.25 * state.target.epsilon * float(fields.surface.integral(pressure**2))
+        soft += 0.25 * state.target.penalty.epsilon * float(fields.surface.integral(pressure**2))
     quarter = 0.25 * integral(domain, forms.elastic_form(z, z, data))
     most = quarter + carried + soft
     lift = 0.0 if w is None else norm(state, w)

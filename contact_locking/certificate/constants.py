@@ -203,7 +203,7 @@ def _uniqueness(
     if coefficient.exceeded:
         why = "the friction law exceeds the largest value or the Lipschitz constant that it states"
         return _verdict(UNKNOWN, why) | report
-    if state.target.epsilon == 0.0:
+    if state.target.penalty.epsilon == 0.0:
         return _verdict(UNKNOWN, "the constant L* of Theorem 4.1 is not explicit") | report
     if trace is None:
         return _verdict(UNKNOWN, f"c_0 is not known ({why})") | report
@@ -213,7 +213,7 @@ def _uniqueness(
     stress = float(state.problem.domain.comm.allreduce(local, op=MPI.MAX))
     left = coefficient.largest * _smoothing_norm(state) * trace
     slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
-    right = 2.0 * float(np.sqrt(state.target.epsilon * max(slack, 0.0)))
+    right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
     covered = left < right
     sampled = "" if coefficient.exact else ", mu* and L_mu sampled"
     return report | _verdict(

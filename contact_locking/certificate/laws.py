@@ -95,8 +95,8 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     largest = np.maximum(np.where(locks, cells.limit, norm), norm)
     products = np.abs(size * largest - work)
     excess = np.maximum(norm - cells.limit, 0.0)
-    violation = np.abs(excess - size / (2.0 * state.target.n))
-    n = state.target.n
+    violation = np.abs(excess - size / (2.0 * state.target.penalty.n))
+    n = state.target.penalty.n
     stress = min(state.mean_stress, 2.0 * n * state.mean_strain)
     squares = n * state.sum(cells.volumes * violation**2) if np.isfinite(n) else 0.0
     return (
@@ -115,8 +115,8 @@ def contact(state: SolvedState, fields: ContactFields) -> tuple[float, float, fl
     ``|eps| L/eps`` if a soft foundation answers by less.
     """
     weights = fields.surface.weights * fields.contact.free
-    opening = fields.gap + state.target.epsilon * fields.pressure - fields.u_normal
-    length, epsilon = state.target.length * state.mean_strain, state.target.epsilon
+    opening = fields.gap + state.target.penalty.epsilon * fields.pressure - fields.u_normal
+    length, epsilon = state.target.length * state.mean_strain, state.target.penalty.epsilon
     stress = state.mean_stress if epsilon == 0.0 else min(state.mean_stress, length / epsilon)
     entering = state.sum(weights * np.maximum(-opening, 0.0))
     pulling = state.sum(weights * np.maximum(-fields.pressure, 0.0))

@@ -47,7 +47,7 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     (bounds ``|u - u*|_V``), or None with a ``reason``.  Collective; one factorisation.
     """
     target = state.target
-    if target.is_inequality:
+    if target.penalty.is_inequality:
         return {"energy_norm": 0.0, "relative": 0.0, "displacement_norm": 0.0}
     try:
         if not state.report.converged:

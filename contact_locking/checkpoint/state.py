@@ -23,6 +23,7 @@ from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
 from contact_locking.domain import on_root
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.penalty import Penalty
 from contact_locking.solution import OPEN, Solution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
@@ -153,8 +154,8 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
         multipliers, bounds = _load_multipliers(load, problem)
     pressures = () if multipliers is None else tuple(c.pressure for c in multipliers.contacts)
     displacement = load("displacement", space).x.array
-    penalties = record.n, record.epsilon, record.regularisations
-    state = SavedState(displacement, pressures, *penalties)
+    penalty = Penalty(record.n, record.epsilon, record.regularisations)
+    state = SavedState(displacement, pressures, penalty)
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
     return Checkpoint(state, multipliers, bounds, record.converged and same)
 

@@ -23,6 +23,11 @@ class PenaltyParameters(Section):
         None, "compliance of the foundation, 1/epsilon is the penalty; null: 1/n", "length/stress"
     )
 
+    @property
+    def compliance(self) -> float:
+        """``epsilon``, which is ``1/n`` unless it is given."""
+        return 1.0 / self.n if self.epsilon is None else self.epsilon
+
 
 def _tolerance(value: float) -> float:
     if value >= 1:

@@ -1,4 +1,4 @@
-"""The locking stress, contact pressures and friction tractions as unknowns of their own."""
+"""The locking stress, contact pressure and friction traction as unknowns of their own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactForces:
-    """At the owned nodes of a contact: ``pressure`` (k,) and ``friction = -sigma_tau`` (k, d).
+    """Pressure (k,) and ``-sigma_tau`` (k, d) at the owned nodes of one part of Gamma_C.
 
     ``touches`` (k,) says where the body is in contact; elsewhere the pressure vanishes up to the
     solver's tolerance only.
@@ -23,10 +23,15 @@ class ContactForces:
     friction: FloatArray
     touches: npt.NDArray[np.bool_]
 
+    @classmethod
+    def none(cls, nodes: int, dim: int) -> ContactForces:
+        """No forces at so many nodes."""
+        return cls(np.zeros(nodes), np.zeros((nodes, dim)), np.zeros(nodes, dtype=bool))
+
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Z as a P0 function, and the forces of each contact."""
+    """Z as a P0 function, and the forces on each part of Gamma_C."""
 
     locking_stress: fem.Function
     contacts: tuple[ContactForces, ...]
