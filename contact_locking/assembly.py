@@ -27,7 +27,7 @@ from contact_locking.expressions import parse
 from contact_locking.friction_law import FrictionLaw
 from contact_locking.groups import groups
 from contact_locking.loads import build_loads
-from contact_locking.parameters import ContactParameters, LoadParameters, Parameters, Smoothing
+from contact_locking.parameters import ContactParameters, LoadParameters, Parameters
 from contact_locking.parts import Held, check_parts_held
 from contact_locking.plausibility import about_the_gap
 from contact_locking.smoothing import Convolution, HelmholtzFilter, Identity
@@ -98,7 +98,9 @@ def penalty(parameters: Parameters, young: float) -> tuple[float, float, float]:
     """
     n, epsilon = parameters.penalty.n, parameters.penalty.epsilon
     epsilon = 1.0 / n if epsilon is None else epsilon
-    regularisation = parameters.friction.regularisation
+    part = _one_contact(parameters)
+    friction = parameters.friction if part is None else part.friction
+    regularisation = friction.regularisation
     return n, epsilon, young * epsilon if regularisation is None else regularisation
 
 
@@ -116,9 +118,10 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     _check_parts(domain, parameters)
     constraints = constrain(domain, space, _conditions(domain, parameters.loads))
     n, epsilon, regularisation = penalty(parameters, material.young)
-    surface, contact = _contact(domain, space, parameters.contact)
-    if surface is not None and contact is not None:
-        key = "contact.gap" if parameters.contact.foundation is None else "contact.foundation"
+    part = _one_contact(parameters)
+    surface, contact = _contact(domain, space, part)
+    if surface is not None and contact is not None and part is not None:
+        key = f"{part.key}.{'gap' if part.foundation is None else 'foundation'}"
         warnings += about_the_gap(domain, contact.gap.x.array[surface.nodes], key)
     data = forms.ProblemData(
         elastic_stress=material.elastic_stress,
@@ -135,14 +138,23 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     held = check_parts_held(domain, space, data, constraints, surface, parameters)
     bound = None
     if surface is not None:
-        assert contact is not None
+        assert contact is not None and part is not None
         normal = contact.normal.x.array.reshape(-1, domain.dim)[surface.blocks]
         free_nodes = surface.free_nodes(normal, constraints.free_dofs(u))
-        smoothing = _smoothing(surface, free_nodes, parameters.friction.smoothing, warnings)
-        law = _friction_law(comm, parameters.friction.coefficient)
-        frictionless = parameters.friction.coefficient == 0
+        smoothing = _smoothing(surface, free_nodes, part, warnings)
+        key = part.friction_key("coefficient")
+        law = _friction_law(comm, part.friction.coefficient, key)
+        frictionless = part.friction.coefficient == 0
         bound = FrictionBound(surface, smoothing, law, u, data, frictionless)
     return Problem(parameters, domain, material, data, u, constraints, bound, held, warnings)
+
+
+def _one_contact(parameters: Parameters) -> ContactParameters | None:
+    """The part of Gamma_C, if any.  Raises InputError for several."""
+    if len(parameters.contacts) > 1:
+        key = parameters.contacts[1].key
+        raise InputError("a body can have contact with one foundation only", key)
+    return parameters.contacts[0] if parameters.contacts else None
 
 
 def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
@@ -155,11 +167,12 @@ def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
 
 def _check_parts(domain: Domain, parameters: Parameters) -> None:
     """The names exist, and no part is both contact and subject to a displacement condition."""
-    contact = domain.facets(parameters.contact.on, "contact.on")
+    contacts = [domain.facets(part.on, f"{part.key}.on") for part in parameters.contacts]
     for i, condition in enumerate(parameters.loads.displacements):
         key = f"loads.displacements.{i}.on"
-        both = np.intersect1d(domain.facets(condition.on, key), contact)
-        if domain.comm.allreduce(len(both)):
+        facets = domain.facets(condition.on, key)
+        both = sum(len(np.intersect1d(facets, contact)) for contact in contacts)
+        if domain.comm.allreduce(both):
             raise InputError(
                 "Gamma_C and Gamma_D overlap: contact and a displacement are both asked for on "
                 f"{_quoted(condition.on)}",
@@ -179,14 +192,14 @@ def _conditions(domain: Domain, loads: LoadParameters) -> list[ComponentConditio
 
 
 def _contact(
-    domain: Domain, space: fem.FunctionSpace, given: ContactParameters
+    domain: Domain, space: fem.FunctionSpace, given: ContactParameters | None
 ) -> tuple[ContactSurface | None, forms.ContactData | None]:
-    if not given.on:
+    if given is None:
         return None, None
     surface = ContactSurface(domain, space, given.on)
     points = surface.points.T
     if given.foundation is None:
-        gap = evaluate(domain.comm, given.gap, points, "contact.gap")
+        gap = evaluate(domain.comm, given.gap, points, f"{given.key}.gap")
         normal = surface.body_normals()
     else:
         body = _foundation(given, domain.dim)
@@ -196,15 +209,15 @@ def _contact(
         if not domain.comm.allreduce(finite, op=MPI.LAND):
             raise InputError(
                 "the distance to it is no number; it lies too far away or is too large",
-                "contact.foundation",
+                f"{given.key}.foundation",
             )
         facing = np.sum(normal * surface.body_normals(), axis=1)
         if domain.comm.allreduce(bool(np.any(facing <= 0.0)), op=MPI.LOR):
             raise InputError(
                 "the foundation lies behind a part of Gamma_C: there the outward normal of the "
                 "body points away from it; turn the half space's normal towards the body, or "
-                "take away from contact.on what does not face the foundation",
-                "contact.foundation",
+                f"take away from {given.key}.on what does not face the foundation",
+                f"{given.key}.foundation",
             )
     return surface, forms.ContactData(
         ds=surface.ds,
@@ -231,8 +244,9 @@ def _foundation(given: ContactParameters, dim: int) -> foundation.Foundation:
 
 
 def _smoothing(
-    surface: ContactSurface, free: BoolArray, given: Smoothing, warnings: list[str]
+    surface: ContactSurface, free: BoolArray, part: ContactParameters, warnings: list[str]
 ) -> SmoothingOperator:
+    given = part.friction.smoothing
     if given.kernel == "none":
         return Identity()
     comm = surface.domain.comm
@@ -244,8 +258,9 @@ def _smoothing(
         radius = max(_DEFAULT_RADIUS_SHARE * extent, _DEFAULT_RADIUS_FACETS * size)
     elif radius < size:
         warnings.append(
-            f"friction.smoothing.radius: {radius:g} is smaller than the mesh size {size:.3g} on "
-            "Gamma_C, so R hardly smooths; refine the mesh there or enlarge the radius"
+            f"{part.friction_key('smoothing.radius')}: {radius:g} is smaller than the mesh size "
+            f"{size:.3g} on Gamma_C, so R hardly smooths; refine the mesh there or enlarge the "
+            "radius"
         )
     if given.kernel == "convolution":
         return Convolution(comm, surface.whole(free), radius)
@@ -265,9 +280,8 @@ def _extent(places: FloatArray) -> float:
     return float(distances.max())
 
 
-def _friction_law(comm: MPI.Intracomm, value: float | str) -> FrictionLaw:
+def _friction_law(comm: MPI.Intracomm, value: float | str, key: str) -> FrictionLaw:
     """``mu(x, s)`` of a number or an expression; to evaluate it is collective."""
-    key = "friction.coefficient"
     expression = parse(value, (*AXES, "s"))
 
     def local(points: FloatArray, slip: FloatArray) -> FloatArray:

@@ -81,7 +81,7 @@ def check_parts_held(
             Held(
                 name,
                 _touching(domain, number, list(dict.fromkeys(on))),
-                _touching(domain, number, parameters.contact.on),
+                _touching(domain, number, parameters.contact_names),
                 free,
                 sliding,
             )
@@ -106,7 +106,7 @@ def _check_rigid_motions(
     if not found.free.shape[1]:
         return 0, 0
     normals = found.normals
-    friction = parameters.friction.coefficient != 0
+    friction = any(contact.friction.coefficient != 0 for contact in parameters.contacts)
     check_held(found.free, normals, found.work, domain.dim, friction)
     sliding = 0 if normals is None else sliding_motions(normals).shape[1]
     return int(found.free.shape[1]), sliding

@@ -35,7 +35,7 @@ def test_defaults_are_the_block_without_loads() -> None:
     assert parameters.material.elasticity.young == 1.0
     assert parameters.material.elasticity.poisson == 0.3
     assert parameters.material.locking_limit == math.inf
-    assert parameters.contact.on == ("bottom",)
+    assert parameters.contact_names == ("bottom",)
     assert parameters.friction.coefficient == 0.0
     assert parameters.penalty.n == math.inf
     assert parameters.friction.regularisation is None
@@ -65,7 +65,7 @@ def test_names_are_a_name_or_a_list() -> None:
     assert loads.displacements[0].on == ("left",)
     assert loads.displacements[0].value == (0.0, None)
     assert loads.displacements[1].on == ("right", "top")
-    assert from_mapping({"contact": {"on": []}}).contact.on == ()
+    assert from_mapping({"contact": {"on": []}}).contact_names == ()
 
 
 def test_each_way_to_give_the_elasticity() -> None:

@@ -108,7 +108,7 @@ def write(solution: Solution, folder: Path) -> None:
             degree=_DEGREE,
             cells=domain.num_cells,
             nodes=int(nodes),
-            contact=bool(parameters.contact.on),
+            contact=bool(parameters.contacts),
             mesh=study_file.mesh_identity(parameters),
             problem=study_file.problem_fingerprint(parameters),
         )
@@ -178,7 +178,7 @@ def _load_multipliers(
 
 def _fields(solution: Solution) -> dict[str, fem.Function]:
     """What is stored, by name; collective."""
-    names = _BODY + _CONTACT if solution.parameters.contact.on else _BODY
+    names = _BODY + _CONTACT if solution.parameters.contacts else _BODY
     places = _places(solution.displacement.function_space)
     return {name: getattr(solution, name) for name in names} | {_PLACES: places}
 

@@ -5,6 +5,7 @@ Nothing here needs a mesh, MPI or DOLFINx, so a file is checked before anything 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -14,26 +15,19 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, nearest, parse
 
 from .base import Fault, FaultsError, Place, Section, Text, entry, marks, refuse_if
-from .boundary import (
-    ContactParameters,
-    Cylinder,
-    Displacement,
-    Foundation,
-    FrictionParameters,
-    HalfSpace,
-    LoadParameters,
-    Smoothing,
-    Sphere,
-    Traction,
-)
+from .boundary import Displacement, LoadParameters, Traction
+from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
+from .coulomb import FrictionParameters, OwnFriction, OwnSmoothing, Smoothing
 from .material import Elasticity, MaterialParameters, Region
 from .mesh import MeshParameters
 from .numerics import CertificateParameters, OutputParameters, PenaltyParameters, SolverParameters
+from .rigid_body import Cylinder, Foundation, HalfSpace, Sphere
 from .study import StudyParameters
 
 __all__ = [
     "CertificateParameters",
     "ContactParameters",
+    "ContactSection",
     "Cylinder",
     "Displacement",
     "Elasticity",
@@ -46,6 +40,8 @@ __all__ = [
     "MaterialParameters",
     "MeshParameters",
     "OutputParameters",
+    "OwnFriction",
+    "OwnSmoothing",
     "Parameters",
     "PenaltyParameters",
     "Region",
@@ -64,7 +60,11 @@ class Parameters(Section):
     mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
     material: MaterialParameters = entry(MaterialParameters(), "the material (1)")
     loads: LoadParameters = entry(LoadParameters(), "loads and supports")
-    contact: ContactParameters = entry(ContactParameters(), "unilateral contact (5)")
+    contact: OneOrSeveral = entry(
+        ContactSection(),
+        "unilateral contact (5): one section, or a list of sections, which have the keys "
+        "contact.INDEX.on and so on",
+    )
     friction: FrictionParameters = entry(FrictionParameters(), "Coulomb's friction (6)")
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
@@ -79,6 +79,39 @@ class Parameters(Section):
         refuse_if(self._faults())
         return self
 
+    @property
+    def contacts(self) -> tuple[ContactParameters, ...]:
+        """The parts of Gamma_C, each with its complete law of friction; empty without contact."""
+        return tuple(
+            section.resolved(".".join(map(str, place)), self.friction)
+            for place, section in self._contact_sections()
+            if section.on
+        )
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """The names of all parts of Gamma_C, each once."""
+        return tuple(dict.fromkeys(name for contact in self.contacts for name in contact.on))
+
+    def limit(self) -> Parameters:
+        """The variational inequality on the same mesh: n = .inf, and no regularisation."""
+
+        def exact(section: ContactSection) -> ContactSection:
+            own = section.friction
+            friction = None if own is None else own.model_copy(update={"regularisation": None})
+            return section.model_copy(update={"friction": friction})
+
+        several = isinstance(self.contact, tuple)
+        sections = tuple(exact(section) for _, section in self._contact_sections())
+        return self.model_copy(
+            update={
+                "penalty": PenaltyParameters(n=math.inf, epsilon=None),
+                "friction": self.friction.model_copy(update={"regularisation": None}),
+                "contact": sections if several else sections[0],
+                "solver": self.solver.model_copy(update={"method": "auto"}),
+            }
+        )
+
     def check_dimension(self, dim: int) -> None:
         """Raise InputError for the first value that does not fit a body of ``dim`` dimensions."""
         for fault in self._dimension_faults(dim):
@@ -92,11 +125,13 @@ class Parameters(Section):
                 ".inf cannot be solved by Newton's method; "
                 "take solver.method: interior_point (or auto), or a finite n such as 1e6",
             )
+        keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for index, displacement in enumerate(self.loads.displacements):
-            if both := [name for name in displacement.on if name in self.contact.on]:
+            if both := [name for name in displacement.on if name in keys]:
                 yield Fault(
                     ("loads", "displacements", index, "on"),
-                    f"'{both[0]}' is in contact.on as well; Gamma_D and Gamma_C must not overlap",
+                    f"'{both[0]}' is in {keys[both[0]]}.on as well; "
+                    "Gamma_D and Gamma_C must not overlap",
                 )
         if self.study is not None:
             for fault in self.study.key_faults(type(self)):
@@ -104,6 +139,12 @@ class Parameters(Section):
         if self.mesh.dim is not None:
             yield from self._dimension_faults(self.mesh.dim)
             yield from self._name_faults()
+
+    def _contact_sections(self) -> list[tuple[Place, ContactSection]]:
+        """The sections of contact with their places in the file."""
+        if isinstance(self.contact, tuple):
+            return [(("contact", index), entry) for index, entry in enumerate(self.contact)]
+        return [(("contact",), self.contact)]
 
     def _name_faults(self) -> Iterator[Fault]:
         """Names that the builder does not give; those of a file are known when it is read."""
@@ -115,17 +156,19 @@ class Parameters(Section):
                 for name in load.on:
                     place = ("loads", kind, index, "on")
                     yield from _unknown_name(place, name, facets, "the boundary")
-        for name in self.contact.on:
-            yield from _unknown_name(("contact", "on"), name, facets, "the boundary")
+        for contact, section in self._contact_sections():
+            for name in section.on:
+                yield from _unknown_name((*contact, "on"), name, facets, "the boundary")
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        for name, faults in (
-            ("material", self.material.dimension_faults(dim)),
-            ("loads", self.loads.dimension_faults(dim)),
-            ("contact", self.contact.dimension_faults(dim)),
-        ):
-            for fault in faults:
-                yield Fault((name, *fault.place), fault.message)
+        sections: list[tuple[Place, MaterialParameters | LoadParameters | ContactSection]] = [
+            (("material",), self.material),
+            (("loads",), self.loads),
+            *self._contact_sections(),
+        ]
+        for place, section in sections:
+            for fault in section.dimension_faults(dim):
+                yield Fault((*place, *fault.place), fault.message)
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)

@@ -6,7 +6,7 @@ import itertools
 import math
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import (
@@ -24,6 +24,9 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, SMALLEST, nearest, parse
 
 Place = tuple[str | int, ...]
+
+#: Tags of the choices that a value has; pydantic puts them into the place of an error.
+SECTION, LIST = CHOICES = ("<section>", "<list>")
 
 #: How many faults are worth finding: a file with more is no study file with mistakes.
 MOST_FAULTS = 20
@@ -48,6 +51,14 @@ def refuse_if(faults: Iterable[Fault]) -> None:
     """Raise FaultsError if there are any; the first of very many."""
     if found := tuple(itertools.islice(faults, MOST_FAULTS)):
         raise FaultsError(found)
+
+
+def vector_faults(place: Place, vector: Any, dim: int) -> Iterator[Fault]:
+    """Whether a vector that may be None has ``dim`` components."""
+    if vector is not None and len(vector) != dim:
+        yield Fault(
+            place, f"must have {dim} components in {dim}D, not {len(vector)}: {show(vector)}"
+        )
 
 
 class Section(BaseModel):
@@ -108,6 +119,9 @@ def type_message(details: Any) -> str:
     """What an error of pydantic about a value's type means, in the words of the study file."""
     given_value = details["input"]
     given = show(given_value)
+    if details["type"] == "too_long":
+        context = details["ctx"]
+        return f"has {len(given_value)} entries; at most {context['max_length']} are allowed"
     if details["type"] in ("list_type", "tuple_type"):
         how = (
             "in [ ], or of entries that begin with '- '"

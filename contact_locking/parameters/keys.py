@@ -44,6 +44,12 @@ def section_in(annotation: Any) -> tuple[tuple[str, ...], type[BaseModel] | None
     return step, None
 
 
+def may_be_list(annotation: Any) -> bool:
+    """Whether a section of this type may stand in the file once, or in a list."""
+    choices = [section_in(choice)[0] for choice in get_args(annotation)]
+    return () in choices and ("INDEX",) in choices
+
+
 def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
     """The keys that a mapping at ``place`` below ``model`` can have; empty for any other value.
 
@@ -51,8 +57,13 @@ def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
     """
     current: type[BaseModel] | None = model
     waiting: list[str] = []
+    listed = False
     keys = _keys(model)
     for depth, part in enumerate(place):
+        if listed and str(part).isdecimal():
+            listed = False
+            continue
+        listed = False
         if waiting:
             if waiting.pop(0) == "INDEX" and not str(part).isdecimal():
                 raise KeyError(depth)
@@ -61,6 +72,7 @@ def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
         elif field := visible_fields(current).get(str(part)):
             path, current = section_in(field.annotation)
             waiting = list(path)
+            listed = may_be_list(field.annotation)
         else:
             # a parameter of a builder
             current = None

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from contact_locking.expressions import nearest
 from contact_locking.parameters import Fault, FaultsError, Parameters
-from contact_locking.parameters.base import MOST_FAULTS, show, type_message, unknown_key
+from contact_locking.parameters.base import CHOICES, MOST_FAULTS, show, type_message, unknown_key
 from contact_locking.parameters.keys import known_keys
 
 from .schema import rows
@@ -30,7 +30,7 @@ def faults_of(error: ValidationError) -> list[Fault]:
     """Every fault with its place from the top of the file; the first of very many."""
     found: list[Fault] = []
     for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
-        place = tuple(details["loc"])
+        place = tuple(part for part in details["loc"] if part not in CHOICES)
         cause = details.get("ctx", {}).get("error")
         if isinstance(cause, FaultsError):
             found += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
@@ -42,6 +42,8 @@ def faults_of(error: ValidationError) -> list[Fault]:
 def _message(details: Any, place: tuple[str | int, ...]) -> str:
     given = show(details["input"])
     match details["type"]:
+        case "extra_forbidden" if place[:-1] == ("contact",) and str(place[-1]).isdecimal():
+            return "contact is one section and not a list: leave the number out of the key"
         case "extra_forbidden":
             known = known_keys(Parameters, place[:-1])
             return unknown_key(str(place[-1]), known, _elsewhere(str(place[-1])))
@@ -49,7 +51,9 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
             return "is missing"
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = ", ".join(known_keys(Parameters, place))
-            return f"must be a mapping{f' with keys among {keys}' if keys else ''}, not {given}"
+            several = ", or a list of such mappings" if place == ("contact",) else ""
+            with_keys = f" with keys among {keys}" if keys else ""
+            return f"must be a mapping{with_keys}{several}, not {given}"
         case "literal_error":
             allowed = details["ctx"]["expected"].replace("'", "")
             guess = nearest(str(details["input"]), allowed.replace(" or ", ", ").split(", "))
