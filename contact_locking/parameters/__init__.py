@@ -14,7 +14,7 @@ from pydantic import BaseModel, model_validator
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, nearest, parse
 
-from .base import Fault, FaultsError, Place, Section, Text, entry, marks, refuse_if
+from .base import Fault, FaultsError, Place, Section, entry, marks, refuse_if
 from .boundary import Displacement, LoadParameters, Traction
 from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
 from .coulomb import FrictionParameters, OwnFriction, OwnSmoothing, Smoothing
@@ -23,6 +23,7 @@ from .mesh import MeshParameters
 from .numerics import CertificateParameters, OutputParameters, PenaltyParameters, SolverParameters
 from .rigid_body import Cylinder, Foundation, HalfSpace, Sphere
 from .study import StudyParameters
+from .values import Text
 
 __all__ = [
     "CertificateParameters",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Annotated
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from .base import Fault, Names, Scalar, Section, entry, refuse_if, vector_faults
+from .base import Fault, Section, entry, refuse_if, vector_faults
+from .values import Names, Scalar
 
 # All are compiled into one form, which takes seconds for these and fails for some 2000.
 _MOST_TRACTIONS = 200
@@ -40,14 +42,13 @@ class LoadParameters(Section):
     body_force: tuple[Scalar, ...] | None = entry(
         None, "components of f0; null: none", "force/volume", scalar=True
     )
-    tractions: tuple[Traction, ...] = entry((), "parts of Gamma_N with their g")
+    tractions: Annotated[tuple[Traction, ...], Field(max_length=_MOST_TRACTIONS)] = entry(
+        (), "parts of Gamma_N with their g"
+    )
     displacements: tuple[Displacement, ...] = entry((), "parts of Gamma_D with their u")
 
     @model_validator(mode="after")
     def _check(self) -> LoadParameters:
-        if len(self.tractions) > _MOST_TRACTIONS:
-            message = f"has {len(self.tractions)} entries; at most {_MOST_TRACTIONS} are allowed"
-            refuse_if([Fault(("tractions",), message)])
         refuse_if(self._prescribed_twice())
         return self
 

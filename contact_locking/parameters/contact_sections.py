@@ -8,9 +8,10 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from .base import LIST, SECTION, Fault, Names, Scalar, Section, entry, refuse_if
+from .base import Fault, Section, entry, refuse_if
 from .coulomb import FrictionParameters, OwnFriction
 from .rigid_body import Foundation
+from .values import LIST, SECTION, Names, Scalar
 
 # Each entry adds integrals to the forms that are compiled, as tractions do.
 _MOST_ENTRIES = 100

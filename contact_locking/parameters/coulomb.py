@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import model_validator
-
-from .base import Fault, Positive, Section, SlipScalar, entry, refuse_if, show
+from .base import Section, entry
+from .values import NonNegativeSlipScalar, Positive
 
 Kernel = Literal["convolution", "helmholtz", "none"]
 
@@ -28,7 +27,7 @@ class Smoothing(Section):
 class FrictionParameters(Section):
     """Coulomb's law (6): |sigma_tau| <= mu(|u_tau|) |R sigma_nu|."""
 
-    coefficient: SlipScalar = entry(
+    coefficient: NonNegativeSlipScalar = entry(
         0.0, "mu >= 0, a number or an expression of x, y, z and s = |u_tau|", "1", scalar="s"
     )
     smoothing: Smoothing = entry(Smoothing(), "the mollifier R")
@@ -38,13 +37,6 @@ class FrictionParameters(Section):
         "times Young's modulus",
         "length",
     )
-
-    @model_validator(mode="after")
-    def _check(self) -> FrictionParameters:
-        if isinstance(self.coefficient, float) and self.coefficient < 0:
-            message = f"must be >= 0, not {show(self.coefficient)}"
-            refuse_if([Fault(("coefficient",), message)])
-        return self
 
 
 class OwnSmoothing(Section):
@@ -59,20 +51,13 @@ class OwnSmoothing(Section):
 class OwnFriction(Section):
     """The friction of one part of Gamma_C, as far as it differs from ``friction``."""
 
-    coefficient: SlipScalar | None = entry(
+    coefficient: NonNegativeSlipScalar | None = entry(
         None, "null: friction.coefficient", "1", scalar="s", optional=True
     )
     smoothing: OwnSmoothing | None = entry(None, "the mollifier R of this part", optional=True)
     regularisation: Positive | None = entry(
         None, "null: friction.regularisation", "length", optional=True
     )
-
-    @model_validator(mode="after")
-    def _check(self) -> OwnFriction:
-        if isinstance(self.coefficient, float) and self.coefficient < 0:
-            message = f"must be >= 0, not {show(self.coefficient)}"
-            refuse_if([Fault(("coefficient",), message)])
-        return self
 
     def over(self, common: FrictionParameters) -> FrictionParameters:
         """``common``, with the keys that this part gives itself in place of the common ones."""

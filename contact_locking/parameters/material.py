@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from pydantic import model_validator
 
-from .base import Fault, Place, Scalar, ScalarOrInfinite, Section, entry, refuse_if, show
+from .base import Fault, Place, Section, entry, refuse_if
+from .values import PoissonScalar, PositiveScalar, PositiveScalarOrInfinite, Scalar
+from .wording import show
 
 _YOUNG = "Young's modulus E"
 _STIFFNESS = "A as 3x3 (plane strain) or 6x6 matrix in Mandel's notation, symmetric and elliptic"
@@ -22,13 +24,13 @@ class Elasticity(Section):
     numbers tell; expressions are checked where they are evaluated.
     """
 
-    young: Scalar | None = entry(1.0, _YOUNG, "stress", scalar=True, optional=True)
-    poisson: Scalar | None = entry(0.3, "Poisson's ratio", "1", scalar=True, optional=True)
+    young: PositiveScalar | None = entry(1.0, _YOUNG, "stress", scalar=True, optional=True)
+    poisson: PoissonScalar | None = entry(0.3, "Poisson's ratio", "1", scalar=True, optional=True)
     lame_lambda: Scalar | None = entry(
         None, "Lame's first parameter, in place of E and nu",
         "stress", alias="lambda", scalar=True, optional=True,
     )  # fmt: skip
-    lame_mu: Scalar | None = entry(
+    lame_mu: PositiveScalar | None = entry(
         None, "shear modulus, with lambda", "stress", alias="mu", scalar=True, optional=True
     )
     stiffness: tuple[tuple[Scalar, ...], ...] | None = entry(
@@ -55,19 +57,9 @@ class Elasticity(Section):
 
     @model_validator(mode="after")
     def _elliptic(self) -> Elasticity:
-        refuse_if(self._faults())
-        return self
-
-    def _faults(self) -> Iterator[Fault]:
-        if isinstance(self.young, float) and self.young <= 0:
-            yield Fault(("young",), f"must be > 0, not {show(self.young)}")
-        if isinstance(self.poisson, float) and not -1 < self.poisson < 0.5:
-            message = f"must be between -1 and 0.5 (both excluded), not {show(self.poisson)}"
-            yield Fault(("poisson",), message)
-        if isinstance(self.lame_mu, float) and self.lame_mu <= 0:
-            yield Fault(("mu",), f"must be > 0, not {show(self.lame_mu)}")
         if self.stiffness is not None:
-            yield from _stiffness_faults(self.stiffness)
+            refuse_if(_stiffness_faults(self.stiffness))
+        return self
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """What cannot be in ``dim`` dimensions: d lambda + 2 mu <= 0, a matrix of another size."""
@@ -111,40 +103,25 @@ def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fau
             )
 
 
-def _limit_faults(limit: float | str | None) -> Iterator[Fault]:
-    if isinstance(limit, float) and limit <= 0:
-        yield Fault(("locking_limit",), f"must be > 0 (.inf: plain elasticity), not {show(limit)}")
-
-
 class Region(Section):
     """A material of its own for a physical group of cells."""
 
     elasticity: Elasticity | None = entry(
         None, "as of the material; null: as in the rest", optional=True
     )
-    locking_limit: ScalarOrInfinite | None = entry(
+    locking_limit: PositiveScalarOrInfinite | None = entry(
         None, "as of the material; null: as in the rest", "1", scalar=True, optional=True
     )
-
-    @model_validator(mode="after")
-    def _check(self) -> Region:
-        refuse_if(_limit_faults(self.locking_limit))
-        return self
 
 
 class MaterialParameters(Section):
     """Material (1): sigma in A eps(u) + dI_B(eps(u)), B = {xi : |xi| <= M}."""
 
     elasticity: Elasticity = entry(Elasticity(), "elasticity tensor A")
-    locking_limit: ScalarOrInfinite = entry(
+    locking_limit: PositiveScalarOrInfinite = entry(
         np.inf, "M, largest |eps(u)|; .inf: plain elasticity", "1", scalar=True
     )
     regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
-
-    @model_validator(mode="after")
-    def _check(self) -> MaterialParameters:
-        refuse_if(_limit_faults(self.locking_limit))
-        return self
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """As of the elasticities."""

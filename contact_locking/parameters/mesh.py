@@ -12,20 +12,9 @@ from pydantic import TypeAdapter, ValidationError, model_serializer, model_valid
 from contact_locking.expressions import nearest
 from contact_locking.meshes import BUILDERS
 
-from .base import (
-    Fault,
-    FaultsError,
-    Integer,
-    Number,
-    Section,
-    Switch,
-    Text,
-    entry,
-    refuse_if,
-    show,
-    type_message,
-    unknown_key,
-)
+from .base import Fault, FaultsError, Section, entry, refuse_if
+from .values import Integer, Number, Switch, Text
+from .wording import show, unknown_key, value_message
 
 
 class MeshParameters(Section):
@@ -87,7 +76,7 @@ def _geometry(builder: type, values: dict[Any, Any]) -> Any:
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             cause = first.get("ctx", {}).get("error")
-            message = str(cause) if cause else type_message(first)
+            message = str(cause) if cause else value_message(first)
             faults.append(Fault((key, *first["loc"]), message))
     refuse_if(faults)
     try:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, field_validator
+from pydantic import BeforeValidator, field_validator
 
-from .base import Count, Positive, PositiveOrInfinite, Section, Switch, Text, entry, show
+from .base import Section, entry
+from .values import Count, Positive, PositiveOrInfinite, Switch, Text, Tolerance
+from .wording import show
 
 # Linux's PATH_MAX is 4096, and the names of the results come after it.
 _LONGEST_PATH = 3900
@@ -24,12 +26,6 @@ class PenaltyParameters(Section):
     )
 
 
-def _tolerance(value: float) -> float:
-    if value >= 1:
-        raise ValueError(f"must be between 0 and 1, not {show(value)}")
-    return value
-
-
 def _option(value: Any) -> str | int | float | bool | None:
     if not (value is None or isinstance(value, str | int | float | bool)):
         raise ValueError(f"must be a number, text, true, false or null, not {show(value)}")
@@ -38,7 +34,6 @@ def _option(value: Any) -> str | int | float | bool | None:
     return value
 
 
-Tolerance = Annotated[Positive, AfterValidator(_tolerance)]
 Option = Annotated[bool | int | float | str | None, BeforeValidator(_option)]
 
 

@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 from pydantic import model_validator
 
-from .base import Fault, Number, Positive, Section, entry, refuse_if, show, vector_faults
+from .base import Fault, Section, entry, refuse_if, vector_faults
+from .values import Number, Positive
+from .wording import show
 
 
 class HalfSpace(Section):

@@ -12,8 +12,9 @@ from pydantic import BaseModel, BeforeValidator, model_validator
 
 from contact_locking.expressions import nearest
 
-from .base import Fault, Section, entry, refuse_if, show
+from .base import Fault, Section, entry, refuse_if
 from .keys import known_keys
+from .wording import show
 
 MAX_CASES, MAX_KEYS = 10_000, 100
 _RANGES: dict[str, Any] = {"geometric": np.geomspace, "linear": np.linspace}

@@ -13,7 +13,8 @@ from pydantic import ValidationError
 
 from contact_locking.errors import InputError
 from contact_locking.parameters import Fault, Parameters
-from contact_locking.parameters.base import MOST_FAULTS, show
+from contact_locking.parameters.base import MOST_FAULTS
+from contact_locking.parameters.wording import show
 
 from .dump import dump
 from .messages import faults_of

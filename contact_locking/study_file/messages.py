@@ -9,8 +9,10 @@ from pydantic import ValidationError
 
 from contact_locking.expressions import nearest
 from contact_locking.parameters import Fault, FaultsError, Parameters
-from contact_locking.parameters.base import CHOICES, MOST_FAULTS, show, type_message, unknown_key
+from contact_locking.parameters.base import MOST_FAULTS
 from contact_locking.parameters.keys import known_keys
+from contact_locking.parameters.values import CHOICES
+from contact_locking.parameters.wording import show, unknown_key, value_message
 
 from .schema import rows
 
@@ -47,8 +49,6 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
         case "extra_forbidden":
             known = known_keys(Parameters, place[:-1])
             return unknown_key(str(place[-1]), known, _elsewhere(str(place[-1])))
-        case "missing":
-            return "is missing"
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = ", ".join(known_keys(Parameters, place))
             several = ", or a list of such mappings" if place == ("contact",) else ""
@@ -58,7 +58,7 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
             allowed = details["ctx"]["expected"].replace("'", "")
             guess = nearest(str(details["input"]), allowed.replace(" or ", ", ").split(", "))
             return f"must be {allowed}, not {given}{guess}"
-    return type_message(details)
+    return value_message(details)
 
 
 def _elsewhere(name: str) -> str:

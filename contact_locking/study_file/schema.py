@@ -11,9 +11,10 @@ from pydantic import BaseModel, TypeAdapter
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.parameters import MeshParameters, Parameters
-from contact_locking.parameters.base import marks, show
+from contact_locking.parameters.base import marks
 from contact_locking.parameters.keys import section_in, visible_fields
 from contact_locking.parameters.mesh import builder_types
+from contact_locking.parameters.wording import show
 
 #: What `contact_locking.parameters.base.entry` keeps for this package only.
 _INTERNAL = ("scalar", "optional", "hidden")
