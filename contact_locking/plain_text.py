@@ -1,9 +1,11 @@
-"""Text of somebody else's as it may be shown."""
+"""Text in messages and files: the text of others made safe to show, and the nearest known name."""
 
 from __future__ import annotations
 
+import difflib
 import re
 import unicodedata
+from collections.abc import Iterable
 
 # A spreadsheet takes these for formulas, which can start programs; -2*x and the like are texts.
 _FORMULA = re.compile(r"[=@\t\r]|[-+].*[|!]", re.DOTALL)
@@ -19,6 +21,12 @@ def printable(text: str, keep: str = "\n") -> str:
 def spreadsheet_cell(text: str) -> str:
     """The text behind an apostrophe if a spreadsheet would take it for a formula."""
     return f"'{text}" if _FORMULA.match(text) else text
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The hint at the known name most like ``name``; empty if none is."""
+    matches = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean '{matches[0]}'?)" if matches else ""
 
 
 def _is_shown(character: str) -> bool:

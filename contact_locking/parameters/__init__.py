@@ -12,7 +12,8 @@ from typing import Any
 from pydantic import BaseModel, model_validator
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, nearest, parse
+from contact_locking.expressions import POSITION, parse
+from contact_locking.plain_text import nearest
 
 from .base import Fault, FaultsError, Place, Section, entry, marks, refuse_if
 from .boundary import Displacement, LoadParameters, Traction

@@ -9,8 +9,8 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError, model_serializer, model_validator
 
-from contact_locking.expressions import nearest
 from contact_locking.meshes import BUILDERS
+from contact_locking.plain_text import nearest
 
 from .base import Fault, FaultsError, Section, entry, refuse_if
 from .values import Integer, Number, Switch, Text

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, model_validator
 
-from contact_locking.expressions import nearest
+from contact_locking.plain_text import nearest
 
 from .base import Fault, Section, entry, refuse_if
 from .keys import known_keys

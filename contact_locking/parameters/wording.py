@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from contact_locking.expressions import nearest
+from contact_locking.plain_text import nearest
 
 #: By pydantic's name of an error; the words in braces are from the error's context.
 _MESSAGES = {

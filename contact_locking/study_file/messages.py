@@ -7,12 +7,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from contact_locking.expressions import nearest
 from contact_locking.parameters import Fault, FaultsError, Parameters
 from contact_locking.parameters.base import MOST_FAULTS
 from contact_locking.parameters.keys import known_keys
 from contact_locking.parameters.values import CHOICES
 from contact_locking.parameters.wording import show, unknown_key, value_message
+from contact_locking.plain_text import nearest
 
 from .schema import rows
 
