@@ -1,6 +1,6 @@
-"""What a study file may say: sections with defaults, units, descriptions, and their checks.
+"""The sections of a study file: keys with defaults, units, descriptions and checks.
 
-Nothing here needs a mesh, MPI or DOLFINx, so a file is checked before anything is computed.
+The checks need no mesh, MPI or DOLFINx, so that a file is checked before anything is computed.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ __all__ = [
 
 
 class Parameters(Section):
-    """A study file: everything that defines one solve."""
+    """A study file: the problem, the solver, the results, and the study of many cases if any."""
 
     title: Text = entry("", "what the study is about, for headings")
     mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
@@ -70,9 +70,9 @@ class Parameters(Section):
     friction: FrictionParameters = entry(FrictionParameters(), "Coulomb's friction (6)")
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
-    study: StudyParameters | None = entry(None, "makes a sweep of it", optional=True)
+    study: StudyParameters | None = entry(None, "many cases with other values", optional=True)
     certificate: CertificateParameters = entry(
-        CertificateParameters(), "what the results are judged by"
+        CertificateParameters(), "checks of the results that are made on demand"
     )
     output: OutputParameters = entry(OutputParameters(), "the results")
 
@@ -103,13 +103,12 @@ class Parameters(Section):
             friction = None if own is None else own.model_copy(update={"regularisation": None})
             return section.model_copy(update={"friction": friction})
 
-        several = isinstance(self.contact, tuple)
-        sections = tuple(exact(section) for _, section in self._contact_sections())
+        given = self.contact
         return self.model_copy(
             update={
                 "penalty": PenaltyParameters(n=math.inf, epsilon=None),
                 "friction": self.friction.model_copy(update={"regularisation": None}),
-                "contact": sections if several else sections[0],
+                "contact": tuple(map(exact, given)) if isinstance(given, tuple) else exact(given),
                 "solver": self.solver.model_copy(update={"method": "auto"}),
             }
         )
@@ -121,7 +120,7 @@ class Parameters(Section):
             raise InputError(fault.message, key)
 
     def _faults(self) -> Iterator[Fault]:
-        if self.penalty.n == float("inf") and self.solver.method == "newton":
+        if self.penalty.n == math.inf and self.solver.method == "newton":
             yield Fault(
                 ("penalty", "n"),
                 ".inf cannot be solved by Newton's method; "
@@ -149,7 +148,7 @@ class Parameters(Section):
         return [(("contact",), self.contact)]
 
     def _name_faults(self) -> Iterator[Fault]:
-        """Names that the builder does not give; those of a file are known when it is read."""
+        """Names that the builder does not give; names of a mesh file are checked with the mesh."""
         cells, facets = self.mesh.geometry.cell_names, self.mesh.geometry.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
@@ -186,7 +185,7 @@ def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> I
 
 
 def _expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str, str]]:
-    """Place, text and further variables of every expression below a section."""
+    """Place, text and variables beside x, y, z of every expression below a section."""
     for name, field in type(section).model_fields.items():
         here = (*place, field.alias or name)
         scalar = marks(field).get("scalar")
@@ -198,7 +197,7 @@ def _expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str,
 
 
 def _leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
-    """Everything in nested lists and mappings that is neither."""
+    """The values in nested lists and mappings, with their places."""
     if isinstance(value, tuple | dict):
         items = value.items() if isinstance(value, dict) else enumerate(value)
         for key, item in items:

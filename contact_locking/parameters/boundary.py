@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from .base import Fault, Section, entry, refuse_if, vector_faults
 from .values import Names, Scalar
 
-# All are compiled into one form, which takes seconds for these and fails for some 2000.
+# All tractions are compiled into one form, which takes seconds for 200 and fails for some 2000.
 _MOST_TRACTIONS = 200
 
 
@@ -67,7 +67,7 @@ class LoadParameters(Section):
                         )
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """Vectors of a wrong length."""
+        """The vectors that do not have ``dim`` components."""
         yield from vector_faults(("body_force",), self.body_force, dim)
         for index, traction in enumerate(self.tractions):
             yield from vector_faults(("tractions", index, "value"), traction.value, dim)

@@ -13,7 +13,7 @@ from .coulomb import FrictionParameters, OwnFriction
 from .rigid_body import Foundation
 from .values import LIST, SECTION, Names, Scalar
 
-# Each entry adds integrals to the forms that are compiled, as tractions do.
+# Each section adds integrals to the forms, and compiling long forms takes long.
 _MOST_ENTRIES = 100
 
 
@@ -35,7 +35,7 @@ class ContactSection(Section):
         return self
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """As of the foundation."""
+        """The faults of the foundation in ``dim`` dimensions."""
         if self.foundation is not None:
             for fault in self.foundation.dimension_faults(dim):
                 yield Fault(("foundation", *fault.place), fault.message)

@@ -25,7 +25,7 @@ def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 
 def section_in(annotation: Any) -> tuple[tuple[str, ...], type[BaseModel] | None]:
-    """The section that a type holds, if any, and the steps to its values: INDEX or NAME."""
+    """The section that a type contains, if any, and the steps to it: INDEX of a list, NAME."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return (), annotation
     origin, arguments = get_origin(annotation), get_args(annotation)
@@ -51,9 +51,9 @@ def may_be_list(annotation: Any) -> bool:
 
 
 def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
-    """The keys that a mapping at ``place`` below ``model`` can have; empty for any other value.
+    """The keys of a mapping at ``place`` below ``model``; empty if no mapping can be there.
 
-    Raises KeyError with the number of parts that were understood, if there is no such place.
+    Raises KeyError with the index of the first part of ``place`` that does not exist.
     """
     current: type[BaseModel] | None = model
     waiting: list[str] = []
@@ -74,7 +74,7 @@ def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
             waiting = list(path)
             listed = may_be_list(field.annotation)
         else:
-            # a parameter of a builder
+            # The part is a parameter of a mesh builder.
             current = None
         keys = _keys(current) if current is not None and not waiting else []
     return keys

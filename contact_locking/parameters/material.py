@@ -20,8 +20,8 @@ _ELASTICITY_CHOICES = (("young", "poisson"), ("lambda", "mu"), ("stiffness",))
 class Elasticity(Section):
     """sigma = A eps(u): A isotropic by (E, nu) or by Lame's (lambda, mu), or any Mandel matrix.
 
-    In 2D the body is in plane strain. Raises for a tensor that is not elliptic, as far as
-    numbers tell; expressions are checked where they are evaluated.
+    In 2D the body is in plane strain. A tensor of numbers must be elliptic; expressions are checked
+    when they are evaluated on the mesh.
     """
 
     young: PositiveScalar | None = entry(1.0, _YOUNG, "stress", scalar=True, optional=True)
@@ -62,7 +62,7 @@ class Elasticity(Section):
         return self
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """What cannot be in ``dim`` dimensions: d lambda + 2 mu <= 0, a matrix of another size."""
+        """Faults that depend on the dimension: d lambda + 2 mu <= 0, a matrix of another size."""
         if isinstance(self.lame_lambda, float) and isinstance(self.lame_mu, float):
             bulk = dim * self.lame_lambda + 2 * self.lame_mu
             if bulk <= 0:
@@ -87,7 +87,7 @@ def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fau
         return
     values = np.array([[v if isinstance(v, float) else np.nan for v in row] for row in rows])
     scale = np.nanmax(np.abs(values), initial=0.0)
-    # Not a number where one of the two is an expression: nothing to compare.
+    # A difference is not a number if an expression is in it, and is not compared.
     for i, j in np.argwhere(np.triu(np.abs(values - values.T) > 1e-9 * scale)):
         yield Fault(
             place,
@@ -104,13 +104,13 @@ def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fau
 
 
 class Region(Section):
-    """A material of its own for a physical group of cells."""
+    """The material of a physical group of cells, as far as it differs from ``material``."""
 
     elasticity: Elasticity | None = entry(
-        None, "as of the material; null: as in the rest", optional=True
+        None, "elasticity tensor A; null: material.elasticity", optional=True
     )
     locking_limit: PositiveScalarOrInfinite | None = entry(
-        None, "as of the material; null: as in the rest", "1", scalar=True, optional=True
+        None, "M; null: material.locking_limit", "1", scalar=True, optional=True
     )
 
 
@@ -124,7 +124,7 @@ class MaterialParameters(Section):
     regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """As of the elasticities."""
+        """The faults of the elasticity tensors in ``dim`` dimensions."""
         tensors: dict[Place, Elasticity] = {("elasticity",): self.elasticity}
         for name, region in self.regions.items():
             if region.elasticity is not None:

@@ -1,4 +1,4 @@
-"""How it is solved and what is written: penalty, solver, output."""
+"""Penalty, solver, certificate and output."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .base import Section, entry
 from .values import Count, Positive, PositiveOrInfinite, Switch, Text, Tolerance
 from .wording import show
 
-# Linux's PATH_MAX is 4096, and the names of the results come after it.
+# Linux's PATH_MAX is 4096, and the names of the files are appended to the folder.
 _LONGEST_PATH = 3900
 
 
@@ -38,7 +38,7 @@ Option = Annotated[bool | int | float | str | None, BeforeValidator(_option)]
 
 
 class SolverParameters(Section):
-    """The nonlinear strategy, its criteria and the linear algebra."""
+    """The nonlinear method, its stopping criteria and the linear solver."""
 
     method: Literal["auto", "newton", "interior_point"] = entry(
         "auto", "interior_point, newton (with continuation in n) or auto: interior_point"
@@ -55,7 +55,7 @@ class SolverParameters(Section):
     linear: Literal["auto", "direct", "iterative"] = entry("auto", "auto, direct or iterative")
     petsc: dict[str, Option] = entry(
         {},
-        "further PETSc options, such as {snes_monitor: null}; none that runs code or takes files",
+        "further PETSc options, such as {snes_monitor: null}; none that runs code or names files",
     )
 
     @field_validator("petsc")
@@ -65,7 +65,7 @@ class SolverParameters(Section):
 
 
 class CertificateParameters(Section):
-    """What the certificate holds beyond what every run gives."""
+    """Checks of the results that cost extra solves, in addition to those of every run."""
 
     constants: Switch = entry(
         False, "c_0 by an eigenvalue problem, and whether theory excludes a second solution"
@@ -76,11 +76,13 @@ class CertificateParameters(Section):
 
 
 class OutputParameters(Section):
-    """What is left behind."""
+    """The files with the results."""
 
     directory: Text = entry("results", "folder of the results")
     fields: Switch = entry(True, "whether to write the fields for ParaView")
-    picture: Switch = entry(True, "whether to draw a picture, and save what `view` shows")
+    picture: Switch = entry(
+        True, "whether to draw a picture, and save the snapshot that `view` shows"
+    )
 
     @field_validator("directory")
     @classmethod

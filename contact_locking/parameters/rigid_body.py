@@ -15,7 +15,9 @@ class HalfSpace(Section):
     """(x - point) . normal <= 0."""
 
     point: tuple[Number, ...] = entry(..., "a point of its surface", "length")
-    normal: tuple[Number, ...] = entry(..., "out of it, towards the body; of any length", "1")
+    normal: tuple[Number, ...] = entry(
+        ..., "normal of its surface, towards the body; of any length", "1"
+    )
 
     @model_validator(mode="after")
     def _check(self) -> HalfSpace:
@@ -67,7 +69,7 @@ class Foundation(Section):
         return self
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """Vectors of a wrong length."""
+        """The vectors that do not have ``dim`` components, and an axis in 2D."""
         if self.half_space is not None:
             yield from vector_faults(("half_space", "point"), self.half_space.point, dim)
             yield from vector_faults(("half_space", "normal"), self.half_space.normal, dim)

@@ -1,4 +1,4 @@
-"""What pydantic finds wrong, in the words of the study file."""
+"""The errors of pydantic as faults, in the words of the study file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from contact_locking.plain_text import nearest
 
 from .schema import rows
 
-# As the formulas have them.
+# The symbols of the formulas, which users may take for keys.
 _SYMBOLS = {
     "M": "material.locking_limit",
     "E": "material.elasticity.young",
@@ -29,7 +29,7 @@ _SYMBOLS = {
 
 
 def faults_of(error: ValidationError) -> list[Fault]:
-    """Every fault with its place from the top of the file; the first of very many."""
+    """The faults with their places in the file; at most some 20 of them."""
     found: list[Fault] = []
     for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
         place = tuple(part for part in details["loc"] if part not in CHOICES)
@@ -62,10 +62,10 @@ def _message(details: Any, place: tuple[str | int, ...]) -> str:
 
 
 def _elsewhere(name: str) -> str:
-    """A hint at the key of another section that has this name, or that stands for this symbol."""
+    """The hint at a key of another section with this name, or for this symbol."""
     if name in _SYMBOLS:
         return f" (did you mean '{_SYMBOLS[name]}'?)"
-    # An entry of a list or a mapping has no place that could be told.
+    # A key in an entry of a list or a mapping is no single key of the file.
     keys = [row.key for row in rows() if "INDEX" not in row.key and "NAME" not in row.key]
     matches = [key for key in keys if key.rpartition(".")[2] == name]
     return f" (did you mean '{matches[0]}'?)" if matches else ""
