@@ -20,7 +20,7 @@ from contact_locking.conditions import (
     Constraints,
     constrain,
 )
-from contact_locking.contact_boundary import build_contacts, entries_of
+from contact_locking.contact_boundary import build_contacts
 from contact_locking.contacts import Contact
 from contact_locking.domain import Domain
 from contact_locking.errors import InputError
@@ -129,17 +129,17 @@ def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
 
 def _check_parts(domain: Domain, parameters: Parameters) -> None:
     """The names exist, and no part is both contact and subject to a displacement condition."""
-    for entry in entries_of(parameters):
-        contact = domain.facets(entry.given.on, f"{entry.key}.on")
-        for i, condition in enumerate(parameters.loads.displacements):
-            key = f"loads.displacements.{i}.on"
-            both = np.intersect1d(domain.facets(condition.on, key), contact)
-            if domain.comm.allreduce(len(both)):
-                raise InputError(
-                    "Gamma_C and Gamma_D overlap: contact and a displacement are both asked for "
-                    f"on {_quoted(condition.on)}",
-                    key,
-                )
+    contacts = [domain.facets(part.on, f"{part.key}.on") for part in parameters.contacts]
+    for i, condition in enumerate(parameters.loads.displacements):
+        key = f"loads.displacements.{i}.on"
+        facets = domain.facets(condition.on, key)
+        both = sum(len(np.intersect1d(facets, contact)) for contact in contacts)
+        if domain.comm.allreduce(both):
+            raise InputError(
+                "Gamma_C and Gamma_D overlap: contact and a displacement are both asked for on "
+                f"{_quoted(condition.on)}",
+                key,
+            )
 
 
 def _conditions(domain: Domain, loads: LoadParameters) -> list[ComponentCondition]:

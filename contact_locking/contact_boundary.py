@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
@@ -17,7 +15,7 @@ from contact_locking.domain import Domain, agree
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
 from contact_locking.friction_law import FrictionLaw
-from contact_locking.parameters import ContactParameters, FrictionParameters, Parameters, Smoothing
+from contact_locking.parameters import ContactParameters, Parameters
 from contact_locking.plausibility import about_the_gap
 from contact_locking.smoothing import Convolution, HelmholtzFilter, Identity
 from contact_locking.smoothing import Smoothing as SmoothingOperator
@@ -51,23 +49,24 @@ def build_contacts(
     u = fem.Function(space)
     free_dofs = constraints.free_dofs(u)
     found = []
-    for entry in entries_of(parameters):
-        surface = ContactSurface(domain, space, entry.given.on, f"{entry.key}.on")
-        gap, normals = _foundation_from(surface, entry)
-        warnings += about_the_gap(domain, gap, f"{entry.key}.{entry.gap_key}")
+    for given in parameters.contacts:
+        surface = ContactSurface(domain, space, given.on, f"{given.key}.on")
+        gap, normals = _foundation_from(surface, given)
+        kind = "gap" if given.foundation is None else "foundation"
+        warnings += about_the_gap(domain, gap, f"{given.key}.{kind}")
         free = surface.free_nodes(normals, free_dofs)
-        friction, regularisation = entry.friction, entry.friction.regularisation
+        regularisation = given.friction.regularisation
         bound = FrictionBound(
             surface,
-            _smoothing(surface, free, friction.smoothing, entry.friction_key, warnings),
-            _friction_law(domain.comm, friction.coefficient, f"{entry.friction_key}.coefficient"),
-            frictionless=friction.coefficient == 0,
+            _smoothing(surface, free, given, warnings),
+            _friction_law(domain.comm, given),
+            frictionless=given.friction.coefficient == 0,
         )
         slip = penalty_slip if regularisation is None else regularisation
         found.append(
             Contact(
-                key=entry.key,
-                on=entry.given.on,
+                key=given.key,
+                on=given.on,
                 surface=surface,
                 normal=surface.vector_function(normals, "contact_normal"),
                 gap=surface.scalar_function(gap, "gap"),
@@ -79,33 +78,15 @@ def build_contacts(
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A contact as the study file describes it, and where it does."""
-
-    key: str
-    given: ContactParameters
-    friction: FrictionParameters
-    friction_key: str
-
-    @property
-    def gap_key(self) -> str:
-        return "gap" if self.given.foundation is None else "foundation"
-
-
-def entries_of(parameters: Parameters) -> list[Entry]:
-    if not parameters.contact.on:
-        return []
-    return [Entry("contact", parameters.contact, parameters.friction, "friction")]
-
-
-def _foundation_from(surface: ContactSurface, entry: Entry) -> tuple[FloatArray, FloatArray]:
+def _foundation_from(
+    surface: ContactSurface, given: ContactParameters
+) -> tuple[FloatArray, FloatArray]:
     """The gap (k,) to the foundation and the contact normal (k, d) at the nodes; collective."""
     comm, dim, points = surface.domain.comm, surface.domain.dim, surface.points.T
     body_normals = surface.body_normals()
-    if entry.given.foundation is None:
-        return evaluate(comm, entry.given.gap, points, f"{entry.key}.gap"), body_normals
-    body, key = _foundation(entry.given, dim), f"{entry.key}.foundation"
+    if given.foundation is None:
+        return evaluate(comm, given.gap, points, f"{given.key}.gap"), body_normals
+    body, key = _foundation(given, dim), f"{given.key}.foundation"
     with np.errstate(all="ignore"):
         gap, normals = body.gap(points), body.contact_normal(points).T
     finite = bool(np.isfinite(gap).all() and np.isfinite(normals).all())
@@ -118,7 +99,7 @@ def _foundation_from(surface: ContactSurface, entry: Entry) -> tuple[FloatArray,
         raise InputError(
             "the foundation lies behind a part of Gamma_C: there the outward normal of the "
             "body points away from it; turn the half space's normal towards the body, or "
-            f"take away from {entry.key}.on what does not face the foundation",
+            f"take away from {given.key}.on what does not face the foundation",
             key,
         )
     return gap, normals
@@ -141,8 +122,9 @@ def _foundation(given: ContactParameters, dim: int) -> foundation.Foundation:
 
 
 def _smoothing(
-    surface: ContactSurface, free: BoolArray, given: Smoothing, key: str, warnings: list[str]
+    surface: ContactSurface, free: BoolArray, part: ContactParameters, warnings: list[str]
 ) -> SmoothingOperator:
+    given = part.friction.smoothing
     if given.kernel == "none":
         return Identity()
     comm = surface.domain.comm
@@ -153,8 +135,9 @@ def _smoothing(
     if radius is None:
         radius = max(_DEFAULT_RADIUS_SHARE * extent, _DEFAULT_RADIUS_FACETS * size)
     elif radius < size:
+        key = part.friction_key("smoothing.radius")
         warnings.append(
-            f"{key}.smoothing.radius: {radius:g} is smaller than the mesh size {size:.3g} on "
+            f"{key}: {radius:g} is smaller than the mesh size {size:.3g} on "
             "Gamma_C, so R hardly smooths; refine the mesh there or enlarge the radius"
         )
     if given.kernel == "convolution":
@@ -175,9 +158,10 @@ def _extent(places: FloatArray) -> float:
     return float(distances.max())
 
 
-def _friction_law(comm: MPI.Intracomm, value: float | str, key: str) -> FrictionLaw:
+def _friction_law(comm: MPI.Intracomm, part: ContactParameters) -> FrictionLaw:
     """``mu(x, s)`` of a number or an expression; to evaluate it is collective."""
-    expression = parse(value, (*AXES, "s"))
+    key = part.friction_key("coefficient")
+    expression = parse(part.friction.coefficient, (*AXES, "s"))
 
     def local(points: FloatArray, slip: FloatArray) -> FloatArray:
         places = dict(zip(AXES, points.T, strict=False))

@@ -1,16 +1,21 @@
-"""Text of somebody else's as it may be shown."""
+"""Text in messages and files: the text of others made safe to show, and the nearest known name."""
 
 from __future__ import annotations
 
+import difflib
 import re
 import unicodedata
+from collections.abc import Iterable
 
 # A spreadsheet takes these for formulas, which can start programs; -2*x and the like are texts.
 _FORMULA = re.compile(r"[=@\t\r]|[-+].*[|!]", re.DOTALL)
 
 
 def printable(text: str, keep: str = "\n") -> str:
-    """The text with what a terminal would obey, or not show, as escapes; ``keep`` stays."""
+    """The text with escapes for control characters and characters that a terminal does not show.
+
+    The characters in ``keep`` stay.
+    """
     if text.isprintable():
         return text
     return "".join(c if c in keep or _is_shown(c) else ascii(c)[1:-1] for c in text)
@@ -21,6 +26,12 @@ def spreadsheet_cell(text: str) -> str:
     return f"'{text}" if _FORMULA.match(text) else text
 
 
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The hint at the known name that is most like ``name``; empty if no name is like it."""
+    matches = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean '{matches[0]}'?)" if matches else ""
+
+
 def _is_shown(character: str) -> bool:
-    # Other, and what separates lines and paragraphs; other white space is harmless.
+    # Blanks of every width are harmless; separators of lines and paragraphs are not shown.
     return character.isprintable() or unicodedata.category(character) == "Zs"

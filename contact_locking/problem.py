@@ -254,16 +254,8 @@ def _measure_against_limit(
     solution: Solution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
 ) -> None:
     """Solve the inequality itself on the same mesh and add the distance to the certificate."""
-    given = solution.parameters
-    limit = given.model_copy(
-        update={
-            "penalty": given.penalty.model_copy(update={"n": math.inf, "epsilon": None}),
-            "friction": given.friction.model_copy(update={"regularisation": None}),
-            "solver": given.solver.model_copy(update={"method": "auto"}),
-        }
-    )
     monitor.message("solving for n = .inf, to measure the distance")
-    problem = assemble(limit, solution.domain.comm, solution.domain)
+    problem = assemble(solution.parameters.limit(), solution.domain.comm, solution.domain)
     exact = solve_assembled(problem, monitor, petsc_options)
     measured: dict[str, Any]
     if exact.converged:

@@ -20,8 +20,8 @@ FloatArray = npt.NDArray[np.float64]
 class MovingBound:
     """``G = mu(|u_tau|) |R p|`` of ``contact``, from the pressure p of the cones ``pressing``.
 
-    The cones ``friction`` use the bound.  No bound is smaller than the share ``least`` of the largest, so that the friction cones have an
-    inside.
+    The cones ``friction`` use the bound.  No bound is smaller than the share ``least`` of the
+    largest, so that the friction cones have an inside.
     """
 
     u: fem.Function
@@ -53,7 +53,7 @@ class MovingBound:
         return np.maximum(new, self.least * largest)
 
     def used(self, elsewhere: FloatArray) -> FloatArray:
-        """The bound of the cones at all nodes of the contact, ``elsewhere`` at nodes without cones."""
+        """The bound at all nodes of the contact: of the cones, or ``elsewhere`` without cones."""
         used = elsewhere.copy()
         self.friction.nodes.enter(self.friction.bound, used)
         return used
