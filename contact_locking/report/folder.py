@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking import __version__
+from contact_locking._version import __version__
 from contact_locking.errors import InputError
 from contact_locking.plotting import PICTURE
 from contact_locking.result_files import CONTACT, FACETS, PARAMETERS, SUMMARY

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from contact_locking import __version__
+from contact_locking._version import __version__
 from contact_locking.parameters.study import StudyParameters
 from contact_locking.plotting import PICTURE
 from contact_locking.result_files import PARAMETERS

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from contact_locking import __version__, study_file
+from contact_locking import study_file
+from contact_locking._version import __version__
 from contact_locking.result_files import PARAMETERS, SUMMARY
 
 from .cases import Case
