@@ -25,7 +25,7 @@ from contact_locking.parameters import Parameters
 from contact_locking.parts import describe_slide
 from contact_locking.progress import Monitor
 from contact_locking.restart import Restart
-from contact_locking.results import (
+from contact_locking.results.derived import (
     BodyFields,
     ContactFields,
     body_summary,

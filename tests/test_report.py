@@ -17,12 +17,13 @@ import numpy as np
 import pytest
 from report_folder import REASON, rows, run_folder, study_folder
 
-from contact_locking import __version__, cli, report, result_files
+from contact_locking import __version__, cli, report
 from contact_locking.errors import InputError
 from contact_locking.report import charts
 from contact_locking.report.contact_charts import curves
 from contact_locking.report.markup import Markup, element, formula, shown
 from contact_locking.report.trends import Differences
+from contact_locking.results import names as result_files
 
 pytestmark = pytest.mark.serial
 

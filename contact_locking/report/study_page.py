@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contact_locking._version import __version__
 from contact_locking.parameters.study import StudyParameters
 from contact_locking.plotting import PICTURE
-from contact_locking.result_files import PARAMETERS
+from contact_locking.results.names import PARAMETERS
 from contact_locking.studies.table import Row
 from contact_locking.study_file import source
 

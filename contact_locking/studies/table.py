@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.plain_text import spreadsheet_cell
+from contact_locking.results.atomic import write_text
 
 from .cases import Case
-from .files import write_text
 from .outcome import Outcome
 
 CSV, JSON_LINES = "table.csv", "table.jsonl"
