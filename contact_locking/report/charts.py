@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import matplotlib
+from markupsafe import Markup
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from contact_locking.plotting import style
-
-from .markup import Content, Markup, element
 
 # About as wide as a phone, so that the text stays readable there.
 WIDTH = 4.4
@@ -68,18 +67,11 @@ class Chart:
         names = _TEXT_COLOURS if "<image" in inside else _COLOURS
         for colour, name in names.items():
             inside = inside.replace(colour, f"var({name}, {colour})")
-        label = element("title", self.description)
         head = (
             f'<svg {box[0] if box else ""} role="img" xmlns:xlink="http://www.w3.org/1999/xlink">'
         )
-        return Markup(f"{head}{label}{inside}")
-
-
-def figure(charts: Sequence[Chart], caption: Content = None) -> Markup:
-    """One chart, or several that belong together, as an element of the page."""
-    drawings = element("div", [chart.inline() for chart in charts], class_="drawings")
-    text = element("figcaption", caption) if caption else None
-    return element("figure", drawings, text, class_="pair" if len(charts) > 1 else None)
+        label = Markup("<title>{}</title>").format(self.description)
+        return Markup(head) + label + Markup(inside)
 
 
 def chart(name: str, description: str, height: float, draw: Callable[[Figure], None]) -> Chart:

@@ -15,8 +15,8 @@ from contact_locking.parameters.study import StudyParameters
 from contact_locking.studies.table import Row
 
 from .folder import number
-from .markup import shown
 from .quantities import QUANTITIES, Quantity
+from .values import shown
 
 FloatArray = npt.NDArray[np.float64]
 Compared = Literal["zero", "the value at infinity", "the next value"]
