@@ -119,10 +119,8 @@ def test_a_run_that_did_not_converge_says_why_first(own_run: Path) -> None:
     summary = own_run / "summary.json"
     change(summary, converged=False, reason=reason, suggestion=way_out)
     text = page(own_run)
-    assert re.search(
-        r"<h1>.*</h1>\s*<div class=\"verdict bad\">\s*<strong>Infeasible on this mesh</strong>",
-        text,
-    )
+    verdict = r'<div class="verdict bad">\s*<strong>Infeasible on this mesh</strong>'
+    assert re.search(rf"<h1>.*</h1>\s*{verdict}", text)
     assert "no field &lt; M near (1, 2)" in text and way_out in text
     change(summary, reason="too many steps")
     assert "<strong>Not converged</strong>" in page(own_run)

@@ -164,7 +164,7 @@ def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _errors(errors: Mapping[str, Mapping[str, Any]]) -> str:
-    """Relative errors in the energy norm: of the mesh estimated, of the penalty bounded, measured."""
+    """The relative errors of mesh and penalty in the energy norm."""
     shown = []
     for key, label in (
         ("mesh", "mesh about {:.2g} %"),
