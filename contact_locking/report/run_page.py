@@ -15,8 +15,8 @@ from .contact_charts import contact_charts
 from .folder import RunResults
 from .pictures import picture
 from .quantities import MEANINGS, QUANTITIES
+from .shown import shown
 from .templates import render
-from .values import shown
 
 _INFEASIBLE = "infeasible: "
 

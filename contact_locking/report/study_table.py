@@ -12,7 +12,7 @@ from contact_locking.studies.table import Row
 
 from .folder import number
 from .quantities import QUANTITIES
-from .values import shown
+from .shown import shown
 
 _MAIN = frozenset(quantity.key for quantity in QUANTITIES if quantity.plotted)
 _NOT_BETWEEN = ("converged", "case")

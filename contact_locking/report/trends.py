@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import ValidationError
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.parameters.study import StudyParameters
 from contact_locking.studies.table import Row
 
 from .folder import number
 from .quantities import QUANTITIES, Quantity
-from .values import shown
+from .shown import shown
 
-FloatArray = npt.NDArray[np.float64]
 Compared = Literal["zero", "the value at infinity", "the next value"]
 
 # Values whose quotient is this large are shown on a logarithmic scale.
@@ -65,7 +64,7 @@ class Differences:
     floor: float
 
     @property
-    def reliable(self) -> npt.NDArray[np.bool_]:
+    def reliable(self) -> BoolArray:
         """The differences that the tolerance of the solver cannot explain."""
         return self.y > self.floor
 
