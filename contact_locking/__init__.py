@@ -11,17 +11,17 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from contact_locking._version import __version__ as __version__
+
 if TYPE_CHECKING:
     from contact_locking.assembly import assemble
     from contact_locking.contacts import Contact, FrictionBound
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
-    from contact_locking.output import write
+    from contact_locking.output import save, write
     from contact_locking.parameters import Parameters
     from contact_locking.problem import check, solve, solve_assembled
     from contact_locking.solution import Solution
     from contact_locking.study_file import from_mapping, load
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Contact",
@@ -35,6 +35,7 @@ __all__ = [
     "check",
     "from_mapping",
     "load",
+    "save",
     "solve",
     "solve_assembled",
     "write",
@@ -52,6 +53,7 @@ _HOME = {
     "check": "problem",
     "from_mapping": "study_file",
     "load": "study_file",
+    "save": "output",
     "solve": "problem",
     "solve_assembled": "problem",
     "write": "output",

@@ -11,10 +11,11 @@ from contact_locking import foundation
 from contact_locking.coefficients import AXES, evaluate
 from contact_locking.conditions import Constraints
 from contact_locking.contacts import Contact, FrictionBound
-from contact_locking.domain import Domain, agree
+from contact_locking.domain import Domain
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
 from contact_locking.friction_law import FrictionLaw
+from contact_locking.parallel import agree
 from contact_locking.parameters import ContactParameters, Parameters
 from contact_locking.plausibility import about_the_gap
 from contact_locking.smoothing import Convolution, HelmholtzFilter, Identity

@@ -7,7 +7,8 @@ import re
 import unicodedata
 from collections.abc import Iterable
 
-# A spreadsheet takes these for formulas, which can start programs; -2*x and the like are texts.
+# A spreadsheet takes such text for a formula, which can start programs; -2*x and the like are no
+# danger and stay as they are.
 _FORMULA = re.compile(r"[=@\t\r]|[-+].*[|!]", re.DOTALL)
 
 
@@ -22,7 +23,7 @@ def printable(text: str, keep: str = "\n") -> str:
 
 
 def spreadsheet_cell(text: str) -> str:
-    """The text behind an apostrophe if a spreadsheet would take it for a formula."""
+    """The text, behind an apostrophe if a spreadsheet would take the text for a formula."""
     return f"'{text}" if _FORMULA.match(text) else text
 
 

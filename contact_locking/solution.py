@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
 
     from contact_locking.domain import Domain
     from contact_locking.parameters import Parameters
-    from contact_locking.results import ContactFields
+    from contact_locking.results.derived import ContactFields
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -70,16 +69,6 @@ class Solution:
     contact_points: ContactPoints | None
     contact_facets: npt.NDArray[np.int64] | None  # (m, d), their corners as numbers of the points
     summary: dict[str, Any] = field(default_factory=dict)
-
-    def save(self, directory: str | Path) -> None:
-        """Save the state in ``directory``/checkpoint, for ``restart=directory``; collective.
-
-        It can be read on the same mesh by any number of ranks.  Raises ContactLockingError where
-        adios4dolfinx is missing, InputError for a folder that cannot be written to.
-        """
-        from contact_locking import output
-
-        output.save(self, directory)
 
     @property
     def converged(self) -> bool:

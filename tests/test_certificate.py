@@ -12,7 +12,8 @@ from certified import certificate
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import forms, problem, results
+from contact_locking import forms, problem
+from contact_locking.results import derived
 from contact_locking.certificate import certify
 from contact_locking.certificate.state import SolvedState
 from contact_locking.convex import positive_part, unit_ball_excess
@@ -109,7 +110,7 @@ def wrong_friction(u_tangential: Any, bound: Any, epsilon: Any) -> Any:
 def test_a_solver_that_solves_with_a_wrong_law_is_caught(
     n: float, law: str, wrong: Any, caught: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (forms, results):
+    for module in (forms, derived):
         if hasattr(module, law):
             monkeypatch.setattr(module, law, wrong)
     parameters = block(penalty={"n": n, "epsilon": 1e-3}, solver={"method": "newton"})

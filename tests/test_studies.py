@@ -16,7 +16,8 @@ from typing import Any
 import pytest
 from study_folder import STUDY, Folder, alive, wait_for
 
-from contact_locking import cli, compiled_forms, meshes, studies, study_file, terminal
+from contact_locking import compiled_forms, meshes, studies, study_file
+from contact_locking.command import cli, terminal
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.lock import locked
 
@@ -256,10 +257,10 @@ def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
         shutil.move(source, target)
 
     with monkeypatch.context() as context:
-        context.setattr("contact_locking.studies.files.os.replace", replace)
+        context.setattr("contact_locking.results.atomic.os.replace", replace)
         with pytest.raises(ContactLockingError, match=r"No space left.*\n.*make room"):
             folder.run(jobs=1)
-    assert list(folder.output.rglob(".writing-*")) == []
+    assert list(folder.output.rglob(".partial-*")) == []
     folder.run()
     assert folder.started() == ["10", "20"]
     assert {row["state"] for row in folder.table()} == {"converged"}

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.state import SolvedState
-from contact_locking.results import ContactFields
+from contact_locking.results.derived import ContactFields
 
 FloatArray = npt.NDArray[np.float64]
 

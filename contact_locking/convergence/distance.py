@@ -15,7 +15,7 @@ from contact_locking import _compat
 from contact_locking.convex import squared_norm
 from contact_locking.domain import Domain
 from contact_locking.material import strain
-from contact_locking.results import integral
+from contact_locking.results.derived import integral
 from contact_locking.solution import Solution
 
 # Nodes this far outside the other mesh, relative to the body, are taken for rounding.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.errors import InputError
-from contact_locking.studies.files import write_text
+from contact_locking.results.atomic import write_text
 from contact_locking.studies.table import JSON_LINES
 
 Row = dict[str, Any]

@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 
-import contact_locking
 from contact_locking.errors import NoRendering
 from contact_locking.plotting.views import Image
 
@@ -66,7 +65,7 @@ def program(module: str) -> tuple[str, ...]:
 
 def environment() -> dict[str, str]:
     """In which `program` finds this package, however this process has found it."""
-    here = str(Path(contact_locking.__file__).resolve().parent.parent)
+    here = str(Path(__file__).resolve().parents[2])
     known = os.environ.get("PYTHONPATH")
     return os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{known}" if known else here}
 

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking import __version__
+from contact_locking._version import __version__
 from contact_locking.errors import InputError
 from contact_locking.plotting import PICTURE
-from contact_locking.result_files import CONTACT, FACETS, PARAMETERS, SUMMARY
+from contact_locking.results.names import CONTACT, FACETS, PARAMETERS, SUMMARY
 from contact_locking.solution import STATE_NAMES, ContactPoints
 from contact_locking.studies.table import JSON_LINES, Row
 

@@ -4,12 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-LOAD_UNIT_NOTE = (
-    "Units follow from those of the study file: with metres and pascals, forces are in newtons and "
-    "energies in joules. In two dimensions forces and energies are per unit of thickness, and the "
-    "measure of a part of the boundary is a length."
-)
-
 
 @dataclass(frozen=True)
 class Quantity:

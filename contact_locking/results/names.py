@@ -1,4 +1,4 @@
-"""The names of what a run writes into its folder, for those who write it and those who read it."""
+"""The names of the files in the folder of a run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 
 
 def not_writable(directory: object) -> str:
-    """What is said of a folder where they cannot be; of a long path its ends."""
+    """The words for a folder that results cannot be written to; a long path is shortened."""
     path = str(directory)
     shown = path if len(path) <= 300 else f"{path[:200]}...{path[-80:]}"
     return f"results cannot be written to {shown}"
