@@ -28,6 +28,7 @@ from contact_locking.results import (
     BodyFields,
     ContactFields,
     body_summary,
+    gather_contacts,
     integral,
     no_contact_summary,
 )
@@ -302,7 +303,7 @@ def _solution(
             for name in ("contact_pressure", "smoothed_stress", "contact_state", "friction_bound")
         )
         traction = fem.Function(problem.u.function_space, name="tangential_traction")
-    points, facets = (None, None) if contact is None else contact.gather()
+    points, facets = gather_contacts([] if contact is None else [contact], problem.domain)
     return Solution(
         parameters=problem.parameters,
         domain=problem.domain,

@@ -1,13 +1,17 @@
-"""The names of what a run writes into its folder, for those who write it and those who read it."""
+"""The names of the files in the folders of runs and studies, for the writers and the readers."""
 
 from __future__ import annotations
 
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
+#: The picture of a run, and all that it shows as arrays.
+PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
+#: The table of a study, in CSV and in JSON lines.
+TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
 
 
 def not_writable(directory: object) -> str:
-    """What is said of a folder where they cannot be; of a long path its ends."""
+    """The message for a folder that cannot hold results; a long path is shortened."""
     path = str(directory)
     shown = path if len(path) <= 300 else f"{path[:200]}...{path[-80:]}"
     return f"results cannot be written to {shown}"

@@ -161,4 +161,5 @@ def _points(dim: int) -> ContactPoints:
         traction=-0.3 * p[:, None] * np.eye(dim)[0],
         bound=0.3 * p,
         state=state(x.T).astype(np.int64),
+        contact=np.zeros(len(x), dtype=np.int64),
     )

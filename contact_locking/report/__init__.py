@@ -31,9 +31,9 @@ def write(directory: str | Path) -> Path:
     version, with a folder of that name which holds anything else, and if it cannot be written to;
     ContactLockingError where the disk is full.
     """
+    from contact_locking.read import RunResults, read
     from contact_locking.studies.files import write_text
 
-    from .folder import RunResults, read
     from .run_page import run_page
     from .study_page import study_page
 

@@ -9,7 +9,7 @@ from contact_locking.plotting import contact_map, profile, style
 from contact_locking.solution import ContactPoints
 
 from .charts import WIDTH, Chart, chart
-from .folder import FloatArray, IntArray
+from contact_locking.plotting.snapshot import FloatArray, IntArray
 
 
 def contact_charts(contact: ContactPoints, facets: IntArray) -> list[Chart]:

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from contact_locking.read import RunResults
 from contact_locking.solution import STATE_NAMES, ContactPoints
 
 from .certificate import certificate
 from .charts import Chart, figure
 from .contact_charts import contact_charts
-from .folder import RunResults
 from .markup import Content, Markup, element, named, section, shown, table
 from .page import DESCRIPTION, page
 from .pictures import picture

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 
 from contact_locking import __version__
 from contact_locking.parameters.study import StudyParameters
-from contact_locking.plotting import PICTURE
-from contact_locking.result_files import PARAMETERS
-from contact_locking.studies.table import Row
+from contact_locking.read import Row, StudyResults
+from contact_locking.result_files import PARAMETERS, PICTURE
 from contact_locking.study_file import source
 
 from .charts import Chart, figure
-from .folder import StudyResults
 from .markup import Content, Markup, element, formula, key, section, shown
 from .page import DESCRIPTION, page
 from .pictures import thumbnail

@@ -6,9 +6,8 @@ import json
 import math
 from collections.abc import Collection, Sequence
 
-from contact_locking.studies.table import Row
+from contact_locking.read import Row, number
 
-from .folder import number
 from .markup import Content, Markup, element, key, section, shown
 from .quantities import QUANTITIES
 

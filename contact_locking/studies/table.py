@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.plain_text import spreadsheet_cell
+from contact_locking.read import Row
+from contact_locking.result_files import TABLE_CSV, TABLE_LINES
 
 from .cases import Case
 from .files import write_text
 from .outcome import Outcome
-
-CSV, JSON_LINES = "table.csv", "table.jsonl"
-
-Row = dict[str, Any]
 
 # The title may have changed since the case was solved; where it varies, it is there.
 _LEFT_OUT = ("title", "fingerprint", "not_finite")
@@ -33,12 +31,12 @@ def write(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outcome]) -
     table.writerow(columns)
     for entry in rows:
         table.writerow([_cell(entry.get(name)) for name in columns])
-    write_text(directory / CSV, stream.getvalue())
+    write_text(directory / TABLE_CSV, stream.getvalue())
     lines = [
         json.dumps({name: entry.get(name) for name in columns}, ensure_ascii=False, allow_nan=False)
         for entry in rows
     ]
-    write_text(directory / JSON_LINES, "".join(f"{line}\n" for line in lines))
+    write_text(directory / TABLE_LINES, "".join(f"{line}\n" for line in lines))
 
 
 def row(case: Case, outcome: Outcome) -> Row:
