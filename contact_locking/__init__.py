@@ -11,15 +11,15 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from contact_locking._version import __version__
+
 if TYPE_CHECKING:
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
-    from contact_locking.output import write
+    from contact_locking.output import save, write
     from contact_locking.parameters import Parameters
     from contact_locking.problem import check, solve
     from contact_locking.solution import Solution
     from contact_locking.study_file import from_mapping, load
-
-__version__ = "0.1.0"
 
 __all__ = [
     "ContactLockingError",
@@ -27,9 +27,11 @@ __all__ = [
     "NotConverged",
     "Parameters",
     "Solution",
+    "__version__",
     "check",
     "from_mapping",
     "load",
+    "save",
     "solve",
     "write",
 ]
@@ -43,6 +45,7 @@ _HOME = {
     "check": "problem",
     "from_mapping": "study_file",
     "load": "study_file",
+    "save": "output",
     "solve": "problem",
     "write": "output",
 }

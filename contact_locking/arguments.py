@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from contact_locking import __version__
+from contact_locking._version import __version__
 from contact_locking.errors import InputError
 from contact_locking.terminal import is_root
 

@@ -21,12 +21,13 @@ from contact_locking.conditions import (
     Constraints,
     constrain,
 )
-from contact_locking.domain import Domain, agree
+from contact_locking.domain import Domain
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
 from contact_locking.friction_law import FrictionLaw
 from contact_locking.groups import groups
 from contact_locking.loads import build_loads
+from contact_locking.parallel import agree
 from contact_locking.parameters import ContactParameters, LoadParameters, Parameters, Smoothing
 from contact_locking.parts import Held, check_parts_held
 from contact_locking.plausibility import about_the_gap

@@ -18,9 +18,10 @@ from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking import material as law
-from contact_locking.domain import Domain, agree
+from contact_locking.domain import Domain
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import SMALLEST, parse
+from contact_locking.parallel import agree
 from contact_locking.parameters import Elasticity, MaterialParameters
 
 FloatArray = npt.NDArray[np.float64]

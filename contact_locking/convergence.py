@@ -1,4 +1,4 @@
-"""Distances between solutions, also on different meshes, the rates at which they fall, and tables."""
+"""Distances between solutions, also on different meshes, their rates, and tables of them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from contact_locking.convex import squared_norm
 from contact_locking.domain import Domain
 from contact_locking.errors import InputError
 from contact_locking.material import strain
-from contact_locking.read import Row, read_rows
-from contact_locking.result_files import TABLE_LINES
-from contact_locking.results import integral
+from contact_locking.results.atomic import write_text
+from contact_locking.results.derived import integral
+from contact_locking.results.names import TABLE_LINES
+from contact_locking.results.read import Row, read_rows
 from contact_locking.solution import Solution
-from contact_locking.studies.files import write_text
 
 # A node outside the other mesh by less than this share of the body is there by rounding.
 _PADDING = 1e-8

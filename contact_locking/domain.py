@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,15 +19,15 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking.distribution import distribute
-from contact_locking.errors import ContactLockingError, InputError, with_key
+from contact_locking.errors import InputError, with_key
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
 from contact_locking.mesh_file.gmsh_model import extract
 from contact_locking.mesh_file.reader import read
+from contact_locking.parallel import on_root
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -135,9 +135,9 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm) -> Domain:
     origin = type(geometry).__name__.lower()
 
     def make() -> tuple[MeshData, Diagnosis]:
-        from contact_locking import meshes
+        from contact_locking.meshes import build
 
-        with meshes.build(geometry) as model:
+        with build(geometry) as model:
             mesh = extract(model, origin)
         return mesh, Diagnosis.of_sound(mesh)
 
@@ -182,37 +182,3 @@ def _distributed(
     else:
         made = distribute(comm, dim, None, None, np.empty(0, dtype=np.int64))
     return Domain(made.mesh, made.cell_tags, made.facet_tags, made.parts, origin=origin, **facts)
-
-
-def on_root(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
-    """Run ``work`` on rank 0 and give its result to all, or raise its error on all; collective."""
-    outcome: tuple[T | None, Exception | None] = (None, None)
-    if comm.rank == 0:
-        try:
-            outcome = (work(), None)
-        except ContactLockingError as error:
-            outcome = (None, error)
-        except (ValueError, RuntimeError) as error:
-            outcome = (None, InputError(str(error)))
-        except OSError as error:
-            outcome = (None, InputError(f"{error.filename}: {error.strerror or error}"))
-    result, failure = comm.bcast(outcome, root=0)
-    if failure is not None:
-        raise failure
-    return result
-
-
-def agree(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
-    """Run ``work`` on every rank, and raise on all what it raised on any; collective.
-
-    For local evaluations of user data: an error on one rank alone would leave the others waiting.
-    """
-    failure: ContactLockingError | None = None
-    try:
-        result = work()
-    except ContactLockingError as error:
-        failure = error
-    for raised in comm.allgather(failure):
-        if raised is not None:
-            raise raised
-    return result

@@ -5,8 +5,9 @@ The command line turns each into one message and an exit code.
 
 from __future__ import annotations
 
+import contextlib
 import errno
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -84,6 +85,19 @@ def not_written(
     if is_full(error):
         return NoRoom(f"{message}\n{more or MAKE_ROOM}")
     return InputError(f"{message}; give a folder that can be written to", key)
+
+
+@contextlib.contextmanager
+def explained(
+    what: str, place: str | Path, key: str | None = None, more: str = ""
+) -> Iterator[None]:
+    """Turn an OSError of the block into the error of `not_written`."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise  # The reader of the output has gone; no file is concerned.
+    except OSError as error:
+        raise not_written(what, error, place, key, more) from error
 
 
 def with_key(key: str, work: Callable[[], T]) -> T:

@@ -1,4 +1,4 @@
-"""One run or study at a time in a folder, and what they make there before all of it is complete."""
+"""One run or study at a time in a folder, and the folders that it makes."""
 
 from __future__ import annotations
 
@@ -6,19 +6,13 @@ import contextlib
 import errno
 import fcntl
 import os
-import re
-import shutil
 import socket
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from contact_locking.errors import InputError
 
 _NAME = ".lock"
-_PARTIAL = ".partial-"
-# As tempfile.mkdtemp ends its names.
-_PARTIAL_NAME = re.compile(re.escape(_PARTIAL) + r"[a-z0-9_]{8}")
 # Linux's PATH_MAX, less what the names of results in a folder take.
 _LONGEST_PATH = 4096 - 160
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EINVAL)
@@ -26,17 +20,17 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EI
 
 @contextlib.contextmanager
 def locked(directory: Path, what: str) -> Iterator[bool]:
-    """Hold the lock of a folder for ``what``; False where the file system has no locks.
+    """Hold the lock of a folder for ``what``; give False where the file system has no locks.
 
-    The operating system takes the lock from a process that ends, in whatever way: the file that a
-    killed process leaves locks nothing.  Raises InputError if another process holds the lock,
+    The operating system takes the lock from a process that ends in any way, so the lock file of a
+    killed process locks nothing.  Raises InputError if another process holds the lock,
     OSError if the folder cannot be written to.
     """
     path = directory / _NAME
     with contextlib.ExitStack() as stack:
         while True:
             file = stack.enter_context(path.open("a+", encoding="utf-8"))
-            held = _take(file.fileno())
+            held = try_lock(file.fileno())
             # The process that had the lock may have removed the file since it was opened.
             if held is not True or _is_at(file.fileno(), path):
                 break
@@ -93,44 +87,11 @@ def make_folders(directory: Path) -> list[Path]:
     return made
 
 
-def make_partial(directory: Path) -> tuple[Path, int]:
-    """A new folder in ``directory`` for files that are not complete yet, and what marks it as used.
+def try_lock(descriptor: int) -> bool | None:
+    """Lock an open file or folder; None if another process holds the lock, False without locks.
 
-    The second is for `release`.  Raises OSError.
+    A file system without locks gives False.  Raises OSError.
     """
-    folder = Path(tempfile.mkdtemp(prefix=_PARTIAL, dir=directory))
-    mark = os.open(folder, os.O_RDONLY)
-    _take(mark)
-    return folder, mark
-
-
-def release(folder: Path, mark: int) -> None:
-    """Remove a folder of `make_partial` with what is in it."""
-    shutil.rmtree(folder, ignore_errors=True)
-    os.close(mark)
-
-
-def remove_abandoned(directory: Path) -> None:
-    """Remove the folders of `make_partial` whose process was killed.
-
-    Those in use stay, all of them where the file system cannot tell, and what cannot be removed.
-    """
-    for path in directory.glob(f"{_PARTIAL}*"):
-        if not _PARTIAL_NAME.fullmatch(path.name):
-            continue
-        try:
-            mark = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-        except OSError:
-            continue  # It is no folder of this program, or has gone.
-        try:
-            if _take(mark):
-                shutil.rmtree(path, ignore_errors=True)
-        finally:
-            os.close(mark)
-
-
-def _take(descriptor: int) -> bool | None:
-    """Whether the lock was taken; None if it is held by another, False if there are none."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

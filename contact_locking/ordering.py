@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from contact_locking.arrays import FloatArray, IntArray
 
 
 def lexicographic(x: FloatArray) -> IntArray:

@@ -13,18 +13,19 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import __version__, _compat, checkpoint, plausibility, study_file
+from contact_locking import _compat, checkpoint, plausibility, study_file
+from contact_locking._version import __version__
 from contact_locking.assembly import Problem, assemble, penalty
 from contact_locking.certificate import Certificate, certify
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.certificate.state import SolvedState
-from contact_locking.domain import on_root
 from contact_locking.errors import InputError
+from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
 from contact_locking.parts import describe_slide
 from contact_locking.progress import Monitor
 from contact_locking.restart import Restart
-from contact_locking.results import (
+from contact_locking.results.derived import (
     BodyFields,
     ContactFields,
     body_summary,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import sys
 import time
 from pathlib import Path
@@ -12,6 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from contact_locking.plain_text import printable
+from contact_locking.results.atomic import write_text
 
 
 class Monitor:
@@ -173,7 +173,5 @@ class ProgressFile(Monitor):
         self._listener.finish()
 
     def _write(self, **news: str) -> None:
-        partial = self._path.with_name(f".{self._path.name}")
         with contextlib.suppress(OSError):
-            partial.write_text(json.dumps(news), encoding="utf-8")
-            os.replace(partial, self._path)
+            write_text(self._path, json.dumps(news))

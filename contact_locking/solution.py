@@ -5,20 +5,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
+
+from contact_locking.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from dolfinx import fem
 
     from contact_locking.domain import Domain
     from contact_locking.parameters import Parameters
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 OPEN, STICK, SLIP = 0, 1, 2
 STATE_NAMES = ("open", "stick", "slip")
@@ -148,16 +145,6 @@ class Solution:
     contact_points: ContactPoints | None  # None on the ranks other than 0
     contact_facets: IntArray | None  # (m, d), corners as numbers of the points; None likewise
     summary: dict[str, Any] = field(default_factory=dict)
-
-    def save(self, directory: str | Path) -> None:
-        """Save the state in ``directory``/checkpoint, for ``restart=directory``; collective.
-
-        It can be read on the same mesh by any number of ranks.  Raises ContactLockingError where
-        adios4dolfinx is missing, InputError for a folder that cannot be written to.
-        """
-        from contact_locking import output
-
-        output.save(self, directory)
 
     @property
     def converged(self) -> bool:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from contact_locking.errors import InputError, NoRendering
 from contact_locking.plotting import offscreen, snapshot_file
-from contact_locking.read import StudyResults, read
-from contact_locking.result_files import PICTURE, SNAPSHOT
+from contact_locking.results.names import PICTURE, SNAPSHOT
+from contact_locking.results.read import StudyResults, read
 
 _PROGRAM = "contact_locking.plotting.window"
 

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from contact_locking.results.atomic import staging
+
 from .geometry import Geometry
 
 OPTIONS = {
@@ -74,15 +76,13 @@ def write(geometry: Geometry, path: str | os.PathLike[str]) -> None:
     target = Path(path)
     if target.suffix != ".msh":
         raise ValueError(f"path: the name of a Gmsh file ends in .msh, {target.name} does not")
-    partial = target.with_name(f".{target.stem}.{os.getpid()}.msh")
-    partial.touch()
-    try:
+    with staging(target.parent) as folder:
+        unfinished = folder / target.name
+        unfinished.touch()
         with build(geometry, target.stem):
-            gmsh.write(str(partial))
-        _check_complete(partial)
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
+            gmsh.write(str(unfinished))
+        _check_complete(unfinished)
+        os.replace(unfinished, target)
 
 
 def _check_complete(path: Path) -> None:

@@ -19,7 +19,7 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import _compat, checkpoint, cli, meshes, output, problem, study_file
+from contact_locking import _compat, checkpoint, cli, meshes, output, problem, save, study_file
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
 from contact_locking.solution import Solution
@@ -80,7 +80,7 @@ def test_a_saved_solution_is_read_as_it_was_and_solves_its_problem(
 ) -> None:
     given = parameters(dim, penalty__n=n)
     solution = problem.solve(given)
-    solution.save(folder)
+    save(solution, folder)
     again = problem.solve(given, restart=folder)
     assert again.converged
     assert again.summary["iterations"] == {"tangents": 0, "linear": 0, "friction": 0}
@@ -96,11 +96,11 @@ def test_one_rank_reads_what_all_have_saved_and_all_what_one_has(dim: int, folde
     # Says little on one rank; the other numbers of ranks are below.
     given, alone = parameters(dim), MPI.COMM_SELF
     together = problem.solve(given)
-    together.save(folder / "together")
+    save(together, folder / "together")
     own = problem.solve(given, alone, restart=folder / "together")
     assert own.summary["iterations"]["tangents"] == 0
     assert Values.of(own).agrees(Values.of(together))
-    own.save(folder / f"of rank {MPI.COMM_WORLD.rank}")
+    save(own, folder / f"of rank {MPI.COMM_WORLD.rank}")
     MPI.COMM_WORLD.Barrier()
     back = problem.solve(given, restart=folder / "of rank 0")
     assert back.summary["iterations"]["tangents"] == 0
@@ -119,7 +119,7 @@ def test_other_numbers_of_ranks_read_what_one_saved_and_save_for_it(
     given = parameters(dim)
     (tmp_path / "study.yml").write_text(study_file.dump(given), encoding="utf-8")
     one = problem.solve(given)
-    one.save(tmp_path / "one")
+    save(one, tmp_path / "one")
     words = ["run", "study.yml", "--restart", "one", "--checkpoint", "--output", "several"]
     # Open MPI's ranks wait by spinning, which is slow where they share cores with others.
     done = subprocess.run(
@@ -142,7 +142,7 @@ def test_other_numbers_of_ranks_read_what_one_saved_and_save_for_it(
 
 def test_bodies_without_contact_are_saved_too(folder: Path) -> None:
     given = parameters(contact__on=[])
-    problem.solve(given).save(folder)
+    save(problem.solve(given), folder)
     assert problem.solve(given, restart=folder).summary["iterations"]["tangents"] == 0
     # Of contact the state knows nothing.
     touching = problem.solve(parameters(), restart=folder)
@@ -153,7 +153,7 @@ def test_bodies_without_contact_are_saved_too(folder: Path) -> None:
 @pytest.fixture
 def saved(comm: MPI.Intracomm, folder: Path) -> Path:
     """The checkpoint of a made-up solve."""
-    problem.solve(parameters()).save(folder / "run")
+    save(problem.solve(parameters()), folder / "run")
     comm.Barrier()
     return folder / "run"
 
@@ -183,7 +183,7 @@ def test_a_state_of_another_mesh_is_refused_with_what_differs(
 def test_equal_numbers_of_cells_do_not_make_the_same_mesh(
     comm: MPI.Intracomm, folder: Path
 ) -> None:
-    problem.solve(parameters(mesh__structured=True)).save(folder)
+    save(problem.solve(parameters(mesh__structured=True)), folder)
     text = refusal(folder, parameters(mesh__structured=True, mesh__size=[1.0, 0.999]))
     assert "its nodes lie elsewhere (mesh.size was [1.0, 1.0], is [1.0, 0.999])" in text
 
@@ -199,7 +199,7 @@ def test_a_mesh_file_that_has_changed_is_refused(comm: MPI.Intracomm, folder: Pa
         )
 
     solution = problem.solve(given(0.3))
-    solution.save(folder)
+    save(solution, folder)
     assert problem.solve(given(0.3), restart=folder).summary["iterations"]["tangents"] == 0
     assert "the mesh file is another one or has changed" in refusal(folder, given(0.2))
 
@@ -264,7 +264,7 @@ def test_a_save_that_fails_leaves_the_earlier_one(
     solution = problem.solve(parameters(friction__coefficient=0.1))
     monkeypatch.setattr(output, "_require_room", full)
     with pytest.raises(ContactLockingError, match="No space left"):
-        solution.save(saved)
+        save(solution, saved)
     comm.Barrier()
     assert [path.name for path in saved.iterdir()] == ["checkpoint"]
     monkeypatch.undo()

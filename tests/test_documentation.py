@@ -16,7 +16,8 @@ import generated_reference
 import pytest
 from mpi4py import MPI
 
-from contact_locking import arguments, cli, from_mapping, output, solve
+from contact_locking import arguments, cli, from_mapping, solve
+from contact_locking.results.summary import summary_text
 from contact_locking.study_file.schema import rows
 from contact_locking.study_file.source import read
 
@@ -121,7 +122,7 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
             "certificate": {"limit": True},
         }
     )
-    summary = json.loads(output.summary_text(solve(parameters).summary | {"x": float("inf")}))
+    summary = json.loads(summary_text(solve(parameters).summary | {"x": float("inf")}))
     del summary["x"]
     page = (DOCS / "reference" / "summary.md").read_text(encoding="utf-8")
     cells = re.findall(r"^\| (`.*?) \|", page, re.MULTILINE)

@@ -137,8 +137,8 @@ def test_fields_that_run_out_of_room_while_they_are_written_do_not_end_the_proce
 ) -> None:
     """As where another program fills the disk: ADIOS2 would abort."""
     script = """
-    from contact_locking import output
-    output._vtx_bytes = lambda *_: 1
+    from contact_locking.results import fields
+    fields.size = lambda *_: 1
     """
     words = ["--set", "mesh.h=0.15", "output.picture=false"]
     full(disk.solve(size, *words, script=script), "results cannot be written")
@@ -152,7 +152,7 @@ def test_a_checkpoint_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_ke
     if (reason := checkpoint.unavailable()) is not None:
         pytest.skip(reason)
     # On the smaller disk another program takes the room while it is written.
-    script = "from contact_locking import output\noutput._require_room = lambda *_: None"
+    script = "from contact_locking.results import atomic\natomic.require_room = lambda *_: None"
     words = ["--checkpoint", "--set", "output.picture=false", "output.fields=false"]
     done = disk.solve(size, *words, script=script if size == "24k" else "")
     assert done.returncode == 1

@@ -22,7 +22,7 @@ from contact_locking.convergence import norms
 from contact_locking.convex import squared_norm
 from contact_locking.domain import Domain
 from contact_locking.problem import solve_assembled
-from contact_locking.results import integral
+from contact_locking.results.derived import integral
 from contact_locking.system import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]

@@ -17,14 +17,8 @@ from study_folder import Folder, wait_for
 
 from contact_locking import cli, output
 from contact_locking.errors import InputError
-from contact_locking.lock import (
-    locked,
-    make_folders,
-    make_partial,
-    new_folders,
-    release,
-    remove_abandoned,
-)
+from contact_locking.lock import locked, make_folders, new_folders
+from contact_locking.results.atomic import remove_abandoned, staging
 
 pytestmark = pytest.mark.serial
 
@@ -44,12 +38,13 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
     script = """
         import sys, time
         from pathlib import Path
-        from contact_locking import cli, lock, problem
+        from contact_locking import cli, problem
+        from contact_locking.results.atomic import staging
 
         def solve(parameters, *_):
-            folder, mark = lock.make_partial(Path(parameters.output.directory))
-            (folder / "fields.bp").mkdir()
-            time.sleep(60)
+            with staging(Path(parameters.output.directory)) as folder:
+                (folder / "fields.bp").mkdir()
+                time.sleep(60)
 
         problem.solve = solve
         sys.exit(cli.main())
@@ -142,16 +137,15 @@ def test_a_run_under_nohup_goes_on_when_its_terminal_is_closed(study: Path) -> N
 
 
 def test_only_abandoned_folders_of_this_program_are_removed(tmp_path: Path) -> None:
-    used, mark = make_partial(tmp_path)
-    abandoned = tmp_path / ".partial-a1b2c3_4"
-    (abandoned / "fields.bp").mkdir(parents=True)
-    (tmp_path / ".partial-of-the-user").mkdir()
-    (tmp_path / ".partial-12345678").write_text("a file")
-    (tmp_path / ".partial-abcdefgh").symlink_to(tmp_path / ".partial-of-the-user")
-    remove_abandoned(tmp_path)
-    kept = {used.name, ".partial-of-the-user", ".partial-12345678", ".partial-abcdefgh"}
-    assert {path.name for path in tmp_path.iterdir()} == kept
-    release(used, mark)
+    with staging(tmp_path) as used:
+        abandoned = tmp_path / ".partial-a1b2c3_4"
+        (abandoned / "fields.bp").mkdir(parents=True)
+        (tmp_path / ".partial-of-the-user").mkdir()
+        (tmp_path / ".partial-12345678").write_text("a file")
+        (tmp_path / ".partial-abcdefgh").symlink_to(tmp_path / ".partial-of-the-user")
+        remove_abandoned(tmp_path)
+        kept = {used.name, ".partial-of-the-user", ".partial-12345678", ".partial-abcdefgh"}
+        assert {path.name for path in tmp_path.iterdir()} == kept
     assert not used.exists()
 
 

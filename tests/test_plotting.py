@@ -14,7 +14,7 @@ from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 
 from contact_locking import plotting
 from contact_locking.errors import NoRendering
-from contact_locking.plotting import offscreen, plane, space_plain, style
+from contact_locking.plotting import offscreen, space_plain, style
 from contact_locking.plotting.gather import gather
 from contact_locking.plotting.snapshot import Snapshot
 
@@ -117,12 +117,6 @@ def test_only_a_small_displacement_over_a_uniform_gap_is_magnified() -> None:
     assert style.magnification(body) == 50.0
     body.contact.points.gap[0] = 0.31
     assert style.magnification(body) == 1.0
-
-
-def test_chains_find_lines_and_loops() -> None:
-    segments = np.array([[4, 2], [0, 1], [2, 3], [5, 6], [6, 7], [7, 5]])
-    found = [list(line) for line in plane.chains(segments)]
-    assert found == [[0, 1], [3, 2, 4], [5, 6, 7, 5]]
 
 
 def test_level_lines_cut_a_triangle_where_a_linear_function_has_the_value() -> None:

@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 from report_folder import REASON, rows, run_folder, study_folder
 
-from contact_locking import __version__, cli, report, result_files
+from contact_locking import __version__, cli, report
 from contact_locking.errors import InputError
 from contact_locking.report import charts
-from contact_locking.report.contact_charts import curves
 from contact_locking.report.markup import Markup, element, formula, shown
 from contact_locking.report.trends import Differences
+from contact_locking.results import names as result_files
 
 pytestmark = pytest.mark.serial
 
@@ -217,16 +217,6 @@ def test_pictures_of_the_cases_are_inside_the_page(tmp_path: Path, own_run: Path
     assert text.count("data:image/png") == 1
     (case / "picture.png").write_bytes(b"\x89PNG no more")
     assert "data:image/png" not in page(tmp_path / "study")
-
-
-def test_curves_are_split_where_no_facet_joins_two_points() -> None:
-    chain = np.array([[0, 1], [2, 1], [2, 3]])
-    assert [part.tolist() for part in curves(4, chain)] == [[0, 1, 2, 3]]
-    apart = np.array([[0, 1], [2, 3], [3, 4]])
-    assert [part.tolist() for part in curves(5, apart)] == [[0, 1], [2, 3, 4]]
-    closed = np.array([[0, 1], [1, 2], [0, 2]])
-    assert [part.tolist() for part in curves(3, closed)] == [[0, 1, 2]]
-    assert [part.tolist() for part in curves(1, np.empty((0, 2), dtype=np.int64))] == [[0]]
 
 
 DAMAGE = {

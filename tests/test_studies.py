@@ -256,10 +256,10 @@ def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
         shutil.move(source, target)
 
     with monkeypatch.context() as context:
-        context.setattr("contact_locking.studies.files.os.replace", replace)
+        context.setattr("contact_locking.results.atomic.os.replace", replace)
         with pytest.raises(ContactLockingError, match=r"No space left.*\n.*make room"):
             folder.run(jobs=1)
-    assert list(folder.output.rglob(".writing-*")) == []
+    assert list(folder.output.rglob(".partial-*")) == []
     folder.run()
     assert folder.started() == ["10", "20"]
     assert {row["state"] for row in folder.table()} == {"converged"}

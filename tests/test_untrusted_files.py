@@ -18,7 +18,7 @@ from contact_locking.domain import from_file
 from contact_locking.errors import InputError
 from contact_locking.plain_text import spreadsheet_cell
 from contact_locking.progress import TerminalMonitor
-from contact_locking.studies.command import PROGRAM
+from contact_locking.studies.case_command import PROGRAM
 
 pytestmark = pytest.mark.serial
 

@@ -22,7 +22,7 @@ from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.state import SolvedState
 from contact_locking.convex import normal_part, positive_part, squared_norm, unit_ball_excess
 from contact_locking.material import strain
-from contact_locking.results import integral
+from contact_locking.results.derived import integral
 
 # Rounding and the solver's tolerance may put a measured value this share above its bound.
 _SLACK = 1e-6

@@ -21,7 +21,7 @@ from contact_locking.certificate.state import SolvedState
 from contact_locking.convex import squared_norm
 from contact_locking.forms import ProblemData
 from contact_locking.material import strain
-from contact_locking.results import integral
+from contact_locking.results.derived import integral
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -11,7 +11,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from contact_locking import __version__, study_file
+from contact_locking import study_file
+from contact_locking._version import __version__
 from contact_locking.errors import InputError
 
 # Raised when what is written changes.

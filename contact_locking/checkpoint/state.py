@@ -17,12 +17,13 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import __version__, _compat, study_file
+from contact_locking import _compat, study_file
+from contact_locking._version import __version__
 from contact_locking.assembly import Problem
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
-from contact_locking.domain import on_root
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.parallel import on_root
 from contact_locking.solution import OPEN, Solution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import Multipliers

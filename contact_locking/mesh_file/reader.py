@@ -11,7 +11,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import contact_locking
 from contact_locking.errors import InputError
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.trusted import trusted_copy
@@ -55,7 +54,7 @@ def read(path: Path) -> MeshData:
 def _environment() -> dict[str, str]:
     """That of this process without its launcher's words, and where this package is found."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHERS)}
-    home = str(Path(contact_locking.__file__).resolve().parent.parent)
+    home = str(Path(__file__).resolve().parents[2])
     paths = [home, *map(os.path.abspath, kept.get("PYTHONPATH", home).split(os.pathsep))]
     return {**kept, "PYTHONPATH": os.pathsep.join(paths)}
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from contact_locking.errors import NoRendering, NoRoom, is_full
-from contact_locking.result_files import PICTURE, SNAPSHOT
+from contact_locking.results.names import PICTURE, SNAPSHOT
 
 if TYPE_CHECKING:
     from contact_locking.plotting.snapshot import Snapshot

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact_locking.plotting.snapshot import FloatArray
+from contact_locking.arrays import FloatArray
 
 # The direction to the viewer, in degrees: in front, from the right, a little from above.
 _ELEVATION, _AZIMUTH = 20.0, -58.0

@@ -10,15 +10,15 @@ from matplotlib.collections import PolyCollection, TriMesh
 from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 
+from contact_locking.arrays import AXES, FloatArray, IntArray
 from contact_locking.plotting import style
-from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray
+from contact_locking.plotting.snapshot import ContactMap
 from contact_locking.solution import SLIP, ContactPoints
 
 Place = tuple[float, float, float, float]
 
 PRESSURE_TITLE, PRESSURE_COLOURS = r"Contact pressure $-\sigma_\nu$", "cividis"
 
-_AXES = "xyz"
 # The largest number of arrows in a row.
 _ARROWS = 12
 # At a larger ratio of the largest to the median pressure the colours follow the square root.
@@ -142,7 +142,7 @@ def frame(points: ContactPoints) -> tuple[int, int, bool]:
 def _orient(axes: Axes, points: ContactPoints) -> list[int]:
     """Label the axes of a map, and return the two axes of coordinates that the map shows."""
     i, j, downwards = frame(points)
-    axes.set_xlabel(f"${_AXES[i]}$")
-    axes.set_ylabel(f"${_AXES[j]}$")
+    axes.set_xlabel(f"${AXES[i]}$")
+    axes.set_ylabel(f"${AXES[j]}$")
     axes.yaxis.set_inverted(downwards)
     return [i, j]

@@ -9,7 +9,8 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
-from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, Snapshot
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.solution import Solution, contact_name
 
 
@@ -64,7 +65,7 @@ def gather(solution: Solution) -> Snapshot | None:
 
 
 def _boundary(space: fem.FunctionSpace) -> tuple[IntArray, IntArray]:
-    """For each of the m owned exterior facets its cell and its vertices (m, d), in local numbers."""
+    """The cells (m,) and the vertices (m, d) of owned exterior facets, in local numbers."""
     topology = space.mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim - 1, dim)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from contact_locking.plotting.snapshot import ContactMap, FloatArray
+from contact_locking.arrays import FloatArray
+from contact_locking.plotting.snapshot import ContactMap
 
 # Reach of the drawn foundation beyond Gamma_C as a share of the body's size.
 _REACH = 0.12

@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 
-import contact_locking
 from contact_locking.errors import NoRendering
 from contact_locking.plotting.views import Image
 
@@ -65,8 +64,8 @@ def program(module: str) -> tuple[str, ...]:
 
 
 def environment() -> dict[str, str]:
-    """Environment variables with which `program` finds this package as this process has found it."""
-    here = str(Path(contact_locking.__file__).resolve().parent.parent)
+    """The environment in which `program` finds this package as this process has found it."""
+    here = str(Path(__file__).resolve().parents[2])
     known = os.environ.get("PYTHONPATH")
     return os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{known}" if known else here}
 

@@ -9,10 +9,11 @@ import numpy as np
 import pyvista as pv
 from matplotlib.colors import ListedColormap
 
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.plotting import style
 from contact_locking.plotting.contact_map import PRESSURE_COLOURS, nearest_parts, pressure_norm
 from contact_locking.plotting.ground import foundation, touched
-from contact_locking.plotting.snapshot import FloatArray, IntArray, Snapshot
+from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.plotting.views import cut
 from contact_locking.solution import OPEN, STATE_NAMES, STICK
 

@@ -11,9 +11,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from contact_locking.arrays import FloatArray
 from contact_locking.plotting import style
 from contact_locking.plotting.camera import Camera
-from contact_locking.plotting.snapshot import FloatArray
 from contact_locking.plotting.views import Image, View
 
 Place = tuple[float, float, float, float]

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.solution import ContactPoints, facets_within
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _LONGEST_NAMES = 40
 

@@ -13,13 +13,13 @@ from mpl_toolkits.mplot3d.art3d import (  # type: ignore[import-untyped]
     Poly3DCollection,
 )
 
+from contact_locking.arrays import AXES, FloatArray
 from contact_locking.plotting import contact_map, style
 from contact_locking.plotting.ground import foundation
-from contact_locking.plotting.snapshot import FloatArray, Snapshot
+from contact_locking.plotting.snapshot import Snapshot
 
 # Inches: the deformed surface with the head of the figure, and the maps of a contact.
 _TOP, _ROW = 5.568, 4.032
-_AXES = "xyz"
 _ELEVATION, _AZIMUTH = 18.0, -58.0
 # The direction to the light, which tells the faces of the body apart.
 _LIGHT = np.array([-0.35, -0.65, 0.68])
@@ -130,10 +130,10 @@ def _frame(axes: Any, x: FloatArray) -> None:
     low, high = x.min(axis=0), x.max(axis=0)
     arrow = 0.14 * float((high - low).max())
     axes.set_axis_off()
-    limits = zip(_AXES, low, high, strict=True)
+    limits = zip(AXES, low, high, strict=True)
     axes.set(**{f"{name}lim": (a, b) for name, a, b in limits})
     axes.set_box_aspect(high - low, zoom=1.15)
-    for name, direction in zip(_AXES, arrow * np.eye(3), strict=True):
+    for name, direction in zip(AXES, arrow * np.eye(3), strict=True):
         line = np.array([low, low + direction])
         axes.plot(*line.T, color=style.BLACK, lw=1.2, clip_on=False)
         axes.text(*(low + 1.35 * direction), f"${name}$", ha="center", va="center")

@@ -16,7 +16,8 @@ from matplotlib.patches import Patch
 from contact_locking.solution import STATE_NAMES
 
 if TYPE_CHECKING:
-    from contact_locking.plotting.snapshot import FloatArray, Snapshot
+    from contact_locking.arrays import FloatArray
+    from contact_locking.plotting.snapshot import Snapshot
 
 # Okabe and Ito's palette.
 BLUE, SKY, ORANGE, VERMILION, BLACK = "#0072B2", "#56B4E9", "#E69F00", "#D55E00", "#1a1a1a"

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray
 from contact_locking.plotting import style
 from contact_locking.plotting.camera import Camera, across, camera, from_below, from_the_side
 from contact_locking.plotting.ground import foundation
-from contact_locking.plotting.snapshot import ContactMap, FloatArray, Snapshot
+from contact_locking.plotting.snapshot import ContactMap, Snapshot
 
 Image = npt.NDArray[np.uint8]
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from contact_locking.errors import InputError, not_written
-from contact_locking.lock import make_partial, release, remove_abandoned
+from contact_locking.errors import InputError, explained
+from contact_locking.results.atomic import put_in_place, remove_abandoned, staging, write_text
 
 if TYPE_CHECKING:
     from .charts import Chart
@@ -31,14 +30,13 @@ def write(directory: str | Path) -> Path:
     version, with a folder of that name which holds anything else, and if it cannot be written to;
     ContactLockingError where the disk is full.
     """
-    from contact_locking.read import RunResults, read
-    from contact_locking.studies.files import write_text
+    from contact_locking.results.read import RunResults, read
 
     from .run_page import run_page
     from .study_page import study_page
 
     folder = Path(directory)
-    with _explained(folder):
+    with explained(f"no report can be written in {folder}", folder):
         results = read(folder)
         html, charts = run_page(results) if isinstance(results, RunResults) else study_page(results)
         _write_charts(folder, charts)
@@ -70,28 +68,15 @@ def _write_charts(folder: Path, charts: Sequence[Chart]) -> None:
             "move it away, or report another folder"
         )
     remove_abandoned(folder)
-    staging, mark = make_partial(folder)
-    try:
-        made = staging / "new"
+    with staging(folder) as unfinished:
+        made = unfinished / CHARTS
         made.mkdir()
         for chart in charts:
             chart.write(made)
-        with contextlib.suppress(FileNotFoundError):
-            place.rename(staging / "old")
-        made.rename(place)
-    finally:
-        release(staging, mark)
+        put_in_place(made, place)
 
 
 def _holds_charts_only(folder: Path) -> bool:
     if not folder.is_dir():
         return False
     return all(path.suffix in _CHART_ENDINGS and path.is_file() for path in folder.iterdir())
-
-
-@contextlib.contextmanager
-def _explained(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise not_written(f"no report can be written in {folder}", error, folder) from error

@@ -6,7 +6,7 @@ import base64
 import hashlib
 from importlib import resources
 
-from contact_locking import __version__
+from contact_locking._version import __version__
 
 from . import GENERATOR
 from .markup import Content, Markup, element

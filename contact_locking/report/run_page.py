@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from contact_locking.read import RunResults
+from contact_locking.results.read import RunResults
 from contact_locking.solution import STATE_NAMES, ContactPoints
 
 from .certificate import certificate
@@ -22,9 +22,7 @@ from .quantities import LOAD_UNIT_NOTE, QUANTITIES
 def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     """The HTML document of a run and its charts."""
     summary = run.summary
-    charts = []
-    if run.contact is not None and run.facets is not None:
-        charts = contact_charts(run.contact, run.facets)
+    charts = contact_charts(run)
     html = page(
         shown(summary.get("title") or "Run"),
         _verdict(summary),
@@ -36,7 +34,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         section("Parameters", parameters(run.parameters, opened=True)),
         _footer(summary),
     )
-    return html, charts
+    return html, [chart for _, drawn in charts for chart in drawn]
 
 
 def parameters(text: str, opened: bool) -> Markup:
@@ -79,8 +77,8 @@ def _picture(run: RunResults) -> Markup:
     return section("Picture", element("figure", element("img", src=source, alt=description)))
 
 
-def _on_contact(contact: ContactPoints | None, charts: Sequence[Chart]) -> Markup:
-    if contact is None:
+def _on_contact(contact: ContactPoints, charts: Sequence[tuple[str, list[Chart]]]) -> Markup:
+    if not charts:
         return section("Contact", element("p", "The body has no contact boundary.", class_="soft"))
     counts = np.bincount(contact.state, minlength=len(STATE_NAMES))
     listed = ", ".join(f"{n} {name}" for n, name in zip(counts, STATE_NAMES, strict=True) if n)
@@ -89,7 +87,13 @@ def _on_contact(contact: ContactPoints | None, charts: Sequence[Chart]) -> Marku
     return section(
         "Along the contact boundary" if contact.dim == 2 else "On the contact boundary",
         element("p", f"{len(contact.x)} points: {listed}{below}.", class_="soft"),
-        element("div", [figure([chart]) for chart in charts], class_=grid),
+        [
+            [
+                element("h3", name) if name else None,
+                element("div", [figure([chart]) for chart in drawn], class_=grid),
+            ]
+            for name, drawn in charts
+        ],
     )
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from contact_locking import __version__
+from contact_locking._version import __version__
 from contact_locking.parameters.study import StudyParameters
-from contact_locking.read import Row, StudyResults
-from contact_locking.result_files import PARAMETERS, PICTURE
+from contact_locking.results.names import PARAMETERS, PICTURE
+from contact_locking.results.read import Row, StudyResults
 from contact_locking.study_file import source
 
 from .charts import Chart, figure

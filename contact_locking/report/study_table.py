@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Collection, Sequence
 
-from contact_locking.read import Row, number
+from contact_locking.results.read import Row, number
 
 from .markup import Content, Markup, element, key, section, shown
 from .quantities import QUANTITIES

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import ValidationError
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.parameters.study import StudyParameters
-from contact_locking.read import Row, number
+from contact_locking.results.read import Row, number
 
 from .markup import shown
 from .quantities import QUANTITIES, Quantity
 
-FloatArray = npt.NDArray[np.float64]
 Compared = Literal["zero", "the value at infinity", "the next value"]
 
 # Values that lie this far apart are read on a logarithmic scale.

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from .case_command import PROGRAM
 from .cases import Case
-from .command import PROGRAM
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from contact_locking.errors import ContactLockingError
 
+from .case_command import command, environment, explain
 from .cases import Case
-from .command import command, environment, explain
 from .executor import Plan
 from .outcome import LOG, begin
 

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from contact_locking import __version__, study_file
-from contact_locking.result_files import PARAMETERS, SUMMARY
+from contact_locking import study_file
+from contact_locking._version import __version__
+from contact_locking.results.atomic import remove_abandoned, write_text
+from contact_locking.results.names import PARAMETERS, SUMMARY
 
 from .cases import Case
-from .files import read_mapping, remove_partial, write_text
 
 FAILURE, PROGRESS, LOG = "failure.json", "progress.json", "log.txt"
 
@@ -68,7 +69,7 @@ def other_version(case: Case) -> str | None:
 def begin(case: Case) -> None:
     """Make the folder ready for `run`, and forget an earlier attempt. Raises OSError."""
     case.folder.mkdir(parents=True, exist_ok=True)
-    remove_partial(case.folder)
+    remove_abandoned(case.folder)
     for name in (FAILURE, PROGRESS, LOG):
         (case.folder / name).unlink(missing_ok=True)
     write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))
@@ -94,7 +95,16 @@ def strangers(directory: Path, cases: list[Case]) -> int:
     folder = directory / "cases"
     if not folder.is_dir():
         return 0
-    return sum(entry.is_dir() and entry.name not in known for entry in folder.iterdir())
+    return sum(entry.is_dir() for entry in folder.glob("[!.]*") if entry.name not in known)
+
+
+def read_mapping(path: Path) -> dict[str, Any] | None:
+    """A mapping from a JSON file; None if there is no such file or it holds anything else."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
 
 
 def _matches(record: dict[str, Any], case: Case) -> bool:

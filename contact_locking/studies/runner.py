@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_locking import study_file
-from contact_locking.errors import not_written
+from contact_locking.errors import explained
 from contact_locking.lock import locked, make_folders
-from contact_locking.result_files import PARAMETERS, TABLE_CSV, not_writable
+from contact_locking.results.atomic import remove_abandoned, write_text
+from contact_locking.results.names import PARAMETERS, TABLE_CSV, not_writable
 from contact_locking.signals import stoppable
 from contact_locking.study_file import StudyFile
 
 from . import table
+from .case_command import launcher
 from .cases import Case, cases_of, each_once
-from .command import launcher
 from .executor import Executor, Plan
-from .files import remove_partial, write_text
 from .local import LocalExecutor
 from .outcome import (
     Outcome,
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
 INDEX = "index.txt"
 KEY = "output.directory"
 _TABLE_SECONDS = 2.0
+_GO_ON = "What is finished is kept; make room, and the same command does the others."
 
 
 @dataclass
@@ -90,7 +90,7 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
         require_slurm()
     study = Study.of(file)
     directory = study.directory
-    with _writing(directory):
+    with explained(not_writable(directory), directory, KEY, _GO_ON):
         make_folders(directory / "cases")
         with locked(directory, "study") as held:
             # Another study may have been running until now.
@@ -126,7 +126,7 @@ def _announce(study: Study, todo: Sequence[Case], view: View) -> None:
 def _prepare(study: Study, file: StudyFile) -> None:
     """Write what can be said before the first case has run."""
     for folder in (study.directory, study.directory / "cases"):
-        remove_partial(folder)
+        remove_abandoned(folder)
     lines = [f"{case.name}  {case.label}\n" for case in study.cases]
     write_text(study.directory / "cases" / INDEX, "".join(lines))
     write_text(study.directory / PARAMETERS, study_file.dump(file.parameters))
@@ -159,18 +159,6 @@ def _executor(todo: Sequence[Case], plan: Plan, directory: Path) -> Executor:
     if plan.executor == "slurm":
         return SlurmExecutor(todo, plan, directory)
     return LocalExecutor(todo, plan)
-
-
-@contextlib.contextmanager
-def _writing(directory: Path) -> Iterator[None]:
-    """What the system refuses, as an error that says what to do."""
-    try:
-        yield
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        more = "What is finished is kept; make room, and the same command does the others."
-        raise not_written(not_writable(directory), error, directory, KEY, more) from error
 
 
 def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:

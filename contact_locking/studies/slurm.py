@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.results.atomic import write_text
 
+from .case_command import command, environment, explain
 from .cases import Case
-from .command import command, environment, explain
 from .executor import Plan
-from .files import write_text
 from .outcome import LOG, begin
 
 SCRIPT, MESSAGES, JOB = "slurm.sh", "slurm.txt", "slurm-job.txt"

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.plain_text import spreadsheet_cell
-from contact_locking.read import Row
-from contact_locking.result_files import TABLE_CSV, TABLE_LINES
+from contact_locking.results.atomic import write_text
+from contact_locking.results.names import TABLE_CSV, TABLE_LINES
+from contact_locking.results.read import Row
 
 from .cases import Case
-from .files import write_text
 from .outcome import Outcome
 
 # The title may have changed since the case was solved; where it varies, it is there.

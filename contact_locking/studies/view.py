@@ -10,8 +10,7 @@ from contact_locking.plain_text import printable
 
 from .cases import Case
 from .executor import Running
-from .files import read_mapping
-from .outcome import PROGRESS, Outcome, State
+from .outcome import PROGRESS, Outcome, State, read_mapping
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from typing import Any, TextIO
 
 import numpy as np
-import numpy.typing as npt
 
+from contact_locking.arrays import AXES, IntArray
 from contact_locking.errors import InputError
 from contact_locking.solution import STATE_NAMES, ContactPoints
-
-IntArray = npt.NDArray[np.int64]
 
 _Row = tuple[int, list[str]]
 
 
-def _columns(axes: str) -> dict[str, list[str]]:
+def _columns(axes: Sequence[str]) -> dict[str, list[str]]:
     """The columns of each field of the contact points, in the order of the file."""
 
     def vector(name: str) -> list[str]:
@@ -39,7 +38,7 @@ def _columns(axes: str) -> dict[str, list[str]]:
 
 def write_points(points: ContactPoints, stream: TextIO) -> None:
     """Write the header and a row for each point, numbers with all their digits."""
-    columns = _columns("xyz"[: points.dim])
+    columns = _columns(AXES[: points.dim])
     cells: list[Any] = []
     for field, names in columns.items():
         values: Any = getattr(points, field).reshape(len(points), len(names)).T
@@ -63,7 +62,7 @@ def read_points(text: str, name: str) -> ContactPoints:
     Raises InputError, with the line, for a table that `write_points` has not written.
     """
     header, rows = _table(text, name)
-    axes = "".join(axis for axis in "xyz" if axis in header)
+    axes = tuple(axis for axis in AXES if axis in header)
     columns = _columns(axes)
     names = [column for group in columns.values() for column in group]
     places = {column: header.index(column) for column in names if column in header}

@@ -11,7 +11,7 @@ TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
 
 
 def not_writable(directory: object) -> str:
-    """The message for a folder that cannot hold results; a long path is shortened."""
+    """The words for a folder that results cannot be written to; a long path is shortened."""
     path = str(directory)
     shown = path if len(path) <= 300 else f"{path[:200]}...{path[-80:]}"
     return f"results cannot be written to {shown}"

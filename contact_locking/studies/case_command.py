@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contact_locking.errors import InputError
-from contact_locking.result_files import PARAMETERS
+from contact_locking.results.names import PARAMETERS
 
 from .cases import Case
 from .outcome import PROGRESS

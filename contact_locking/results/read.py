@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from contact_locking import __version__, contact_table
+from contact_locking._version import __version__
+from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.result_files import (
+from contact_locking.results import contact_table
+from contact_locking.results.names import (
     CONTACT,
     FACETS,
     PARAMETERS,
@@ -24,7 +23,6 @@ from contact_locking.result_files import (
 )
 from contact_locking.solution import ContactPoints
 
-IntArray = npt.NDArray[np.int64]
 Row = dict[str, Any]
 
 _MAX_BYTES = 500_000_000

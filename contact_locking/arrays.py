@@ -1,0 +1,14 @@
+"""The types of NumPy arrays in signatures, and the names of the coordinate axes."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+#: Numbers of cells, facets and degrees of freedom on one rank, as DOLFINx stores them.
+IndexArray = npt.NDArray[np.int32]
+BoolArray = npt.NDArray[np.bool_]
+
+AXES = ("x", "y", "z")

@@ -1,0 +1,80 @@
+"""The fields of a solution as a VTX file (ADIOS2, BP4) for ParaView."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import re
+import shutil
+from pathlib import Path
+
+from dolfinx import fem, io
+from mpi4py import MPI
+
+from contact_locking.solution import Solution
+
+FIELD_NAMES = (
+    "displacement",
+    "strain_norm",
+    "locked",
+    "elastic_stress",
+    "locking_stress",
+    "error_indicator",
+    "contact_pressure",
+    "tangential_traction",
+    "smoothed_stress",
+    "contact_state",
+)
+
+# Where fewer bytes are free after a failure without an error number, the disk was full.
+_NO_ROOM_BYTES = 65_536
+
+
+def discontinuous(solution: Solution) -> list[fem.Function]:
+    """All fields as discontinuous P1 functions.
+
+    A VTX file holds functions of one element only, and discontinuous P1 contains P1 and P0.
+    Values are copied corner by corner, so that 0 and 1 stay 0 and 1.
+    """
+    spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
+    copies = []
+    for name in FIELD_NAMES:
+        function = getattr(solution, name)
+        shape = function.ufl_shape
+        if shape not in spaces:
+            element = ("DG", 1, shape) if shape else ("DG", 1)
+            spaces[shape] = fem.functionspace(solution.domain.mesh, element)
+        copy = fem.Function(spaces[shape], name=name)
+        given, wanted = function.function_space.dofmap, copy.function_space.dofmap
+        # A P0 function has one node in a cell, whose value goes to every corner.
+        values = function.x.array.reshape(-1, given.bs)[given.list]
+        copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values
+        copies.append(copy)
+    return copies
+
+
+def size(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
+    """The bytes of the file at most: values, mesh, and the notes of ADIOS2 for each rank."""
+    mesh = functions[0].function_space.mesh
+    cells = mesh.topology.index_map(mesh.topology.dim).size_global
+    corners = cells * (mesh.topology.dim + 1)
+    # ParaView takes vectors of 3 and tensors of 9 components; a point has 3, a number and a mark.
+    components = sum({0: 1, 1: 3, 2: 9}[len(f.ufl_shape)] for f in functions) + 3 + 2
+    return int(8 * (components * corners + corners + cells) + 32_768 * (1 + comm.size))
+
+
+def write(functions: list[fem.Function], path: Path, comm: MPI.Intracomm) -> None:
+    """Write the functions to ``path``; collective.  Raises OSError where ADIOS2 fails."""
+    file = io.VTXWriter(comm, path, functions, engine="BP4")
+    try:
+        file.write(0.0)
+        file.close()
+    except RuntimeError as error:
+        # The destructor of ADIOS2 would write again, and an exception that leaves a destructor ends
+        # the process: one reference more keeps the destructor from being called.
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(file))
+        told = re.search(r"errno = (\d+)", str(error))
+        full = shutil.disk_usage(path.parent).free < _NO_ROOM_BYTES
+        number = int(told[1]) if told else errno.ENOSPC if full else errno.EIO
+        raise OSError(number, os.strerror(number), str(path)) from error
