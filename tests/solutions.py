@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking.domain import from_geometry
-from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, Solution
+from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, Solution, joined
 
 FloatArray = npt.NDArray[np.float64]
 DIVISIONS = 4
@@ -58,6 +59,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
     def stress(x: FloatArray) -> FloatArray:
         return np.vstack([(i + 1) * (1.0 + x[0]) for i in range(dim * dim)])
 
+    points, facets = joined([(_points(dim), _facets(dim))] if contact else [], dim)
     return Solution(
         parameters=parameters,
         domain=domain,
@@ -73,8 +75,8 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         tangential_traction=function(vector, traction),
         contact_state=function(scalar, state),
         friction_bound=function(scalar, lambda x: 0.3 * pressure(x)),
-        contact_points=_points(dim) if contact and mesh.comm.rank == 0 else None,
-        contact_facets=_facets(dim) if contact and mesh.comm.rank == 0 else None,
+        contact_points=points if mesh.comm.rank == 0 else None,
+        contact_facets=facets if mesh.comm.rank == 0 else None,
         summary={
             "converged": True,
             "reason": "every criterion held",
@@ -123,6 +125,24 @@ def _with_an_odd_title(solution: Solution) -> None:
     object.__setattr__(solution.parameters, "title", r"costs $5 \frac{ and 100 %")
 
 
+def _with_two_contacts(solution: Solution) -> None:
+    """On the bottom and, with the two axes swapped, on the left; both have the corner's nodes."""
+    points, facets, dim = solution.contact_points, solution.contact_facets, solution.domain.dim
+    force = {"contact_force": [0.0] * dim, "friction_force": [0.0] * dim, "penetration_max": 1e-9}
+    areas = {"contact_area": 0.5, "slip_area": 0.25}
+    solution.summary["contacts"] = [
+        {"on": ["bottom"], **force, **areas},
+        {"on": ["left", "a $part$"], **force, **areas},
+    ]
+    if points is None or facets is None:
+        return
+    swapped = [dim - 1, *range(1, dim - 1), 0]
+    turned = {name: getattr(points, name)[:, swapped] for name in ("x", "normal", "u_tangent")}
+    left = replace(points, **turned, traction=points.traction[:, swapped])
+    both = joined([(points, facets), (left, facets)], dim)
+    solution.contact_points, solution.contact_facets = both
+
+
 KINDS: dict[str, Callable[[Solution], None] | None] = {
     "locked": None,
     "without contact": None,
@@ -131,6 +151,7 @@ KINDS: dict[str, Callable[[Solution], None] | None] = {
     "at rest": _at_rest,
     "not converged": _not_converged,
     "with an odd title": _with_an_odd_title,
+    "with two contacts": _with_two_contacts,
 }
 
 
