@@ -77,7 +77,7 @@ def pressure_map(fig: Figure, place: Place, bar_place: Place, contact: ContactMa
         i, j, _ = frame(points)
         arrows(axes, points.x[shown][:, [i, j]], points.u_tangent[shown][:, [i, j]])
     title = PRESSURE_TITLE + (", arrows: slip" if len(shown) else "")
-    axes.set_title(contact.titled(title), loc="left")
+    axes.set_title(contact.titled(title, "\n"), loc="left")
 
 
 def state_map(fig: Figure, place: Place, contact: ContactMap) -> None:

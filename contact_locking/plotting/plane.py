@@ -145,5 +145,7 @@ def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
         for s, line in zip(positions, lines, strict=True)
     ]
     profile.draw(axes, strip, drawn, label)
-    axes.set_title(contact.titled(r"On the contact boundary $\Gamma_C$"), loc="left")
+    # A name leaves the title less room beside the legend.
+    words = r"On $\Gamma_C$" if contact.names[0] else r"On the contact boundary $\Gamma_C$"
+    axes.set_title(contact.titled(words), loc="left")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)

@@ -48,12 +48,12 @@ class ContactMap:
             for own, name in zip(rows, names, strict=True)
         ]
 
-    def titled(self, title: str) -> str:
+    def titled(self, title: str, before_names: str = ": ") -> str:
         """A title that ends with the names of the contacts."""
         names = ", ".join(name for name in self.names if name)
         shown = names if len(names) <= _LONGEST_NAMES else f"{names[: _LONGEST_NAMES - 1]}\u2026"
         # Matplotlib would begin a formula at a dollar sign.
-        return f"{title}: " + shown.replace("$", r"\$") if shown else title
+        return title + before_names + shown.replace("$", r"\$") if shown else title
 
 
 @dataclass(frozen=True)

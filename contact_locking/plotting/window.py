@@ -114,7 +114,7 @@ def _sights(body: Snapshot) -> list[Sight]:
         seen = views(body)
         side = seen[BODY].camera
         below = [
-            (f": {part.names[0]}" if part.names[0] else "", seen[contact_view(number)].camera)
+            (part.names[0] and f": {part.names[0]}", seen[contact_view(number)].camera)
             for number, part in enumerate(contacts)
         ]
     else:
