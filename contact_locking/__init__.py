@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from contact_locking._version import __version__
+from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
@@ -27,7 +27,6 @@ __all__ = [
     "NotConverged",
     "Parameters",
     "Solution",
-    "__version__",
     "check",
     "from_mapping",
     "load",

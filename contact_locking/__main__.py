@@ -2,6 +2,6 @@
 
 import sys
 
-from contact_locking.cli import main
+from contact_locking.command.cli import main
 
 sys.exit(main())

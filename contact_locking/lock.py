@@ -13,7 +13,7 @@ from pathlib import Path
 from contact_locking.errors import InputError
 
 _NAME = ".lock"
-# Linux's PATH_MAX, less what the names of results in a folder take.
+# Linux's PATH_MAX, less the length of the names of results in a folder.
 _LONGEST_PATH = 4096 - 160
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EINVAL)
 
@@ -31,7 +31,7 @@ def locked(directory: Path, what: str) -> Iterator[bool]:
         while True:
             file = stack.enter_context(path.open("a+", encoding="utf-8"))
             held = try_lock(file.fileno())
-            # The process that had the lock may have removed the file since it was opened.
+            # The process that held the lock may have removed the file after it was opened here.
             if held is not True or _is_at(file.fileno(), path):
                 break
         if held is None:
@@ -53,7 +53,7 @@ def locked(directory: Path, what: str) -> Iterator[bool]:
 
 @contextlib.contextmanager
 def new_folders(directory: Path) -> Iterator[None]:
-    """Make a folder and those above; those that were not there go again if they stay empty.
+    """Make a folder and its parents; at the end remove the new ones that are empty.
 
     Raises OSError.
     """
@@ -68,8 +68,8 @@ def new_folders(directory: Path) -> Iterator[None]:
 
 
 def make_folders(directory: Path) -> list[Path]:
-    """Make a folder and those above, and return those that were not there.  Raises OSError."""
-    # One after the other: Path.mkdir calls itself for the folder above, too often for some paths.
+    """Make a folder and its parents, and return the new ones.  Raises OSError."""
+    # One after the other: Path.mkdir calls itself for the parent, too often for very deep paths.
     if len(os.fsencode(directory.absolute())) > _LONGEST_PATH:
         raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG))
     missing = [path for path in (directory, *directory.parents) if not path.exists()]

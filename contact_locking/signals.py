@@ -1,4 +1,4 @@
-"""Signals that ask a process to end, as an exception that lets it clean up behind itself."""
+"""Signals that ask a process to end, as an exception, so that the process cleans up first."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal other than that of Ctrl-C has asked the process to end."""
+    """A signal other than that of Ctrl-C asked the process to end."""
 
     def __init__(self, number: int) -> None:
         self.signal = signal.Signals(number)
@@ -20,13 +20,13 @@ class Stopped(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def stoppable() -> Iterator[None]:
-    """Raise Stopped at SIGTERM and at SIGHUP, which closing a terminal sends.
+    """Raise Stopped at SIGTERM, and at SIGHUP, which a terminal sends when it is closed.
 
-    A signal that is ignored, as SIGHUP under nohup, stays ignored.
+    An ignored signal, such as SIGHUP under nohup, stays ignored.
     """
 
     def stop(number: int, frame: FrameType | None) -> None:
-        # Another one must not end the cleaning up; SIGKILL still does.
+        # A second signal must not interrupt the cleaning up; SIGKILL still ends the process.
         for ending in _ENDING:
             signal.signal(ending, signal.SIG_IGN)
         raise Stopped(number)
@@ -44,18 +44,18 @@ def stoppable() -> Iterator[None]:
 
 @contextlib.contextmanager
 def kept(*others: signal.Signals) -> Iterator[None]:
-    """Keep what these signals and those that ask to end do, whatever a library makes of them."""
+    """Restore the handlers of ``others``, SIGTERM and SIGHUP that a library may replace."""
     before = {number: signal.getsignal(number) for number in (*_ENDING, *others)}
     try:
         yield
     finally:
         for number, handler in before.items():
-            # None stands for what was installed outside of Python.
+            # None stands for a handler that was not installed from Python.
             if handler is not None:
                 signal.signal(number, handler)
 
 
 def exit_code(interrupt: KeyboardInterrupt) -> int:
-    """128 and the number of the signal, as a shell gives for a process that a signal has ended."""
+    """128 plus the number of the signal: the exit code that a shell gives for an ended process."""
     number = interrupt.signal if isinstance(interrupt, Stopped) else signal.SIGINT
     return 128 + int(number)

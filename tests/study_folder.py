@@ -73,7 +73,8 @@ class Folder:
         """The command line as a process of its own, with the fake program."""
         script = f"""
         import functools, sys
-        from contact_locking import cli, studies
+        from contact_locking import studies
+        from contact_locking.command import cli
         studies.Plan = functools.partial(studies.Plan, program={FAKE!r})
         sys.exit(cli.main(sys.argv[1:]))
         """

@@ -14,8 +14,9 @@ import pytest
 from mpi4py import MPI
 from ruamel.yaml import YAML
 
-from contact_locking import cli, problem, study_file
+from contact_locking import problem, study_file
 from contact_locking.assembly import assemble
+from contact_locking.command import cli
 
 pytestmark = pytest.mark.serial
 

@@ -19,7 +19,8 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import _compat, checkpoint, cli, meshes, output, problem, save, study_file
+from contact_locking import _compat, checkpoint, meshes, output, problem, save, study_file
+from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
 from contact_locking.solution import Solution

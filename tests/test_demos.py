@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from contact_locking import cli
+from contact_locking.command import cli
 
 DEMOS = Path(__file__).parent.parent / "demos"
 PLAIN = ("output.fields=false", "output.picture=false")

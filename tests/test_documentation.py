@@ -16,7 +16,8 @@ import generated_reference
 import pytest
 from mpi4py import MPI
 
-from contact_locking import arguments, cli, from_mapping, solve
+from contact_locking import from_mapping, solve
+from contact_locking.command import arguments, cli
 from contact_locking.results.summary import summary_text
 from contact_locking.study_file.schema import rows
 from contact_locking.study_file.source import read

@@ -46,7 +46,7 @@ class Disk:
 
         Asserts that it says at most one thing, and that nothing unfinished stays.
         """
-        start = f"import sys\nfrom contact_locking import cli\n{textwrap.dedent(script)}\n"
+        start = f"import sys\nfrom contact_locking.command import cli\n{textwrap.dedent(script)}\n"
         program = [sys.executable, "-c", f"{start}sys.exit(cli.main(sys.argv[1:]))"]
         place = [sys.executable, str(HERE / "full_disk.py"), size, str(self.path), str(self.kept)]
         done = subprocess.run(

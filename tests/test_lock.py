@@ -15,7 +15,8 @@ from mpi4py import MPI
 from problems import SMALL_BLOCK
 from study_folder import Folder, wait_for
 
-from contact_locking import cli, output
+from contact_locking import output
+from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.lock import locked, make_folders, new_folders
 from contact_locking.results.atomic import remove_abandoned, staging
@@ -38,7 +39,8 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
     script = """
         import sys, time
         from pathlib import Path
-        from contact_locking import cli, problem
+        from contact_locking import problem
+        from contact_locking.command import cli
         from contact_locking.results.atomic import staging
 
         def solve(parameters, *_):
@@ -118,7 +120,8 @@ def test_a_run_that_a_signal_ends_says_so_and_leaves_nothing(
 def test_a_run_under_nohup_goes_on_when_its_terminal_is_closed(study: Path) -> None:
     script = """
         import os, signal, sys
-        from contact_locking import cli, problem
+        from contact_locking import problem
+        from contact_locking.command import cli
         solve = problem.solve
 
         def hang_up(*arguments):

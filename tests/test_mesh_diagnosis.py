@@ -11,7 +11,8 @@ import pytest
 from mpi4py import MPI
 from msh import Simplices, msh, write_msh
 
-from contact_locking import check, cli, solve
+from contact_locking import check, solve
+from contact_locking.command import cli
 from contact_locking.domain import from_file, from_geometry
 from contact_locking.errors import InputError
 from contact_locking.groups import Group, groups

@@ -11,7 +11,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from problems import block
 
-from contact_locking import check, cli, solve
+from contact_locking import check, solve
+from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.solver import options
 from contact_locking.solver.linear import create_ksp, destroy_ksp

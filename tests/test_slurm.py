@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from study_folder import Folder, wait_for
 
-from contact_locking import cli
+from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError
 from contact_locking.studies import slurm
 

@@ -16,7 +16,8 @@ from typing import Any
 import pytest
 from study_folder import STUDY, Folder, alive, wait_for
 
-from contact_locking import cli, compiled_forms, meshes, studies, study_file, terminal
+from contact_locking import compiled_forms, meshes, studies, study_file
+from contact_locking.command import cli, terminal
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.lock import locked
 

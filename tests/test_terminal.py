@@ -7,8 +7,8 @@ from rich.console import Console
 from solutions import made_up
 
 import contact_locking
+from contact_locking.command.terminal import columns, summary_rows
 from contact_locking.progress import TerminalMonitor
-from contact_locking.terminal import summary_rows, two_columns
 
 
 def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_standard_error(
@@ -67,10 +67,10 @@ def test_a_summary_table_names_a_broken_bound() -> None:
         "constants": {"uniqueness": {"verdict": "not known"}},
         "errors": {"mesh": {"relative": 0.12}, "penalty": {"relative": None}},
     }
-    text = two_columns(summary_rows(summary, 1.01, "results"))
+    text = columns(summary_rows(summary, 1.01, "results"))
     assert "violated: bad" in text and "= 1.01 M" in text and "(0, 0)" in text
     assert "2 hold; nearest to its limit: friction sign (2e-03 of it)" in text
     assert "mesh about 12 %" in text and "penalty at most" not in text and "not known" in text
     summary["certificate"]["criteria"]["friction_sign"] |= {"value": 1e-3, "holds": False}
-    text = two_columns(summary_rows(summary, 1.01, "results"))
+    text = columns(summary_rows(summary, 1.01, "results"))
     assert "failed: friction_sign 1.0e-03 > 1e-06" in text

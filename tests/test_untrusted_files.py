@@ -13,7 +13,8 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
-from contact_locking import cli, from_mapping, terminal
+from contact_locking import from_mapping
+from contact_locking.command import cli, terminal
 from contact_locking.domain import from_file
 from contact_locking.errors import InputError
 from contact_locking.plain_text import spreadsheet_cell
@@ -182,7 +183,7 @@ def test_a_title_may_have_lines_and_every_kind_of_letter() -> None:
 def test_the_terminal_gets_no_commands(capsys: pytest.CaptureFixture[str]) -> None:
     terminal.complain("error: no \x1b[31mred\nand no \u202etxt.exe")
     assert capsys.readouterr().err == "error: no \\x1b[31mred\n       and no \\u202etxt.exe\n"
-    assert terminal.two_columns([("a\x9b", "b\n\x07")]) == "a\\x9b  b\\n\\x07"
+    assert terminal.columns([("a\x9b", "b\n\x07")]) == "a\\x9b  b\\n\\x07"
     stream = io.StringIO()
     with TerminalMonitor(Console(file=stream, width=80)) as monitor:
         monitor.message("\x1b]0;mine\x07 [red]")
@@ -207,7 +208,7 @@ def test_options_of_petsc_in_the_current_folder_are_not_read(name: str) -> None:
     Path("body.msh").write_text(MESH)
     Path("study.yml").write_text(STUDY % "body.msh")
     script = (
-        "from contact_locking import cli; cli.main(['check', 'study.yml']); "
+        "from contact_locking.command import cli; cli.main(['check', 'study.yml']); "
         "from petsc4py import PETSc; print(sorted(PETSc.Options().getAll()))"
     )
     done = subprocess.run(

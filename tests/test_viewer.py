@@ -13,7 +13,7 @@ import pytest
 from report_folder import rows, run_folder, study_folder
 from solutions import made_up
 
-from contact_locking import cli
+from contact_locking.command import cli
 from contact_locking.plotting import offscreen, snapshot_file
 from contact_locking.plotting.gather import gather
 

@@ -1,24 +1,23 @@
-"""Charts as files and as part of the page, where they follow its colours."""
+"""Charts as files, and inside the page, whose colours they take."""
 
 from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import matplotlib
+from markupsafe import Markup
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from contact_locking.plotting import style
 
-from .markup import Content, Markup, element
-
-# About as wide as a phone, so that the text stays readable there.
+# About the width of a phone, on which the text has to stay readable.
 WIDTH = 4.4
 _RC: dict[str, Any] = {
     **style.RC,
@@ -32,7 +31,7 @@ _RC: dict[str, Any] = {
     "ytick.color": style.BLACK,
     "axes.formatter.use_mathtext": True,
 }
-# Colours of the charts that the page has its own for, light and dark.
+# Colours of the charts for which the page has variables, in its light and its dark scheme.
 _TEXT_COLOURS = {style.BLACK: "--ink", style.RC["axes.edgecolor"]: "--axis"}
 _COLOURS = {
     colour.lower(): name
@@ -47,7 +46,7 @@ _COLOURS = {
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart with the name of its files and, for those who do not see it, what it shows."""
+    """A chart with the name of its files and a description for readers who do not see it."""
 
     name: str
     description: str
@@ -60,31 +59,24 @@ class Chart:
         (folder / f"{self.name}.png").write_bytes(self.png)
 
     def inline(self) -> Markup:
-        """The SVG element alone, coloured by the page and of any size."""
+        """The SVG element without its size, in the colours of the page."""
         opening, _, inside = self.svg[self.svg.index("<svg") :].partition(">")
         box = re.search(r'viewBox="[^"]*"', opening)
         inside = re.sub(r"<metadata>.*?</metadata>", "", inside, count=1, flags=re.DOTALL)
-        # Pixels keep their colours, and with them the legend of what they mean.
+        # The pixels of an image keep their colours, so their legend has to keep them too.
         names = _TEXT_COLOURS if "<image" in inside else _COLOURS
         for colour, name in names.items():
             inside = inside.replace(colour, f"var({name}, {colour})")
-        label = element("title", self.description)
         head = (
             f'<svg {box[0] if box else ""} role="img" xmlns:xlink="http://www.w3.org/1999/xlink">'
         )
-        return Markup(f"{head}{label}{inside}")
-
-
-def figure(charts: Sequence[Chart], caption: Content = None) -> Markup:
-    """One chart, or several that belong together, as an element of the page."""
-    drawings = element("div", [chart.inline() for chart in charts], class_="drawings")
-    text = element("figcaption", caption) if caption else None
-    return element("figure", drawings, text, class_="pair" if len(charts) > 1 else None)
+        label = Markup("<title>{}</title>").format(self.description)
+        return Markup(head) + label + Markup(inside)
 
 
 def chart(name: str, description: str, height: float, draw: Callable[[Figure], None]) -> Chart:
-    """Let ``draw`` fill a figure of the width of all charts, and render it."""
-    # The salt makes the identifiers inside a chart its own: several are on one page.
+    """Let ``draw`` fill a figure of the common width, and render the figure."""
+    # The salt makes the identifiers of a chart differ from those of other charts on the page.
     with matplotlib.rc_context(_RC | {"svg.hashsalt": name}):
         drawing = Figure(figsize=(WIDTH, height))
         draw(drawing)

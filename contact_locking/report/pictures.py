@@ -9,7 +9,7 @@ from pathlib import Path
 from PIL import Image
 
 _WIDTH, _THUMBNAIL_WIDTH = 1400, 480
-# Pillow refuses what would take the memory of the machine; this is far above any picture of ours.
+# Far above any picture of this program; a small file may unpack to more than the memory.
 _MOST_PIXELS = 50_000_000
 
 
@@ -19,7 +19,7 @@ def picture(path: Path) -> str | None:
 
 
 def thumbnail(path: Path) -> str | None:
-    """The same, small and of 256 colours."""
+    """A small picture of 256 colours as a data URI; None if the file is no PNG."""
     return _embedded(path, _THUMBNAIL_WIDTH, colours=256)
 
 

@@ -1,4 +1,4 @@
-"""The charts of a study: quantities over what varies, and the rates at which they settle."""
+"""The charts of a study: quantities over the keys that vary, and rates of convergence."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PLOT, _ROW = 2.5, 0.19
 
 
 def trend_charts(trend: Trend) -> list[Chart]:
-    """The values, and if there are any, the differences with their rates."""
+    """The chart of the values, and if there are differences, a chart of their rates."""
     key, name = trend.axis.key, trend.quantity.key
     stem = _file_name(f"{name}-over-{key}")
     rows = _legend_rows([curve.label for curve in trend.curves])
@@ -113,7 +113,7 @@ def _name(trend: Trend) -> str:
 
 
 def _drawing(number: int, count: int) -> dict[str, Any]:
-    """Few curves are told apart by colour and mark, many are a family in the order of a scale."""
+    """A colour and mark for each of a few curves; a scale of colours for many."""
     if count <= _MOST_NAMED:
         colour: Any = _COLOURS[number]
         mark = _MARKS[number]
@@ -124,7 +124,7 @@ def _drawing(number: int, count: int) -> dict[str, Any]:
 
 
 def _legend(figure: Figure, curves: Sequence[Curve | Differences], of_many: str = "") -> None:
-    """Every curve by name, or of many the first and the last and what is said of all."""
+    """Name every curve; of many curves the first and the last, with ``of_many`` about all."""
     handles, labels = figure.axes[0].get_legend_handles_labels()
     if len(curves) > _MOST_NAMED:
         first, last = _plain(curves[0].label), _plain(curves[-1].label)
@@ -145,7 +145,7 @@ def _legend_rows(labels: Sequence[str]) -> int:
 
 
 def _plain(text: str) -> str:
-    """A text in which Matplotlib finds no formula, and which fits a narrow chart."""
+    """A text without formulas for Matplotlib, short enough for a narrow chart."""
     short = text if len(text) <= 60 else f"{text[:59]}…"
     return short.replace("$", r"\$")
 

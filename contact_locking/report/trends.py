@@ -1,4 +1,4 @@
-"""How the results of a study depend on a number that varies, and at which rate they settle."""
+"""The results of a study over each key that varies, and the rates at which they converge."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from contact_locking.errors import InputError
 from contact_locking.parameters.study import StudyParameters
 from contact_locking.results.read import Row, number
 
-from .markup import shown
 from .quantities import QUANTITIES, Quantity
+from .values import shown
 
 Compared = Literal["zero", "the value at infinity", "the next value"]
 
-# Values that lie this far apart are read on a logarithmic scale.
+# Values whose quotient is this large are shown on a logarithmic scale.
 _WIDE = 50.0
 _SAME_RATIO = 0.05
-# Differences that are smaller, relative to the largest value, may be of the solver's tolerance.
+# Smaller differences, relative to the largest value, may come from the tolerance of the solver.
 _TOLERANCE = 1e-8
 _FEWEST = 3
 _FALLS = 2.0
-# Deviation of logarithms from their line up to which there is a rate to speak of: some 35 %.
+# The largest standard deviation of the logarithms from a line that still defines a rate: some 35 %.
 _SCATTER = 0.3
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A key whose values are numbers; ``others`` vary too and tell the curves over it apart.
+    """A key whose values are numbers; the ``others`` vary too, and distinguish the curves.
 
-    ``one_ratio`` tells that neighbouring values have the same everywhere.
+    ``one_ratio`` says that all neighbouring values have the same quotient.
     """
 
     key: str
@@ -56,7 +56,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Differences:
-    """Distances y > 0 to a limit, or between neighbours; those below ``floor`` say nothing."""
+    """Distances y > 0 to a limit or between neighbours; those below ``floor`` are not reliable."""
 
     label: str
     x: FloatArray
@@ -65,13 +65,13 @@ class Differences:
 
     @property
     def reliable(self) -> npt.NDArray[np.bool_]:
-        """Which of them are larger than the solver's tolerance can make."""
+        """The differences that the tolerance of the solver cannot explain."""
         return self.y > self.floor
 
     def power_law(self) -> tuple[float, float] | None:
         """Rate and factor of y = factor x^rate.
 
-        None with fewer than three reliable points, and where they are on no line.
+        None for fewer than three reliable points, and for points that are on no line.
         """
         x, y = self.x[self.reliable], self.y[self.reliable]
         if len(x) < _FEWEST:
@@ -83,7 +83,7 @@ class Differences:
 
 @dataclass(frozen=True)
 class Trend:
-    """A quantity over an axis; ``differences`` say how far it is from what ``compared`` names."""
+    """A quantity over an axis; ``differences`` are its distances from ``compared``."""
 
     quantity: Quantity
     axis: Axis
@@ -93,7 +93,7 @@ class Trend:
 
 
 def varied(data: Any, name: str) -> StudyParameters:
-    """The study of saved parameters. Raises InputError if there is none."""
+    """The study in saved parameters. Raises InputError if there is none."""
     section = data.get("study") if isinstance(data, dict) else None
     try:
         return StudyParameters.model_validate(section)
@@ -103,7 +103,7 @@ def varied(data: Any, name: str) -> StudyParameters:
 
 
 def axes(study: StudyParameters, rows: Sequence[Row]) -> list[Axis]:
-    """The keys of a study that have at least two different numbers, geometric ones first."""
+    """The keys of a study with at least two different numbers, geometric sequences first."""
     found = []
     for key in (*study.zip, *study.vary):
         values = [number(row.get(key)) for row in rows]
@@ -121,7 +121,7 @@ def axes(study: StudyParameters, rows: Sequence[Row]) -> list[Axis]:
 
 
 def trends(axis: Axis, rows: Iterable[Row]) -> list[Trend]:
-    """All quantities that change along an axis; only converged cases count."""
+    """All quantities that change along an axis, from the converged cases."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row.get("converged") is True:
@@ -144,7 +144,7 @@ def trends(axis: Axis, rows: Iterable[Row]) -> list[Trend]:
 
 
 def value(quantity: Quantity, row: Row) -> float | None:
-    """A quantity of a row; of a vector, whose components have columns each, its length."""
+    """A quantity of a row; for a vector, which has a column for each component, its length."""
     if quantity.key in row:
         return number(row[quantity.key])
     parts = [number(row.get(f"{quantity.key}.{index}")) for index in range(3)]
@@ -153,7 +153,7 @@ def value(quantity: Quantity, row: Row) -> float | None:
 
 
 def _short(keys: Sequence[str]) -> list[str]:
-    """The last words of dotted keys where they tell them apart."""
+    """The last words of dotted keys if they are all different, else the whole keys."""
     last = [key.rpartition(".")[2] for key in keys]
     return last if len(set(last)) == len(keys) else list(keys)
 
@@ -186,7 +186,7 @@ def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
 
 
 def _falls(curve: Curve) -> bool:
-    """Whether an error changes by so much along a curve that it has a rate to speak of."""
+    """Whether an error changes enough along a curve to have a rate."""
     return bool(np.abs(curve.y).max() >= _FALLS * np.abs(curve.y).min())
 
 
@@ -197,7 +197,7 @@ def _from_limit(curve: Curve) -> Differences:
 
 
 def _successive(curve: Curve) -> Differences:
-    """|q(x) - q(next x)|: in a geometric sequence it falls at the rate of the error itself."""
+    """|q(x) - q(next x)|, which falls at the rate of the error in a geometric sequence."""
     return _differences(curve, curve.x[:-1], np.abs(np.diff(curve.y)))
 
 
@@ -207,6 +207,6 @@ def _differences(curve: Curve, x: FloatArray, y: FloatArray) -> Differences:
 
 
 def _has_one_ratio(values: Sequence[float]) -> bool:
-    """Whether positive ascending numbers grow by one factor."""
+    """Whether all quotients of neighbours are equal, for positive ascending numbers."""
     steps = np.diff(np.log(values))
     return bool(np.abs(steps - steps.mean()).max() <= _SAME_RATIO * steps.mean())

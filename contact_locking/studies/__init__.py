@@ -1,6 +1,7 @@
-"""Studies: many cases from one file, each solved by a `run` of its own and found again by a hash.
+"""Studies: one file describes many cases, and a `run` of its own solves each of them.
 
-Nothing here imports DOLFINx or MPI: the cases do, in their own processes.
+A hash of its parameters names the folder of a case.  Only the processes of the cases import DOLFINx
+and MPI.
 """
 
 from .executor import Plan

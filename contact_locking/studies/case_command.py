@@ -1,4 +1,4 @@
-"""The command that solves a case, and what its end means."""
+"""The command that solves a case, and the reasons behind its exit codes."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from contact_locking.results.names import PARAMETERS
 from .cases import Case
 from .outcome import PROGRESS
 
-#: What solves a case; the words of the command line follow.  By -P, Python finds no modules in the
+#: The program that solves a case; its arguments follow.  With -P, Python takes no modules from the
 #: current folder, which may have come with the study.
 PROGRAM = (sys.executable, "-P", "-m", "contact_locking")
 
 _LOG_TAIL = 65_536
 # An error as the command line prints it: its further lines are indented.
 _ERROR = re.compile(r"^error: (.+(?:\n {7}.+)*)", re.MULTILINE)
-# PETSc catches signals, speaks and ends with a code of its own.
+# PETSc catches signals, prints this message and ends with an exit code of its own.
 _CRASH = re.compile(r"PETSC ERROR: Caught signal number \d+ ([^,\n]+)")
 
 
 def launcher(ranks: int) -> tuple[str, ...]:
-    """The words before a program that start it on several ranks; none for one.
+    """The words before a program that start it on ``ranks`` ranks; none for one rank.
 
     Raises InputError if there is no mpirun.
     """
@@ -44,7 +44,7 @@ def launcher(ranks: int) -> tuple[str, ...]:
 
 
 def environment(jobs: int, ranks: int) -> dict[str, str]:
-    """The environment of the cases; what the user has set is left alone."""
+    """The environment variables of the cases; variables that the user has set stay."""
     defaults = {"PYTHONUNBUFFERED": "1"}
     if jobs * ranks > 1:
         defaults["OMP_NUM_THREADS"] = "1"
@@ -63,7 +63,7 @@ def command(case: Case, program: Sequence[str], ranks: int) -> list[str]:
 
 
 def explain(code: int, log: Path) -> str:
-    """The reason for an exit code in words, from what the process has said if it has."""
+    """The reason for an exit code in words, taken from the log of the process if it is there."""
     number = -code if code < 0 else code - 128
     if number in list(signal.Signals):
         name = signal.Signals(number).name

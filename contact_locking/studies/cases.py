@@ -1,4 +1,4 @@
-"""The cases of a study: their parameters, and the name by which their results are found again."""
+"""The cases of a study: their parameters, and the names of the folders of their results."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from contact_locking.study_file import StudyFile
 class Case:
     """One row of a study.
 
-    ``values`` are those of the keys that vary; ``name`` is the fingerprint of the ``parameters``,
-    which write their results to ``folder``.  Rows that differ in their title only share a name.
+    ``values`` are the values of the keys that vary.  ``name`` is the fingerprint of ``parameters``,
+    and their results go to ``folder``.  Rows that differ only in their title share a name.
     """
 
     values: dict[str, Any]
@@ -30,7 +30,7 @@ class Case:
 
     @property
     def label(self) -> str:
-        """What varies, in one line."""
+        """The keys that vary with their values, in one line."""
         return ", ".join(f"{key} = {show(value)}" for key, value in self.values.items())
 
 
@@ -53,12 +53,12 @@ def cases_of(study: StudyFile) -> list[Case]:
 
 
 def each_once(cases: Iterable[Case]) -> list[Case]:
-    """The cases that have to be solved: one for each name."""
+    """The cases to be solved: one for each name."""
     return list({case.name: case for case in reversed(list(cases))}.values())[::-1]
 
 
 def case_folder(directory: Path, name: str) -> Path:
-    """Where the results of a case are, below the folder of its study."""
+    """The folder of a case, below the folder of its study."""
     return directory / "cases" / name
 
 

@@ -1,4 +1,4 @@
-"""What runs the cases: processes here, or a batch system."""
+"""The interface of the executors: processes on this machine, or a batch system."""
 
 from __future__ import annotations
 
@@ -21,37 +21,37 @@ class Plan:
 
 
 class Running(Protocol):
-    """A case that has been started."""
+    """A started case."""
 
     @property
     def case(self) -> Case: ...
 
     @property
     def seconds(self) -> float:
-        """How long it has been running."""
+        """The time since the start of the case."""
 
     def why(self) -> str:
-        """Why it left no results, after it has ended."""
+        """The reason why the case left no results, after its end."""
 
 
 class Executor(Protocol):
-    """Runs cases until none is left; used as long as ``busy``, and then stopped."""
+    """Runs cases: call ``poll`` as long as the executor is ``busy``, then ``stop``."""
 
-    #: Time that may pass between two calls of ``poll``.
+    #: Seconds between two calls of ``poll``.
     pause: float
 
     @property
     def busy(self) -> bool:
-        """Whether cases are waiting or running."""
+        """Whether cases wait or run."""
 
     @property
     def running(self) -> Sequence[Running]: ...
 
     def poll(self) -> Sequence[Running]:
-        """Start what can be started, and return the cases that have ended since the last call.
+        """Start the next cases, and return the cases that have ended since the last call.
 
         Raises OSError where a case cannot be started.
         """
 
     def stop(self) -> None:
-        """End what is running."""
+        """End the running cases."""

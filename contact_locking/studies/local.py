@@ -16,13 +16,13 @@ from .cases import Case
 from .executor import Plan
 from .outcome import LOG, begin
 
-# mpirun ends its ranks when it is asked to end; it gets this long.
+# mpirun has this time to end its ranks.
 _GRACE_SECONDS = 10.0
 _PR_SET_PDEATHSIG = 1
 
 
 class LocalExecutor:
-    """J cases at a time.  They end when this process ends, however that happens (on Linux)."""
+    """Runs J cases at a time.  On Linux they end with this process, in whatever way it ends."""
 
     pause = 0.1
 
@@ -51,14 +51,14 @@ class LocalExecutor:
 
 
 class CaseProcess:
-    """A running case; ``launched`` if by mpirun."""
+    """A running case; ``launched`` says that mpirun runs it."""
 
     def __init__(
         self, case: Case, command: Sequence[str], environment: Mapping[str, str], launched: bool
     ) -> None:
         self.case = case
         self._began = time.monotonic()
-        # A process that is killed cannot end its ranks, so mpirun has to be asked.
+        # A killed mpirun could not end its ranks; SIGTERM makes mpirun end them.
         end = signal.SIGTERM if launched else signal.SIGKILL
         with (case.folder / LOG).open("wb") as log:
             try:
@@ -68,7 +68,7 @@ class CaseProcess:
                     stdout=log,
                     stderr=subprocess.STDOUT,
                     env=environment,
-                    # Out of reach of the terminal's Ctrl-C, which is passed on in another way.
+                    # Ctrl-C on the terminal reaches this process only, which then stops the cases.
                     process_group=0,
                     preexec_fn=_tie(end),
                 )
@@ -87,7 +87,7 @@ class CaseProcess:
         return explain(self._process.returncode, self.case.folder / LOG)
 
     def send(self, number: signal.Signals) -> None:
-        """A signal to all of it; after its end to what it may have left."""
+        """Send a signal to the process and its children, also after the process has ended."""
         try:
             os.killpg(self._process.pid, number)
         except ProcessLookupError:
@@ -97,7 +97,7 @@ class CaseProcess:
 
 
 def _stop(processes: Iterable[CaseProcess]) -> None:
-    """Ask processes to end, and kill those that do not."""
+    """Ask processes to end, and kill those that do not end in time."""
     running = list(processes)
     for process in running:
         process.send(signal.SIGTERM)
@@ -106,13 +106,13 @@ def _stop(processes: Iterable[CaseProcess]) -> None:
         while not all([process.ended() for process in running]) and time.monotonic() < deadline:
             time.sleep(0.02)
     finally:
-        # Also where the wait was interrupted.
+        # Also if the wait was interrupted.
         for process in running:
             process.send(signal.SIGKILL)
 
 
 def _tie(end: signal.Signals) -> Callable[[], None] | None:
-    """What a child does before its program starts, so that it gets a signal when this one ends."""
+    """Code for a child process: the system sends ``end`` to the child when this process ends."""
     prctl = getattr(ctypes.CDLL(None), "prctl", None)
     if prctl is None:
         return None

@@ -1,8 +1,8 @@
-"""How far a case is, as its folder tells: the only memory that a study has.
+"""The outcome of each case, read from its folder: a study keeps no other record.
 
-A case is finished when its folder holds a summary that is complete, of this version of the
-program, and of these parameters.  `run` writes the summary last and moves it into its place, so
-that whatever stops a study leaves each case finished or not.
+A case is finished when its folder holds a complete summary of this version of the program and of
+the same parameters.  `run` moves the summary into its place last, so a case is finished or not
+finished, in whatever way a study is stopped.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ State = Literal["converged", "not converged", "failed", "not run"]
 
 @dataclass(frozen=True)
 class Outcome:
-    """``reason`` is in words; ``summary`` is there if the case is finished."""
+    """The state of a case; ``summary`` is None if the case is not finished."""
 
     state: State
     reason: str = ""
@@ -35,18 +35,18 @@ class Outcome:
 
     @property
     def finished(self) -> bool:
-        """Whether solving it again would only repeat it."""
+        """Whether the case needs no further solve."""
         return self.summary is not None
 
     @property
     def warnings(self) -> list[str]:
-        """Of the run, in words."""
+        """The warnings of the run."""
         listed = (self.summary or {}).get("warnings")
         return [str(text) for text in listed] if isinstance(listed, list) else []
 
 
 def outcome(case: Case) -> Outcome:
-    """What is known of a case."""
+    """The outcome of a case as its folder has it."""
     summary = read_mapping(case.folder / SUMMARY)
     if summary is not None and _matches(summary, case):
         converged = summary.get("converged") is True
@@ -59,7 +59,7 @@ def outcome(case: Case) -> Outcome:
 
 
 def other_version(case: Case) -> str | None:
-    """The version of the program whose results are in the folder, if it is not this one."""
+    """The version of the results in the folder of a case if it is another version; else None."""
     summary = read_mapping(case.folder / SUMMARY)
     if summary is None or summary.get("version") == __version__:
         return None
@@ -67,7 +67,7 @@ def other_version(case: Case) -> str | None:
 
 
 def begin(case: Case) -> None:
-    """Make the folder ready for `run`, and forget an earlier attempt. Raises OSError."""
+    """Prepare the folder for `run`, and remove the files of an earlier attempt. Raises OSError."""
     case.folder.mkdir(parents=True, exist_ok=True)
     remove_abandoned(case.folder)
     for name in (FAILURE, PROGRESS, LOG):
@@ -76,9 +76,9 @@ def begin(case: Case) -> None:
 
 
 def conclude(case: Case, why: Callable[[], str]) -> Outcome:
-    """The outcome of a case that has ended; ``why`` tells why, if it left no results.
+    """The outcome of a case that has ended; ``why`` gives the reason if there are no results.
 
-    Raises OSError if that cannot be recorded.
+    Records the reason.  Raises OSError if this fails.
     """
     found = outcome(case)
     if found.finished:
@@ -90,7 +90,7 @@ def conclude(case: Case, why: Callable[[], str]) -> Outcome:
 
 
 def strangers(directory: Path, cases: list[Case]) -> int:
-    """How many case folders there are that belong to no case: of an earlier form of the file."""
+    """The number of case folders that belong to no case of the present study file."""
     known = {case.name for case in cases}
     folder = directory / "cases"
     if not folder.is_dir():

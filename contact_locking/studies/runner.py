@@ -1,4 +1,4 @@
-"""A whole study: what is not finished is solved, J cases at a time, and the table written."""
+"""Solve the unfinished cases of a study, J at a time, and write the table of all cases."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _GO_ON = "What is finished is kept; make room, and the same command does the oth
 
 @dataclass
 class Study:
-    """The cases of a file and what is known of each, by its name."""
+    """The cases of a file, and the outcome of each under its name."""
 
     directory: Path
     cases: list[Case]
@@ -52,13 +52,13 @@ class Study:
 
     @classmethod
     def of(cls, file: StudyFile) -> Study:
-        """A study as its folder has it. Raises InputError."""
+        """A study with the outcomes in its folder. Raises InputError."""
         study = cls(Path(file.parameters.output.directory), cases_of(file), {})
         study.look()
         return study
 
     def look(self) -> None:
-        """Learn from the folder how far each case is."""
+        """Read the outcome of each case from its folder."""
         self.outcomes = {case.name: outcome(case) for case in each_once(self.cases)}
 
     @property
@@ -74,16 +74,16 @@ class Study:
         return sum(self.outcomes[case.name].finished for case in self.cases)
 
     def write_table(self) -> None:
-        """Raises OSError."""
+        """Write the table of all cases. Raises OSError."""
         table.write(self.directory, self.cases, [self.outcomes[case.name] for case in self.cases])
 
 
 def run(file: StudyFile, plan: Plan, console: Console) -> Study:
-    """Solve the cases that are not finished, and write the table of all.
+    """Solve the unfinished cases, and write the table of all cases.
 
-    Raises InputError for a file without a study, a folder that cannot be written to or in which
-    another study or run is going on, and where mpirun is missing; ContactLockingError where the
-    disk is full.
+    Raises InputError for a file without a study, for a folder that cannot be written to or that
+    another study or run is using, and if mpirun is missing; ContactLockingError if the disk is
+    full.
     """
     launcher(plan.ranks)
     if plan.executor == "slurm":
@@ -93,7 +93,7 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
     with explained(not_writable(directory), directory, KEY, _GO_ON):
         make_folders(directory / "cases")
         with locked(directory, "study") as held:
-            # Another study may have been running until now.
+            # Another study may have finished cases until this one got the lock.
             study.look()
             todo = study.unfinished
             with View(console, len(todo)) as view:
@@ -124,7 +124,7 @@ def _announce(study: Study, todo: Sequence[Case], view: View) -> None:
 
 
 def _prepare(study: Study, file: StudyFile) -> None:
-    """Write what can be said before the first case has run."""
+    """Write the index of the cases, the parameters and a first table."""
     for folder in (study.directory, study.directory / "cases"):
         remove_abandoned(folder)
     lines = [f"{case.name}  {case.label}\n" for case in study.cases]
@@ -134,7 +134,7 @@ def _prepare(study: Study, file: StudyFile) -> None:
 
 
 def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
-    """Run the cases, and leave a table of what is finished however this ends."""
+    """Run the cases; write the table of the finished cases also if an error ends this."""
     executor = _executor(todo, plan, study.directory)
     written = time.monotonic()
     try:
@@ -162,7 +162,7 @@ def _executor(todo: Sequence[Case], plan: Plan, directory: Path) -> Executor:
 
 
 def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:
-    """What came out, in short."""
+    """The number of cases in each state, the time and the place of the table."""
     count = study.count()
     rows: list[tuple[str, str]]
     rows = [(state, str(number)) for state, number in sorted(count.items()) if number]

@@ -1,7 +1,7 @@
-"""Cases as the tasks of job arrays, on a cluster with Slurm and a file system that it shares.
+"""Cases as tasks of Slurm's job arrays, on a cluster with a shared file system.
 
-What a cluster wants to know, such as partition, account and time limit, is told to sbatch by its
-own variables: SBATCH_PARTITION, SBATCH_ACCOUNT, SBATCH_TIMELIMIT.
+The user sets partition, account and time limit by the variables of sbatch: SBATCH_PARTITION,
+SBATCH_ACCOUNT, SBATCH_TIMELIMIT.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from .outcome import LOG, begin
 SCRIPT, MESSAGES, JOB = "slurm.sh", "slurm.txt", "slurm-job.txt"
 EXIT_CODE = "exit_code.txt"
 
-# Slurm's MaxArraySize is 1001 unless it was changed, and counts from 0.
+# Slurm's MaxArraySize is 1001 by default, and task numbers begin at 0.
 _LARGEST_ARRAY = 1000
-# A file system that is shared may show a file later than the queue shows the end of its job.
+# A shared file system may show a file later than the queue shows the end of its job.
 _SETTLING_SECONDS = 5.0
 
 
@@ -41,7 +41,7 @@ def require_slurm() -> None:
 
 
 class SlurmExecutor:
-    """One job array after the other, of 1000 cases at most, with J tasks of each at a time."""
+    """Submits one job array after the other: at most 1000 cases each, of which J run at a time."""
 
     pause = 1.0
 
@@ -52,7 +52,7 @@ class SlurmExecutor:
         self._array: list[_Task] = []
         self._submission: subprocess.Popen[bytes] | None = None
         self._noted = ""
-        # Of a study that was killed; its tasks would solve the same cases.
+        # The job of a killed study may still run, and would solve the same cases.
         self._cancel()
 
     @property
@@ -128,12 +128,12 @@ class SlurmExecutor:
         )
 
     def _job(self) -> str | None:
-        """The number of the job, once sbatch has said it."""
+        """The number of the job, once sbatch has printed it."""
         number = self._messages().partition(";")[0].strip()
         return number if number.isdecimal() else None
 
     def _note_job(self) -> None:
-        """Keep the number, by which the next study can cancel the job if this one is killed."""
+        """Save the number of the job: if this study is killed, the next one cancels the job."""
         number = self._job() if self._array else None
         if number is not None and number != self._noted:
             write_text(self._folder / JOB, number)
@@ -163,7 +163,7 @@ class SlurmExecutor:
 
 
 class _Task:
-    """A case of the array."""
+    """A case of a job array."""
 
     def __init__(self, case: Case) -> None:
         self.case = case

@@ -18,7 +18,7 @@ from contact_locking.results.read import Row
 from .cases import Case
 from .outcome import Outcome
 
-# The title may have changed since the case was solved; where it varies, it is there.
+# The title may have changed since the case was solved; if it varies, it has a column of its own.
 _LEFT_OUT = ("title", "fingerprint", "not_finite")
 
 
@@ -40,10 +40,10 @@ def write(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outcome]) -
 
 
 def row(case: Case, outcome: Outcome) -> Row:
-    """What varies, then the case and how it went, then its summary with dotted keys.
+    """The values that vary, the name and state of the case, and its summary under dotted keys.
 
-    Of a summary's lists those of mappings, such as the stages, are left out.  Infinity and NaN
-    are the texts "inf" and "nan", as JSON has no such numbers.
+    Lists of mappings, such as the stages, are left out.  The texts "inf" and "nan" stand for
+    infinity and NaN, which JSON does not have.
     """
     entry: Row = {key: _plain(value) for key, value in case.values.items()}
     entry |= {"case": case.name, "state": outcome.state}

@@ -1,4 +1,4 @@
-"""Where a study is: live on a terminal, a line per case in a log."""
+"""The progress of a study: live on a terminal, a line for each case in a log."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _STYLES: dict[State, str] = {"not converged": "yellow", "failed": "red"}
 
 
 class View:
-    """Tells of cases that end and of those that run; to be used as a context manager.
+    """Shows the cases that run and that have ended; use it as a context manager.
 
-    ``total`` counts the cases to be solved.
+    ``total`` is the number of cases to be solved.
     """
 
     def __init__(self, console: Console, total: int) -> None:
@@ -34,7 +34,7 @@ class View:
         self._seconds = 0.0
         self._live: Live | None = None
         if console.is_terminal:
-            # Without a thread of its own, as processes are forked from this one.
+            # No thread refreshes the display, because this process forks others.
             self._live = Live(console=console, auto_refresh=False, transient=True)
 
     def __enter__(self) -> Self:
@@ -47,13 +47,13 @@ class View:
             self._live.stop()
 
     def line(self, text: str, style: str | None = None) -> None:
-        """A line that stays."""
+        """Print a line that stays on the terminal."""
         from rich.text import Text
 
         self._console.print(Text(printable(text)), style=style, soft_wrap=True)
 
     def ended(self, case: Case, outcome: Outcome, seconds: float) -> None:
-        """A case is over."""
+        """Print the outcome of a case that has ended."""
         self._states[outcome.state] += 1
         self._seconds += seconds
         width = len(str(self._total))
@@ -67,7 +67,7 @@ class View:
             self.line(f"{'':{2 * width + 3}} warning: {warning}", "yellow")
 
     def show(self, running: Sequence[Running]) -> None:
-        """Renew what is seen of the running cases."""
+        """Refresh the display of the running cases."""
         if self._live is not None:
             self._live.update(self._picture(running), refresh=True)
 
@@ -93,7 +93,7 @@ class View:
 
 
 def status(case: Case) -> str:
-    """What a running case has last said of itself."""
+    """The latest progress that a running case has recorded."""
     now = read_mapping(case.folder / PROGRESS)
     if now is None:
         return "starting"
@@ -103,7 +103,7 @@ def status(case: Case) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time in the units in which one says it."""
+    """A time in seconds, minutes or hours, as its length suggests."""
     if seconds < 99.5:
         return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
     minutes = round(seconds / 60)

@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from contact_locking import arguments
+from contact_locking.command import arguments
 from contact_locking.expressions import CONSTANTS, FUNCTIONS
 from contact_locking.study_file.schema import Row, rows
 

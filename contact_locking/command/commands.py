@@ -1,9 +1,7 @@
-"""The command ``contact-locking``.
+"""The commands: each takes the parsed arguments and returns the exit code.
 
-Exit codes: 0 converged, 1 an unexpected error, 2 bad input, 3 not converged, 128 + N where signal
-N has ended it, such as 130 after Ctrl-C.
-What a command needs is imported when it runs: help and schema are there at once, and a file
-that is wrong is found wrong without DOLFINx.
+A command imports the modules that it needs when it runs: help and schema appear at once, and a
+wrong file is reported without DOLFINx.
 """
 
 from __future__ import annotations
@@ -11,93 +9,52 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import os
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contact_locking import signals, terminal
-from contact_locking.arguments import parse
-from contact_locking.errors import ContactLockingError, InputError, not_written
+from contact_locking import signals
+from contact_locking.command import terminal
+from contact_locking.errors import ContactLockingError, InputError, explained
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from contact_locking.progress import Monitor
     from contact_locking.solution import Solution
     from contact_locking.study_file import StudyFile
 
-CONVERGED, UNEXPECTED, NOT_CONVERGED = 0, 1, 3
+CONVERGED, NOT_CONVERGED = 0, 3
 
 # PETSc's codes for an argument that is wrong, out of range, wrong input, of unknown type.
 _OPTION_ERRORS = (62, 63, 83, 86)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit code; no exception leaves it.
-
-    ``argv`` are the words after the program's name, those it was started with by default.
-    """
-    words = list(sys.argv[1:] if argv is None else argv)
-    try:
-        code = _run_command(words, program=argv is None)
-    except ContactLockingError as error:
-        # All ranks have raised it.
-        terminal.complain(f"error: {error}")
-        code = error.exit_code
-    except SystemExit as stop:  # argparse, after --help and --version
-        code = int(stop.code or 0)
-    except KeyboardInterrupt as interrupt:
-        return terminal.abort(signals.exit_code(interrupt), str(interrupt) or "interrupted")
-    except BrokenPipeError:
-        # Nobody reads the output any more; let the interpreter flush it to nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return UNEXPECTED
-    except Exception as error:
-        text, hint = _unexpected(error)
-        if "--debug" in words:
-            return terminal.abort(UNEXPECTED, text, error)
-        return terminal.abort(UNEXPECTED, f"{text}\n{hint}")
-    terminal.leave_together()
-    return code
-
-
 def run(arguments: argparse.Namespace) -> int:
-    """Solve, write the results, and say what came out."""
+    """Solve, write the results, and print the summary."""
     study = _load(arguments.file, _overrides(arguments))
     comm = _world_with_dolfinx(arguments)
-    from contact_locking import checkpoint, output, problem
-    from contact_locking.progress import Monitor, ProgressFile, TerminalMonitor
+    from contact_locking import output, problem
 
-    parameters = study.parameters
+    parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
     speaks = comm.rank == 0 and not arguments.quiet
-    listening: contextlib.AbstractContextManager[Monitor] = (
-        TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
-    )
-    if arguments.restart is not None and not arguments.checkpoint:
-        _keep_checkpoint(arguments.restart, Path(directory))
+    if restart is not None and not arguments.checkpoint:
+        _keep_checkpoint(restart, Path(directory))
     with _explained(study), output.reserved(directory, comm):
-        if arguments.checkpoint and (missing := checkpoint.unavailable()) is not None:
-            terminal.complain(f"warning: no checkpoint will be saved: {missing}")
-            arguments.checkpoint = False
+        save_state = arguments.checkpoint and _checkpoints_work()
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
-        with listening as monitor, _petsc_complaints():
-            if arguments.progress is not None and comm.rank == 0:
-                monitor = ProgressFile(arguments.progress, monitor)
-            solution = problem.solve(parameters, comm, monitor, arguments.petsc, arguments.restart)
-        warnings = output.write(solution, directory, arguments.checkpoint)
-    if arguments.quiet:
-        warnings = solution.summary["warnings"]
-    for warning in warnings:
+        with _monitor(arguments, comm, speaks) as monitor, _petsc_complaints():
+            solution = problem.solve(parameters, comm, monitor, arguments.petsc, restart)
+        warnings = output.write(solution, directory, save_state)
+    for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")
     ratio = _largest_strain_ratio(solution)
     if speaks:
-        rows = terminal.summary_rows(solution.summary, ratio, directory)
-        print(terminal.two_columns(rows))
+        print(terminal.columns(terminal.summary_rows(solution.summary, ratio, directory)))
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
@@ -117,18 +74,17 @@ def study(arguments: argparse.Namespace) -> int:
     plan = studies.Plan(arguments.jobs, arguments.ranks, arguments.executor)
     with _explained(file):
         done = studies.run(file, plan, terminal.console())
-    rows = studies.summary_rows(done, time.perf_counter() - began)
-    print(terminal.two_columns(rows))
+    print(terminal.columns(studies.summary_rows(done, time.perf_counter() - began)))
     return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
 
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
-    from contact_locking import report as reports
+    from contact_locking.report import write
 
     if terminal.is_root():
         try:
-            print(f"{reports.write(arguments.directory)}: written")
+            print(f"{write(arguments.directory)}: written")
         except ImportError as error:
             raise ContactLockingError(f"a report takes Matplotlib: {error}") from error
     return 0
@@ -136,7 +92,7 @@ def report(arguments: argparse.Namespace) -> int:
 
 def view(arguments: argparse.Namespace) -> int:
     """Show the result of a run in a window until that is closed."""
-    from contact_locking import viewer
+    from contact_locking.command import viewer
 
     if terminal.is_root():
         try:
@@ -147,7 +103,7 @@ def view(arguments: argparse.Namespace) -> int:
 
 
 def check(arguments: argparse.Namespace) -> int:
-    """Say what is wrong or what would run, and solve nothing."""
+    """Print the errors of a study file, or what would run; solve nothing."""
     study = _load(arguments.file, arguments.set)
     parameters = study.parameters
     comm = _world_with_dolfinx(arguments)
@@ -161,7 +117,7 @@ def check(arguments: argparse.Namespace) -> int:
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
         table, held = facts.pop("groups"), facts.pop("held by")
-        del facts["regions"], facts["boundary parts"]  # which the table has
+        del facts["regions"], facts["boundary parts"]  # the table has them
         rows += [(name, _shown(value)) for name, value in facts.items()]
         rows += [(f"{part} is held by", words) for part, words in held.items()]
         if parameters.study is not None:
@@ -170,7 +126,7 @@ def check(arguments: argparse.Namespace) -> int:
             cases = studies.Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
-        print(f"{arguments.file} can be run:\n{terminal.two_columns(rows)}\n")
+        print(f"{arguments.file} can be run:\n{terminal.columns(rows)}\n")
         print(terminal.columns(groups.table(table)))
     return 0
 
@@ -183,19 +139,18 @@ def mesh(arguments: argparse.Namespace) -> int:
         raise InputError(
             study.explain(InputError("the mesh is a file already, nothing is built", "mesh.file"))
         )
-    from contact_locking import meshes
+    from contact_locking.meshes import write
 
     if terminal.is_root():
+        place = arguments.output
         try:
-            meshes.write(geometry, arguments.output)
+            with explained(f"cannot write {place}", place):
+                write(geometry, place)
         except ImportError as error:
             raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
-        except OSError as error:
-            place = arguments.output
-            raise not_written(f"cannot write {place}", error, place) from error
         except (ValueError, RuntimeError) as error:
             raise InputError(str(error)) from error
-        print(f"{arguments.output}: written")
+        print(f"{place}: written")
     return 0
 
 
@@ -209,48 +164,22 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
-_COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     command.__name__: command for command in (run, study, report, view, check, mesh, schema)
 }
 
 
-def _unexpected(error: Exception) -> tuple[str, str]:
-    """In one line what went wrong, and in another what to do."""
-    if isinstance(error, OSError) and error.strerror:
-        place = error.filename or "a file of its own, perhaps in the cache of compiled forms"
-        hint = (
-            "The system refuses it, as with a full disk or a home that is read-only; "
-            "XDG_CACHE_HOME says where compiled forms are kept."
-        )
-        return f"error: {error.strerror}: {place}", hint
-    text = " ".join(f"error: unexpected {type(error).__name__}: {error}".split())
-    return (
-        text,
-        "This is a defect; please report it with the study file and the output of --debug.",
-    )
-
-
-def _run_command(words: list[str], program: bool = False) -> int:
-    """Run it; ``program`` says that the process is there for nothing else."""
-    arguments = parse(words)
-    arguments.program = program
-    with signals.stoppable() if program else contextlib.nullcontext():
-        code = int(_COMMANDS[arguments.command](arguments))
-    sys.stdout.flush()
-    return code
-
-
 def _overrides(arguments: argparse.Namespace) -> list[str]:
-    """What the command line changes in the file."""
+    """The changes of the study file that the command line asks for."""
     if arguments.output is None:
         return list(arguments.set)
-    # A JSON string is a YAML string.
+    # Every JSON string is a YAML string.
     folder = json.dumps(arguments.output, ensure_ascii=False)
     return [*arguments.set, f"output.directory={folder}"]
 
 
 def _keep_checkpoint(restart: Path, results: Path) -> None:
-    """Refuse to replace the results that the run starts from by others without a checkpoint."""
+    """Refuse to replace the checkpoint that the run starts from by results without one."""
     from contact_locking.checkpoint import locate
 
     if locate(restart).resolve() == locate(results).resolve():
@@ -258,6 +187,30 @@ def _keep_checkpoint(restart: Path, results: Path) -> None:
             f"the results would replace the checkpoint in {results} that the run starts from: "
             "add --checkpoint to save the new state there, or give another folder by --output"
         )
+
+
+def _checkpoints_work() -> bool:
+    """Whether checkpoints can be saved; a warning says why not."""
+    from contact_locking import checkpoint
+
+    missing = checkpoint.unavailable()
+    if missing is not None:
+        terminal.complain(f"warning: no checkpoint will be saved: {missing}")
+    return missing is None
+
+
+@contextlib.contextmanager
+def _monitor(arguments: argparse.Namespace, comm: MPI.Intracomm, speaks: bool) -> Iterator[Monitor]:
+    """The listener of the solve: the terminal, and the progress file that a study asks for."""
+    from contact_locking.progress import Monitor, ProgressFile, TerminalMonitor
+
+    with (
+        TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor()) as one
+    ):
+        if arguments.progress is not None and comm.rank == 0:
+            yield ProgressFile(arguments.progress, one)
+        else:
+            yield one
 
 
 def _load(path: Path, overrides: Sequence[str]) -> StudyFile:
@@ -268,7 +221,7 @@ def _load(path: Path, overrides: Sequence[str]) -> StudyFile:
 
 @contextlib.contextmanager
 def _explained(study: StudyFile) -> Iterator[None]:
-    """Add the place in the file to an InputError that knows its key."""
+    """Add the line in the study file to an InputError that has a key."""
     try:
         yield
     except InputError as error:
@@ -280,10 +233,10 @@ def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
     try:
         import petsc4py
 
-        # PETSc takes the end of a process that is asked to end for a crash.
+        # PETSc's signal handlers would report a crash where a process is asked to end.
         with signals.kept(signal.SIGPIPE):
-            # A folder that a study came in may hold options that run code; PETSC_OPTIONS is the
-            # user's.
+            # A petscrc file in the folder of a study may hold options that run code.  The options
+            # in PETSC_OPTIONS are the user's own.
             petsc4py.init(["contact-locking", "-skip_petscrc"])
             import dolfinx.fem.petsc  # noqa: F401
             from mpi4py import MPI
@@ -294,8 +247,8 @@ def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
         ) from error
     from contact_locking import compiled_forms
 
-    # Where a reader of the output leaves early, as head does, a program of one process ends without
-    # a word, whether Python was printing or a monitor of PETSc.
+    # If the reader of the output leaves early, as head does, a program of one process ends in
+    # silence, whether Python or a monitor of PETSc was printing.
     if arguments.program and MPI.COMM_WORLD.size == 1:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     if MPI.COMM_WORLD.rank == 0:
@@ -305,7 +258,7 @@ def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
 
 @contextlib.contextmanager
 def _petsc_complaints() -> Iterator[None]:
-    """What PETSc does not like about an option is bad input."""
+    """Turn an error of PETSc about an option into InputError."""
     from petsc4py import PETSc
 
     try:

@@ -1,4 +1,4 @@
-"""What may be typed after ``contact-locking``, and what it means."""
+"""The arguments of every command of ``contact-locking``."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from contact_locking._version import __version__
+from contact_locking.command.terminal import is_root
 from contact_locking.errors import InputError
-from contact_locking.terminal import is_root
 
 _DESCRIPTION = "Frictional contact of locking materials: solves what a study file describes."
 _EXIT_CODES = (
@@ -23,9 +23,9 @@ _NEGATIVE_NUMBER = re.compile(r"-\.?\d")
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
-    """The arguments, ``command`` by name, and after ``--`` the options of PETSc as a dictionary.
+    """The parsed arguments: ``command`` is its name, ``petsc`` the options after ``--``.
 
-    Raises InputError for what no command takes, and SystemExit after ``--help`` and ``--version``.
+    Raises InputError for wrong arguments, and SystemExit after ``--help`` and ``--version``.
     """
     petsc: Sequence[str] = ()
     if "--" in words:
@@ -92,7 +92,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def one_setting_each(words: Sequence[str]) -> list[str]:
-    """``--set a=1 b=2`` as ``--set a=1 --set b=2``, so that FILE may follow it too."""
+    """``--set a=1 b=2`` as ``--set a=1 --set b=2``, so that FILE may follow the settings."""
     spread: list[str] = []
     inside = False
     for word in words:
@@ -130,6 +130,6 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{message}\n{self.format_usage().rstrip()}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        # Help and version, which argparse would print on every rank.
+        # argparse would print help and version on every rank.
         if is_root():
             super()._print_message(message, file)

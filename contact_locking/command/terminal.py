@@ -1,4 +1,4 @@
-"""What the command line says and which process says it: rank 0, once."""
+"""The texts that the command line prints, once, from rank 0."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from rich.console import Console
 
-# How launchers tell a process that it may be one of several.
+# Variables by which launchers tell a process that it may be one of several.
 _LAUNCHERS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "MPI_LOCALNRANKS")
-# Time that rank 0 has to speak before another rank does, where only some may have failed.
+# Where only some ranks may have failed, rank 0 has this time to speak before the others do.
 _GRACE_SECONDS = 1.0
 
 
@@ -45,8 +45,8 @@ def is_root() -> bool:
 def console() -> Console:
     """Standard output through rich; wide enough for long lines where it is no terminal.
 
-    Under a launcher it never is one: Open MPI hands every process a pseudo-terminal, wherever the
-    output goes in the end.
+    Under a launcher the output counts as no terminal: Open MPI gives every process a
+    pseudo-terminal, whether the output ends on a terminal or in a file.
     """
     from rich.console import Console
 
@@ -71,16 +71,16 @@ def leave_together() -> None:
 
 
 def abort(code: int, text: str, error: BaseException | None = None) -> int:
-    """Say why, and end all ranks, of which perhaps only this one has failed.
+    """Print the reason and end all ranks, of which perhaps only this one has failed.
 
-    Returns ``code`` for a process alone; prints the traceback of ``error`` if there is one.
+    Returns ``code`` for a single process.  Prints the traceback of ``error`` if given.
     """
     comm = world()
     if comm is not None and comm.rank > 0:
-        # If rank 0 has failed as well it says so, and its abort ends this wait.
+        # If rank 0 has failed as well, it prints its reason, and its abort ends this wait.
         time.sleep(_GRACE_SECONDS)
         text = f"{text} (on rank {comm.rank})"
-    # A terminal that has been closed takes nothing any more.
+    # Writing to a closed terminal raises OSError.
     with contextlib.suppress(OSError):
         if error is not None:
             traceback.print_exception(error)
@@ -91,13 +91,8 @@ def abort(code: int, text: str, error: BaseException | None = None) -> int:
     return code
 
 
-def two_columns(rows: Sequence[tuple[str, str]]) -> str:
-    """Names and values, a line each."""
-    return columns(rows)
-
-
 def columns(rows: Sequence[Sequence[str]]) -> str:
-    """A table without lines, each column as wide as its longest entry."""
+    """A table without rules, each column as wide as its longest entry."""
     rows = [[printable(text, keep="") for text in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
@@ -109,7 +104,7 @@ def columns(rows: Sequence[Sequence[str]]) -> str:
 def summary_rows(
     summary: Mapping[str, Any], ratio: float, directory: str | Path
 ) -> list[tuple[str, str]]:
-    """The summary in short; ``ratio`` is the largest |eps|/M, zero where M is infinite."""
+    """The summary in a few rows; ``ratio`` is the largest |eps|/M, zero if M is infinite."""
     iterations = summary["iterations"]
     against = f" = {ratio:.4g} M" if ratio > 0.0 else "  (no locking limit)"
     restart = summary.get("restart")
@@ -153,7 +148,7 @@ def _bounds(bounds: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
-    """All hold, and which is nearest to its limit; or those that fail."""
+    """The criteria that fail; if all hold, the one nearest to its limit."""
     failed = [
         f"{name} {entry['value']:.1e} > {entry['limit']:g}"
         for name, entry in criteria.items()
@@ -169,7 +164,7 @@ def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _errors(errors: Mapping[str, Mapping[str, Any]]) -> str:
-    """Of the mesh as estimated, of the penalty as bounded and as measured; in the energy norm."""
+    """The relative errors of mesh and penalty in the energy norm."""
     shown = []
     for key, label in (
         ("mesh", "mesh about {:.2g} %"),

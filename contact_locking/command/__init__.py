@@ -1,0 +1,1 @@
+"""The command line, ``contact-locking``: nothing else in this package imports it."""
