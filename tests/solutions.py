@@ -88,9 +88,9 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
     )
 
 
-def of_kind(dim: int, kind: str) -> Solution:
-    """A solution of one of the ``KINDS``; collective."""
-    solution = made_up(dim, contact=kind != "without contact")
+def of_kind(dim: int, kind: str, **changes: Any) -> Solution:
+    """A solution of one of the ``KINDS``, with changes of its parameters; collective."""
+    solution = made_up(dim, contact=kind != "without contact", **changes)
     change = KINDS[kind]
     if change is not None:
         change(solution)
@@ -129,7 +129,7 @@ def _with_two_contacts(solution: Solution) -> None:
     """On the bottom and, with the two axes swapped, on the left; both have the corner's nodes."""
     points, facets, dim = solution.contact_points, solution.contact_facets, solution.domain.dim
     force = {"contact_force": [0.0] * dim, "friction_force": [0.0] * dim, "penetration_max": 1e-9}
-    areas = {"contact_area": 0.5, "slip_area": 0.25}
+    areas = {"contact_area": 0.375, "slip_area": 0.0625}
     solution.summary["contacts"] = [
         {"on": ["bottom"], **force, **areas},
         {"on": ["left", "a $part$"], **force, **areas},

@@ -127,8 +127,10 @@ def _contact(
     maps = {name: _checked(name, stored[name], shape, sizes) for name, shape in _MAP.items()}
     points = ContactPoints(**arrays)
     joins = points.contact[maps["facets"]]
-    if (np.diff(points.contact) < 0).any() or (joins != joins[:, :1]).any():
+    if (np.diff(points.contact) < 0).any():
         raise ValueError("the points are not sorted by contact")
+    if (joins != joins[:, :1]).any():
+        raise ValueError("a facet joins points of different contacts")
     count = len(points.rows())
     given = [str(name) for name in names] if isinstance(names, list) else []
     return ContactMap(points, **maps, names=tuple(given if len(given) == count else [""] * count))

@@ -83,6 +83,14 @@ def read_rows(path: Path) -> list[Row]:
     return rows
 
 
+def read_mapping(path: Path) -> dict[str, Any] | None:
+    """The mapping in a JSON file; None if there is no such file or it is damaged."""
+    try:
+        return _mapping(_text(path), str(path))
+    except InputError:
+        return None
+
+
 def _run(folder: Path) -> RunResults:
     path = folder / SUMMARY
     summary = _mapping(_text(path), str(path))
