@@ -1,35 +1,24 @@
-"""How a running solve tells what it is doing: to nobody, or to a terminal or a log."""
+"""How a running solve tells its progress; the base class says nothing."""
 
 from __future__ import annotations
 
-import contextlib
-import json
-import sys
-import time
-from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
-
-from contact_locking.plain_text import printable
-from contact_locking.results.atomic import write_text
-
 
 class Monitor:
-    """Hears of a solve's progress and says nothing; the base of those that do.
+    """Hears of the progress of a solve and does nothing; derived classes show it.
 
-    Every rank calls its monitor with the same values, so give a speaking one to rank 0 only.
+    Every rank calls its monitor with the same values: give a monitor that prints to rank 0 only.
     """
 
     def message(self, text: str) -> None:
-        """Something worth a line of its own."""
+        """A text that deserves a line of its own."""
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        """A solve for penalties n and epsilon begins; it is number ``index`` from 1."""
+        """The solve with penalties n and epsilon begins, number ``index`` from 1."""
 
     def friction_update(self, k: int, change: float, factor: float | None) -> None:
-        """Update k of the friction bound changed it by ``change`` of itself.
+        """Update k changed the friction bound by the relative amount ``change``.
 
-        ``factor`` is the contraction observed so far, None while there is too little to tell.
+        ``factor`` is the contraction observed so far; None before it can be observed.
         """
 
     def iteration(self, k: int, residual: float) -> None:
@@ -37,141 +26,3 @@ class Monitor:
 
     def finish(self) -> None:
         """The last stage is over."""
-
-
-class TerminalMonitor(Monitor):
-    """A live line on a terminal, a short line per stage and friction update in a log.
-
-    To be used as a context manager; ``console`` is a ``rich.console.Console``.
-    """
-
-    def __init__(self, console: Any) -> None:
-        self._console = console
-        self._live = console.status("") if console.is_terminal else None
-        self._stage = ""
-        self._iterations = 0
-        self._updates = 0
-        self._detail = ""
-        self._residual = float("nan")
-        self._began = time.perf_counter()
-
-    def __enter__(self) -> Self:
-        if self._live is not None:
-            self._live.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None:
-            self.finish()
-        if self._live is not None:
-            self._live.stop()
-
-    def message(self, text: str) -> None:
-        if text.startswith("warning"):
-            self._warn(text)
-            return
-        self.finish()
-        if self._live is not None:
-            self._live.update(self._plain(text))
-        else:
-            self._line(text)
-
-    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        self.finish()
-        of = f"/{count_estimate}" if index <= count_estimate else ""
-        self._stage = f"stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
-        self._iterations, self._updates, self._detail = 0, 0, ""
-        self._began = time.perf_counter()
-        self._refresh()
-
-    def friction_update(self, k: int, change: float, factor: float | None) -> None:
-        self._updates = k
-        rate = "" if factor is None else f", contraction {factor:.2f}"
-        self._detail = f"friction update {k}: change {change:.1e}{rate}"
-        if self._live is None:
-            self._line(f"  {self._detail}")
-        self._refresh()
-
-    def iteration(self, k: int, residual: float) -> None:
-        # Iteration 0 is the start of one more solve within the stage.
-        self._iterations += k > 0
-        self._residual = residual
-        self._refresh()
-
-    def finish(self) -> None:
-        if not self._stage:
-            return
-        updates = f", {self._updates} friction updates" if self._updates else ""
-        seconds = time.perf_counter() - self._began
-        self._line(
-            f"{self._stage}  {self._iterations} iterations{updates}, "
-            f"residual {self._residual:.1e}, {seconds:.1f} s"
-        )
-        self._stage = ""
-
-    def _refresh(self) -> None:
-        if self._live is not None and self._stage:
-            now = f"iteration {self._iterations}, residual {self._residual:.1e}"
-            self._live.update(
-                self._plain("  ".join(filter(None, (self._stage, self._detail, now))))
-            )
-
-    def _line(self, text: str) -> None:
-        self._console.print(self._plain(text), soft_wrap=True)
-
-    def _warn(self, text: str) -> None:
-        """To standard error, even where the output goes to a file."""
-        # While the line is live, rich takes standard error for itself.
-        if self._live is not None:
-            self._live.stop()
-        print(text, file=sys.stderr, flush=True)
-        if self._live is not None:
-            self._live.start()
-
-    @staticmethod
-    def _plain(text: str) -> Any:
-        # Brackets in names and numbers are not rich's markup, and a live line has to be one line.
-        from rich.text import Text
-
-        return Text(printable(text), no_wrap=True, overflow="ellipsis")
-
-
-class ProgressFile(Monitor):
-    """Keeps a small JSON file with the latest news for another process, and passes all on.
-
-    ``{"message": ...}`` before the first stage, then ``{"n": ..., "iteration": ...,
-    "residual": ...}``, numbers as text.  A file that cannot be written is no reason to stop.
-    """
-
-    def __init__(self, path: Path, listener: Monitor) -> None:
-        self._path = path
-        self._listener = listener
-        self._n = ""
-
-    def message(self, text: str) -> None:
-        self._listener.message(text)
-        self._write(message=text)
-
-    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        self._listener.stage(index, count_estimate, n, epsilon)
-        self._n = f"{n:.3g}"
-        self._write(message=f"n = {self._n}")
-
-    def friction_update(self, k: int, change: float, factor: float | None) -> None:
-        self._listener.friction_update(k, change, factor)
-
-    def iteration(self, k: int, residual: float) -> None:
-        self._listener.iteration(k, residual)
-        self._write(n=self._n, iteration=str(k), residual=f"{residual:.1e}")
-
-    def finish(self) -> None:
-        self._listener.finish()
-
-    def _write(self, **news: str) -> None:
-        with contextlib.suppress(OSError):
-            write_text(self._path, json.dumps(news))

@@ -21,9 +21,9 @@ from contact_locking import __version__, report
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.report import charts
+from contact_locking.report.shown import shown
 from contact_locking.report.templates import environment
 from contact_locking.report.trends import Differences
-from contact_locking.report.values import shown
 from contact_locking.results import names as result_files
 
 pytestmark = pytest.mark.serial

@@ -7,8 +7,8 @@ from rich.console import Console
 from solutions import made_up
 
 import contact_locking
+from contact_locking.command.monitors import TerminalMonitor
 from contact_locking.command.terminal import columns, summary_rows
-from contact_locking.progress import TerminalMonitor
 
 
 def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_standard_error(

@@ -202,15 +202,15 @@ def _checkpoints_work() -> bool:
 @contextlib.contextmanager
 def _monitor(arguments: argparse.Namespace, comm: MPI.Intracomm, speaks: bool) -> Iterator[Monitor]:
     """The listener of the solve: the terminal, and the progress file that a study asks for."""
-    from contact_locking.progress import Monitor, ProgressFile, TerminalMonitor
+    from contact_locking.command.monitors import ProgressFile, TerminalMonitor
+    from contact_locking.progress import Monitor
 
-    with (
-        TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor()) as one
-    ):
-        if arguments.progress is not None and comm.rank == 0:
-            yield ProgressFile(arguments.progress, one)
-        else:
-            yield one
+    shown: contextlib.AbstractContextManager[Monitor] = (
+        TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
+    )
+    with shown as monitor:
+        is_watched = arguments.progress is not None and comm.rank == 0
+        yield ProgressFile(arguments.progress, monitor) if is_watched else monitor
 
 
 def _load(path: Path, overrides: Sequence[str]) -> StudyFile:

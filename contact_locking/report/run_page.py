@@ -15,8 +15,8 @@ from .charts import Chart
 from .contact_charts import contact_charts
 from .pictures import picture
 from .quantities import MEANINGS, QUANTITIES, by_contact
+from .shown import shown
 from .templates import render
-from .values import shown
 
 _INFEASIBLE = "infeasible: "
 

@@ -12,11 +12,11 @@ from contact_locking.study_file import source
 
 from .charts import Chart
 from .pictures import thumbnail
+from .shown import shown
 from .study_table import cases
 from .templates import render
 from .trend_charts import trend_charts
 from .trends import Trend, axes, trends, varied
-from .values import shown
 
 _MOST_PICTURES = 200
 _MOST_VALUES = 12

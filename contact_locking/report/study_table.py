@@ -11,7 +11,7 @@ from typing import Any
 from contact_locking.results.read import Row, number
 
 from .quantities import QUANTITIES
-from .values import shown
+from .shown import shown
 
 _MAIN = frozenset(quantity.key for quantity in QUANTITIES if quantity.plotted)
 _NOT_BETWEEN = ("converged", "case")

@@ -17,7 +17,7 @@ from markupsafe import Markup, escape
 from contact_locking._version import __version__
 
 from .files import GENERATOR
-from .values import shown
+from .shown import shown
 
 
 def render(template: str, **context: Any) -> str:

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import ValidationError
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.parameters.study import StudyParameters
 from contact_locking.results.read import Row, number
 
 from .quantities import QUANTITIES, Quantity
-from .values import shown
+from .shown import shown
 
 Compared = Literal["zero", "the value at infinity", "the next value"]
 
@@ -64,7 +63,7 @@ class Differences:
     floor: float
 
     @property
-    def reliable(self) -> npt.NDArray[np.bool_]:
+    def reliable(self) -> BoolArray:
         """The differences that the tolerance of the solver cannot explain."""
         return self.y > self.floor
 

@@ -1,0 +1,75 @@
+"""The arrows of imports run one way, and the command line is at their end."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import subprocess
+import sys
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import contact_locking
+
+pytestmark = pytest.mark.serial
+
+PACKAGE = Path(contact_locking.__file__).parent
+
+
+def module(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts).removesuffix(".__init__")
+
+
+# In a checkout meshes/ is a link, which rglob does not follow.
+FILES = {module(path): path for path in (*PACKAGE.rglob("*.py"), *PACKAGE.glob("meshes/*.py"))}
+
+
+def imported(name: str) -> Iterator[str]:
+    """The names that a module imports, also inside functions and for type checkers."""
+    package = name if FILES[name].name == "__init__.py" else name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: package.count(".") + 2 - node.level] if node.level else []
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+@functools.cache
+def graph() -> dict[str, set[str]]:
+    """The modules of the package that each of its modules imports."""
+    arrows: dict[str, set[str]] = {}
+    for name in FILES:
+        found = (word if word in FILES else word.rpartition(".")[0] for word in imported(name))
+        arrows[name] = {word for word in found if word in FILES and word != name}
+    return arrows
+
+
+def test_no_imports_form_a_circle() -> None:
+    # Raises CycleError, which names the modules of a circle.
+    order = list(TopologicalSorter(graph()).static_order())
+    assert len(order) == len(FILES) > 100
+
+
+def test_nothing_imports_the_command_line() -> None:
+    command = "contact_locking.command"
+    users = {
+        name
+        for name, needed in graph().items()
+        if not name.startswith(command) and any(word.startswith(command) for word in needed)
+    }
+    assert users == {"contact_locking.__main__"}
+
+
+def test_study_files_and_reports_are_read_without_dolfinx() -> None:
+    names = ("command.cli", "parameters", "study_file", "studies", "report.run_page")
+    script = "import importlib, sys\n"
+    script += "".join(f"importlib.import_module('contact_locking.{name}')\n" for name in names)
+    script += "print({'dolfinx', 'mpi4py', 'petsc4py', 'ufl', 'gmsh'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("set()\n", "")
