@@ -3,35 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import gc
 import shutil
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO, TypeVar
+from typing import TypeVar
 
-import numpy as np
 from mpi4py import MPI
 
 from contact_locking import checkpoint as checkpoints
 from contact_locking import plotting, report, study_file
-from contact_locking.arrays import AXES
 from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, explained
 from contact_locking.lock import locked, make_folders, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.plotting import PICTURE, SNAPSHOT
-from contact_locking.results import atomic, fields
+from contact_locking.results import atomic, contact_table, fields
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
     FIELDS,
     PARAMETERS,
+    PICTURE,
+    SNAPSHOT,
     SUMMARY,
     not_writable,
 )
 from contact_locking.results.summary import summary_text
-from contact_locking.solution import STATE_NAMES, Solution
+from contact_locking.solution import Solution
 
 T = TypeVar("T")
 
@@ -184,50 +182,12 @@ def _write_texts(solution: Solution, folder: Path) -> None:
     """Write the files that rank 0 writes alone."""
     (folder / PARAMETERS).write_text(study_file.dump(solution.parameters), encoding="utf-8")
     (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
+    points, facets = solution.contact_points, solution.contact_facets
+    assert points is not None and facets is not None
     with (folder / CONTACT).open("w", encoding="utf-8", newline="") as stream:
-        write_contact(solution, stream)
+        contact_table.write_points(points, stream)
     with (folder / FACETS).open("w", encoding="utf-8", newline="") as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow([f"point_{corner}" for corner in range(solution.domain.dim)])
-        facets: Any = solution.contact_facets
-        table.writerows([] if facets is None else facets.tolist())
-
-
-def write_contact(solution: Solution, stream: TextIO) -> None:
-    """A row per contact point, in the order of ``contact_points``; a header alone without any."""
-    axes = AXES[: solution.domain.dim]
-    table = csv.writer(stream, lineterminator="\n")
-    table.writerow(
-        [
-            *axes,
-            "u_normal",
-            *(f"u_tangent_{axis}" for axis in axes),
-            "gap",
-            "pressure",
-            *(f"traction_tangent_{axis}" for axis in axes),
-            "bound",
-            "state",
-            *(f"normal_{axis}" for axis in axes),
-        ]
-    )
-    points = solution.contact_points
-    if points is None:
-        return
-    numbers: Any = np.column_stack(
-        [
-            points.x,
-            points.u_normal,
-            points.u_tangent,
-            points.gap,
-            points.pressure,
-            points.traction,
-            points.bound,
-        ]
-    )
-    normals: Any = points.normal
-    rows = zip(numbers.tolist(), points.state, normals.tolist(), strict=True)
-    for row, state, normal in rows:
-        table.writerow([*row, STATE_NAMES[int(state)], *normal])
+        contact_table.write_facets(facets, stream)
 
 
 def _explained(directory: Path) -> contextlib.AbstractContextManager[None]:

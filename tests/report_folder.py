@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from solutions import made_up
+from solutions import of_kind
 
 from contact_locking import __version__, output, study_file
 
@@ -21,12 +21,11 @@ REASON = "was <img src=x onerror=alert(1)> killed by SIGKILL\u2028perhaps"
 
 
 def run_folder(
-    folder: Path, dim: int = 2, contact: bool = True, picture: bool = False, **summary: Any
+    folder: Path, dim: int = 2, kind: str = "locked", picture: bool = False, **summary: Any
 ) -> Path:
-    """The folder of a run, with changes of its summary."""
-    solution = made_up(
-        dim, contact, title=TITLE, output={"fields": False, "picture": picture, "directory": "r"}
-    )
+    """The folder of a run of one of the kinds of solutions, with changes of its summary."""
+    wanted = {"fields": False, "picture": picture, "directory": "r"}
+    solution = of_kind(dim, kind, title=TITLE, output=wanted)
     solution.summary |= {
         "title": TITLE,
         "version": __version__,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking.domain import from_geometry
-from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, Solution
+from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, Solution, joined
 
 FloatArray = npt.NDArray[np.float64]
 DIVISIONS = 4
@@ -58,6 +59,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
     def stress(x: FloatArray) -> FloatArray:
         return np.vstack([(i + 1) * (1.0 + x[0]) for i in range(dim * dim)])
 
+    points, facets = joined([(_points(dim), _facets(dim))] if contact else [], dim)
     return Solution(
         parameters=parameters,
         domain=domain,
@@ -74,8 +76,8 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         contact_state=function(scalar, state),
         friction_bound=function(scalar, lambda x: 0.3 * pressure(x)),
         contacts=(),
-        contact_points=_points(dim) if contact and mesh.comm.rank == 0 else None,
-        contact_facets=_facets(dim) if contact and mesh.comm.rank == 0 else None,
+        contact_points=points if mesh.comm.rank == 0 else None,
+        contact_facets=facets if mesh.comm.rank == 0 else None,
         summary={
             "converged": True,
             "reason": "every criterion held",
@@ -87,9 +89,9 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
     )
 
 
-def of_kind(dim: int, kind: str) -> Solution:
-    """A solution of one of the ``KINDS``; collective."""
-    solution = made_up(dim, contact=kind != "without contact")
+def of_kind(dim: int, kind: str, **changes: Any) -> Solution:
+    """A solution of one of the ``KINDS``, with changes of its parameters; collective."""
+    solution = made_up(dim, contact=kind != "without contact", **changes)
     change = KINDS[kind]
     if change is not None:
         change(solution)
@@ -124,6 +126,24 @@ def _with_an_odd_title(solution: Solution) -> None:
     object.__setattr__(solution.parameters, "title", r"costs $5 \frac{ and 100 %")
 
 
+def _with_two_contacts(solution: Solution) -> None:
+    """On the bottom and, with the two axes swapped, on the left; both have the corner's nodes."""
+    points, facets, dim = solution.contact_points, solution.contact_facets, solution.domain.dim
+    force = {"contact_force": [0.0] * dim, "friction_force": [0.0] * dim, "penetration_max": 1e-9}
+    areas = {"contact_area": 0.375, "slip_area": 0.0625}
+    solution.summary["contacts"] = [
+        {"on": ["bottom"], **force, **areas},
+        {"on": ["left", "a $part$"], **force, **areas},
+    ]
+    if points is None or facets is None:
+        return
+    swapped = [dim - 1, *range(1, dim - 1), 0]
+    turned = {name: getattr(points, name)[:, swapped] for name in ("x", "normal", "u_tangent")}
+    left = replace(points, **turned, traction=points.traction[:, swapped])
+    both = joined([(points, facets), (left, facets)], dim)
+    solution.contact_points, solution.contact_facets = both
+
+
 KINDS: dict[str, Callable[[Solution], None] | None] = {
     "locked": None,
     "without contact": None,
@@ -132,6 +152,7 @@ KINDS: dict[str, Callable[[Solution], None] | None] = {
     "at rest": _at_rest,
     "not converged": _not_converged,
     "with an odd title": _with_an_odd_title,
+    "with two contacts": _with_two_contacts,
 }
 
 
@@ -162,4 +183,5 @@ def _points(dim: int) -> ContactPoints:
         traction=-0.3 * p[:, None] * np.eye(dim)[0],
         bound=0.3 * p,
         state=state(x.T).astype(np.int64),
+        contact=np.zeros(len(x), dtype=np.int64),
     )

@@ -13,10 +13,10 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking import forms, problem
-from contact_locking.results import derived
 from contact_locking.certificate import certify
 from contact_locking.certificate.state import SolvedState
 from contact_locking.convex import positive_part, unit_ball_excess
+from contact_locking.results import derived
 from contact_locking.smoothing import Convolution
 
 Tamper = Callable[[SolvedState], None]

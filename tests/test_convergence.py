@@ -17,8 +17,7 @@ from problems import block
 
 from contact_locking import domain as domains
 from contact_locking import load, problem, study_file
-from contact_locking.convergence import distance, fitted_rate, norms, read_table
-from contact_locking.convergence.distance import on_mesh_of
+from contact_locking.convergence import distance, fitted_rate, norms, on_mesh_of, read_table
 from contact_locking.domain import Domain
 from contact_locking.errors import InputError
 from contact_locking.meshes.block import Block

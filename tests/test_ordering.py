@@ -7,7 +7,7 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contact_locking.ordering import along_curve, facets_of, lexicographic
+from contact_locking.ordering import along_curves, curves, facets_of, lexicographic
 
 
 def _polyline(points: npt.NDArray[np.float64], closed: bool = False) -> npt.NDArray[np.float64]:
@@ -20,13 +20,13 @@ def test_points_of_an_arc_are_walked_from_its_first_end(seed: int) -> None:
     angle = np.linspace(-0.9 * np.pi, 0.6 * np.pi, 30)
     arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     shuffled = np.random.default_rng(seed).permutation(arc)
-    order = along_curve(shuffled, _polyline(arc))
+    order = along_curves(shuffled, _polyline(arc))
     assert np.array_equal(shuffled[order], arc)
 
 
 def test_a_closed_curve_starts_at_its_first_point_and_goes_round_once() -> None:
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    order = along_curve(square, _polyline(square, closed=True))
+    order = along_curves(square, _polyline(square, closed=True))
     assert np.array_equal(square[order], square[[0, 3, 2, 1]])
 
 
@@ -35,7 +35,7 @@ def test_separate_curves_come_one_after_the_other() -> None:
     right = np.array([[2.0, 0.0], [3.0, 0.0], [4.0, 0.0]])
     points = np.concatenate([right, left])
     segments = np.concatenate([_polyline(right), _polyline(left)])
-    order = along_curve(points, segments)
+    order = along_curves(points, segments)
     assert np.array_equal(points[order], np.concatenate([left, right]))
 
 
@@ -49,3 +49,17 @@ def test_facets_are_numbers_of_points_each_once_in_an_order_of_its_own() -> None
     first, second = points[[2, 0, 1]], points[[3, 2, 1]]
     corners = np.stack([second, first, first[[1, 2, 0]]]) + 1e-15
     assert facets_of(points, corners).tolist() == [[0, 1, 2], [1, 2, 3]]
+
+
+def test_curves_are_lines_of_point_numbers_and_a_closed_one_repeats_its_first() -> None:
+    segments = np.array([[4, 2], [0, 1], [2, 3], [5, 6], [6, 7], [7, 5]])
+    assert [list(line) for line in curves(segments)] == [[0, 1], [3, 2, 4], [5, 6, 7, 5]]
+    apart = np.array([[0, 1], [2, 3], [3, 4]])
+    assert [list(line) for line in curves(apart)] == [[0, 1], [2, 3, 4]]
+    assert curves(np.empty((0, 2), dtype=np.int64)) == []
+
+
+def test_an_order_along_curves_that_meet_has_each_point_once() -> None:
+    cross = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.0, 2.0], [2.0, 0.0]])
+    segments = np.stack([cross[[0, 1, 3, 1]], cross[[1, 2, 1, 4]]], axis=1)
+    assert sorted(map(int, along_curves(cross, segments))) == [0, 1, 2, 3, 4]

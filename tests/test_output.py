@@ -93,6 +93,7 @@ def test_contact_csv_has_a_row_per_point_in_order(
         "bound",
         "state",
         *(f"normal_{a}" for a in axes),
+        "contact",
     ]
     assert len(rows) == len(points.x)
     for column, values in {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import shutil
 import subprocess
 import sys
@@ -42,7 +43,7 @@ for folder in map(Path, sys.argv[1:]):
 """
 
 
-DRAWN = ("locked", "without contact", "partly unlimited", "at rest")
+DRAWN = ("locked", "without contact", "partly unlimited", "at rest", "with two contacts")
 
 
 def snapshot(dim: int = 3, kind: str = "locked") -> Snapshot:
@@ -83,6 +84,7 @@ def test_every_view_of_every_kind_of_body_shows_something(
 ) -> None:
     inside = "locked" if kind not in ("unlocked", "at rest") else "cut"
     wanted = {"body", inside} | ({"contact"} if kind != "without contact" else set())
+    wanted |= {"contact.1"} if kind == "with two contacts" else set()
     assert set(drawn[kind]) == wanted
     for image in drawn[kind].values():
         assert image.shape[1] == round(200 * views.WIDTH)
@@ -252,6 +254,34 @@ def test_a_snapshot_that_is_damaged_is_bad_input(
         stored = dict(archive)
     np.savez(path, **{name: change.get(name, np.asarray)(stored[name]) for name in stored})
     with pytest.raises(InputError, match=told):
+        snapshot_file.load(path)
+
+
+@pytest.mark.serial
+def test_a_snapshot_without_numbers_and_names_of_contacts_has_one_contact(tmp_path: Path) -> None:
+    path, body = tmp_path / "snapshot.npz", snapshot()
+    snapshot_file.save(body, path)
+    with np.load(path) as archive:
+        stored = dict(archive)
+    del stored["points.contact"]
+    facts = json.loads(str(stored["facts"]))
+    del facts["contacts"]
+    np.savez(path, **(stored | {"facts": np.array(json.dumps(facts))}))
+    (part,) = snapshot_file.load(path).contact.parts()
+    assert same(part.points, body.contact.points) and part.titled("Title") == "Title"
+
+
+@pytest.mark.serial
+def test_a_snapshot_of_two_contacts_that_a_facet_joins_is_bad_input(tmp_path: Path) -> None:
+    path, body = tmp_path / "snapshot.npz", snapshot(3, "with two contacts")
+    body.contact.points.contact[-1] = 0
+    snapshot_file.save(body, path)
+    with pytest.raises(InputError, match="sorted by contact"):
+        snapshot_file.load(path)
+    body.contact.points.contact[:] = 1
+    body.contact.points.contact[0] = 0
+    snapshot_file.save(body, path)
+    with pytest.raises(InputError, match="a facet joins"):
         snapshot_file.load(path)
 
 

@@ -47,7 +47,6 @@ def test_the_gathered_boundary_belongs_to_its_cells_and_contact_is_the_bottom(di
     for facet, cell in zip(body.boundary, body.boundary_cell, strict=True):
         assert np.isin(facet, body.cells[cell]).all()
     contact = body.contact
-    assert contact is not None
     assert body.x[contact.vertices] == pytest.approx(contact.points.x)
     assert contact.smoothed == pytest.approx(-contact.points.pressure)
     assert len(contact.facets) == (DIVISIONS if dim == 2 else 2 * DIVISIONS**2)
@@ -112,17 +111,44 @@ def test_only_a_small_displacement_over_a_uniform_gap_is_magnified() -> None:
     assert largest > 0.03 and style.magnification(body) == 1.0
     body.displacement[:] *= 0.001 / largest
     assert style.magnification(body) == 50.0
-    assert body.contact is not None
     body.contact.points.gap[:] = 0.3
     assert style.magnification(body) == 50.0
     body.contact.points.gap[0] = 0.31
     assert style.magnification(body) == 1.0
 
 
-def test_chains_find_lines_and_loops() -> None:
-    segments = np.array([[4, 2], [0, 1], [2, 3], [5, 6], [6, 7], [7, 5]])
-    found = [list(line) for line in plane.chains(segments)]
-    assert found == [[0, 1], [3, 2, 4], [5, 6, 7, 5]]
+@pytest.mark.serial
+def test_each_contact_has_a_panel_in_the_picture_of_a_plane_body() -> None:
+    body = gather(of_kind(2, "with two contacts"))
+    assert body is not None
+    titles = [axes.get_title(loc="left") for axes in plane.figure(body).axes]
+    assert [title for title in titles if title.startswith("On")] == [
+        r"On $\Gamma_C$: bottom",
+        r"On $\Gamma_C$: left, a \$part\$",
+    ]
+
+
+def test_two_foundations_with_gaps_of_their_own_are_no_curved_one() -> None:
+    body = gather(of_kind(2, "with two contacts"))
+    if body is None:
+        return
+    largest = float(np.linalg.norm(body.displacement, axis=1).max())
+    body.displacement[:] *= 0.001 / largest
+    body.contact.points.gap[body.contact.points.contact == 1] = 0.3
+    assert style.magnification(body) == 50.0
+
+
+def test_the_corner_of_two_contacts_is_a_point_of_both() -> None:
+    body = gather(of_kind(2, "with two contacts"))
+    if body is None:
+        return
+    bottom, left = body.contact.parts()
+    assert bottom.names == ("bottom",) and left.names == ("left, a $part$",)
+    assert np.ptp(bottom.points.x[:, 1]) == np.ptp(left.points.x[:, 0]) == 0.0
+    assert len(set(bottom.vertices) & set(left.vertices)) == 1
+    for part in (bottom, left):
+        assert body.x[part.vertices] == pytest.approx(part.points.x)
+        assert np.array_equal(np.unique(part.facets), np.arange(len(part.points)))
 
 
 def test_level_lines_cut_a_triangle_where_a_linear_function_has_the_value() -> None:

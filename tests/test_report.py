@@ -21,7 +21,6 @@ from contact_locking import __version__, report
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.report import charts
-from contact_locking.report.contact_charts import curves
 from contact_locking.report.shown import shown
 from contact_locking.report.templates import environment
 from contact_locking.report.trends import Differences
@@ -111,7 +110,29 @@ def test_a_report_of_a_body_in_three_dimensions_has_maps(tmp_path: Path) -> None
 
 
 def test_a_body_without_contact_has_a_report_too(tmp_path: Path) -> None:
-    assert "no contact boundary" in page(run_folder(tmp_path, contact=False))
+    assert "no contact boundary" in page(run_folder(tmp_path, kind="without contact"))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_each_of_two_contacts_has_a_heading_charts_and_numbers(dim: int, tmp_path: Path) -> None:
+    text = page(run_folder(tmp_path, dim, "with two contacts"))
+    first, second = text.index("<h3>bottom</h3>"), text.index("<h3>left, a $part$</h3>")
+    each = {2: ("tractions", "slip"), 3: ("pressure", "friction", "states")}[dim]
+    assert {path.stem for path in (tmp_path / "report").iterdir()} == {
+        f"{name}-{number}" for name in each for number in (1, 2)
+    }
+    assert first < second and text[first:second].count("<svg") == len(each)
+    assert text[second:].count("<svg") == len(each)
+    for number in ("0.375", "0.0625"):
+        assert text[:first].count(f'<span class="number">{number}</span>') == 2
+    assert text.count('<th scope="col">left, a $part$</th>') == 1
+
+
+def test_contacts_that_the_summary_does_not_name_have_numbers(tmp_path: Path) -> None:
+    folder = run_folder(tmp_path, kind="with two contacts")
+    change(folder / "summary.json", contacts=[{"on": 3}, None])
+    text = page(folder)
+    assert "<h3>contact 1</h3>" in text and "<h3>contact 2</h3>" in text
 
 
 def test_a_run_that_did_not_converge_says_why_first(own_run: Path) -> None:
@@ -226,16 +247,11 @@ def test_pictures_of_the_cases_are_inside_the_page(tmp_path: Path, own_run: Path
     assert "data:image/png" not in page(tmp_path / "study")
 
 
-def test_curves_are_split_where_no_facet_joins_two_points() -> None:
-    chain = np.array([[0, 1], [2, 1], [2, 3]])
-    assert [part.tolist() for part in curves(4, chain)] == [[0, 1, 2, 3]]
-    apart = np.array([[0, 1], [2, 3], [3, 4]])
-    assert [part.tolist() for part in curves(5, apart)] == [[0, 1], [2, 3, 4]]
-    closed = np.array([[0, 1], [1, 2], [0, 2]])
-    assert [part.tolist() for part in curves(3, closed)] == [[0, 1, 2]]
-    assert [part.tolist() for part in curves(1, np.empty((0, 2), dtype=np.int64))] == [[0]]
-
-
+CONTACT_ROW = "1,2,0,0,0,0,0,0,0,0,open,0,-1,0\n"
+CONTACT = (
+    "x,y,u_normal,u_tangent_x,u_tangent_y,gap,pressure,traction_tangent_x,traction_tangent_y,"
+    f"bound,state,normal_x,normal_y,contact\n{CONTACT_ROW}"
+)
 DAMAGE = {
     "no summary": ("summary.json", None, "is not finished"),
     "half a summary": ("summary.json", '{"converged": tr', "no JSON"),
@@ -247,6 +263,9 @@ DAMAGE = {
     "no contact": ("contact.csv", None, "cannot be read"),
     "empty contact": ("contact.csv", "", "is empty"),
     "strange contact": ("contact.csv", "a,b\n1,2\n", "no column"),
+    "half a contact": ("contact.csv", CONTACT.replace(",0\n", ",1.5\n"), "no row of"),
+    "unsorted contacts": ("contact.csv", CONTACT + CONTACT_ROW.replace(",0\n", ",-1\n"), "sorted"),
+    "far contact": ("contact.csv", CONTACT.replace(",0\n", f",{10**30}\n"), "sorted"),
     "no facets": ("contact_facets.csv", None, "cannot be read"),
     "half a facet": ("contact_facets.csv", "point_0,point_1\n0,\n", "no 2 numbers"),
     "huge facet": ("contact_facets.csv", f"point_0,point_1\n0,{10**30}\n", "no 2 numbers"),

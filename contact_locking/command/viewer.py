@@ -10,8 +10,9 @@ import tempfile
 from pathlib import Path
 
 from contact_locking.errors import InputError, NoRendering
-from contact_locking.plotting import PICTURE, SNAPSHOT, offscreen, snapshot_file
-from contact_locking.report.folder import StudyResults, read
+from contact_locking.plotting import offscreen, snapshot_file
+from contact_locking.results.names import PICTURE, SNAPSHOT
+from contact_locking.results.read import StudyResults, read
 
 _PROGRAM = "contact_locking.plotting.window"
 

@@ -1,4 +1,4 @@
-"""The picture of a solution: the body on its foundation, and what happens along Gamma_C."""
+"""The picture of a solution: the body on its foundation, and the tractions on Gamma_C."""
 
 from __future__ import annotations
 
@@ -8,23 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from contact_locking.errors import NoRendering, NoRoom, is_full
+from contact_locking.results.names import PICTURE, SNAPSHOT
 
 if TYPE_CHECKING:
     from contact_locking.plotting.snapshot import Snapshot
     from contact_locking.plotting.views import Image
     from contact_locking.solution import Solution
 
-#: What a picture shows as arrays, beside it.
-SNAPSHOT, PICTURE = "snapshot.npz", "picture.png"
-
 
 def picture(solution: Solution, folder: Path) -> str | None:
     """Draw ``solution`` into a PNG file in ``folder``, and save its snapshot; collective.
 
-    Returns None, or on all ranks in words why there is no picture, or not the one there should be.
-    Raises NoRoom on all ranks where the disk is full, and nothing else.
+    Returns None, or on all ranks the reason why there is no picture or only a plainer one.
+    Raises NoRoom on all ranks if the disk is full, and no other error.
     """
-    # The styles in this package are used without DOLFINx too.
+    # The other modules of this package must work without DOLFINx.
     from contact_locking.plotting.gather import gather
 
     snapshot = gather(solution)
@@ -57,7 +55,7 @@ def _draw(snapshot: Snapshot, folder: Path) -> str | None:
     except ImportError as error:
         return f"no picture was drawn: Matplotlib cannot be imported ({error})"
     except Exception as error:
-        # A solve of hours must not be lost to its picture, whatever the reason.
+        # An error of the picture must not lose the results of a long solve.
         target.unlink(missing_ok=True)
         if isinstance(error, OSError) and is_full(error):
             raise NoRoom(f"{error.strerror} ({error.filename or target})") from error
@@ -66,7 +64,7 @@ def _draw(snapshot: Snapshot, folder: Path) -> str | None:
 
 
 def _views(snapshot: Path) -> tuple[dict[str, Image] | None, str | None]:
-    """The views of a saved body, or why there are none."""
+    """The views of a saved body, or None and the reason why there are none."""
     from contact_locking.plotting import offscreen
 
     try:

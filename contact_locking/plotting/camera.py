@@ -1,4 +1,4 @@
-"""How a picture looks at a body: parallel projections, the same for VTK and for Matplotlib."""
+"""Parallel projections of a body, the same for VTK and for Matplotlib."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact_locking.plotting.snapshot import FloatArray
+from contact_locking.arrays import FloatArray
 
-# From where one looks at a body: in front, from the right, a little from above.
+# The direction to the viewer, in degrees: in front, from the right, a little from above.
 _ELEVATION, _AZIMUTH = 20.0, -58.0
-# An axis is across the foundation if its share in the normal is at least this.
+# An axis crosses the foundation if its share in the normal is at least this.
 _ALONG = 0.9
-# How far the view of Gamma_C is from the side, as a share of how far it is from below.
+# The view of Gamma_C from below is turned to the side by this share.
 _ASLANT = 0.55
-# Free space around what is drawn, as a share of it, and more to the left for arrows along the axes.
+# Free space around the points, as shares of their extent; the gutter at the left is for arrows.
 _MARGIN, _GUTTER = 0.02, 0.1
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A parallel projection onto a picture ``width`` by ``height`` wide, in units of length.
+    """A parallel projection onto a picture of ``width`` by ``height``, in units of length.
 
     ``towards``, ``right`` and ``up`` (3,) are orthonormal, ``towards`` points at the viewer.
     """
@@ -33,16 +33,16 @@ class Camera:
     height: float
 
     def place(self, points: FloatArray) -> FloatArray:
-        """Where points (k, 3) are in the picture (k, 2): from 0 at the lower left to 1."""
+        """The places (k, 2) of points (k, 3) in the picture: from 0 at the lower left to 1."""
         away = points - self.centre
         share = np.column_stack([away @ self.right / self.width, away @ self.up / self.height])
         return share + 0.5
 
 
 def camera(points: FloatArray, towards: FloatArray, aspect: float | None = None) -> Camera:
-    """The camera that has all points (k, 3) in its picture, and z upwards in it.
+    """The camera whose picture shows all points (k, 3), with z upwards.
 
-    ``aspect`` is width over height, by default that of what is seen.
+    ``aspect`` is width over height, by default that of the points in the picture.
     """
     towards = towards / np.linalg.norm(towards)
     upright = np.eye(3)[2 if abs(towards[2]) < 0.999 else 1]
@@ -62,25 +62,23 @@ def camera(points: FloatArray, towards: FloatArray, aspect: float | None = None)
     return Camera(towards, right, up, centre, float(width), float(height))
 
 
-def from_the_side(normal: FloatArray | None) -> FloatArray:
-    """Towards a viewer who has the foundation, in the direction of ``normal``, behind the body."""
+def from_the_side(normal: FloatArray) -> FloatArray:
+    """The direction to a viewer for whom the foundation, on the side of ``normal``, is behind."""
     up, around = np.radians([_ELEVATION, _AZIMUTH])
     towards = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
-    if normal is not None:
-        towards -= 2.0 * max(float(towards @ normal), 0.0) * normal
-    return towards
+    return towards - 2.0 * max(float(towards @ normal), 0.0) * normal
 
 
-def across(normal: FloatArray | None) -> FloatArray:
-    """Of the axes along the foundation the one that points most at the viewer from the side."""
+def across(normal: FloatArray) -> FloatArray:
+    """The axis along the foundation that points most at the viewer from the side."""
     side = from_the_side(normal)
-    free = np.ones(3) if normal is None else np.abs(normal) < _ALONG
+    free = np.abs(normal) < _ALONG
     axis = int(np.argmax(np.abs(side) * free))
     return np.sign(side[axis]) * np.eye(3)[axis]
 
 
 def from_below(normal: FloatArray) -> FloatArray:
-    """Towards a viewer who looks at Gamma_C, whose mean outward normal is given, aslant."""
+    """The direction to a viewer who looks aslant at Gamma_C; ``normal`` is the mean outward one."""
     side = across(normal)
     side = side - (side @ normal) * normal
     return normal + _ASLANT * side

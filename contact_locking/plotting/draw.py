@@ -14,7 +14,7 @@ from contact_locking.plotting.views import Image
 
 
 def draw(body: Snapshot, path: Path, images: Mapping[str, Image] | None = None) -> None:
-    """Draw a body; in three dimensions with the ``images`` of its views, if there are any."""
+    """Draw a body; in three dimensions ``images`` are its views, None if PyVista cannot draw."""
     with matplotlib.rc_context(style.RC):
         if body.dim == 2:
             figure = plane.figure(body)

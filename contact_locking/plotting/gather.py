@@ -9,15 +9,16 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
-from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, Snapshot
-from contact_locking.solution import Solution
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.plotting.snapshot import ContactMap, Snapshot
+from contact_locking.solution import Solution, contact_name
 
 
 def gather(solution: Solution) -> Snapshot | None:
     """The snapshot on rank 0, None elsewhere; collective.
 
-    A rank sends the vertices and cells it owns, so that each arrives once; their global numbers
-    are those of the concatenation over ranks.
+    Each rank sends the vertices and the cells that it owns.  A global number is therefore a place
+    in the arrays that the ranks make up together.
     """
     domain, u = solution.domain, solution.displacement
     mesh, dim, comm = domain.mesh, domain.dim, domain.comm
@@ -40,8 +41,12 @@ def gather(solution: Solution) -> Snapshot | None:
         whole(function.x.array[function.function_space.dofmap.list[:cells, 0]])
         for function in (solution.strain_norm, solution.locking_limit, solution.locked)
     )
-    if comm.rank != 0:
+    points, facets = solution.contact_points, solution.contact_facets
+    if points is None or facets is None:
         return None
+    vertex = cKDTree(x).query(points.x)[1] if len(points) else np.empty(0, dtype=np.int64)
+    numbers = np.unique(points.contact)
+    names = tuple(contact_name(solution.summary, int(number)) for number in numbers)
     return Snapshot(
         x=x,
         displacement=displacement,
@@ -51,7 +56,7 @@ def gather(solution: Solution) -> Snapshot | None:
         strain_norm=strain,
         locking_limit=limit,
         locked=locked > 0.5,
-        contact=_contact_map(solution, x, smoothed),
+        contact=ContactMap(points, facets, vertex, smoothed[vertex], names),
         title=solution.parameters.title,
         dofs=solution.summary["dofs"],
         locked_fraction=solution.summary["locked_fraction"],
@@ -60,7 +65,7 @@ def gather(solution: Solution) -> Snapshot | None:
 
 
 def _boundary(space: fem.FunctionSpace) -> tuple[IntArray, IntArray]:
-    """The cells of owned exterior facets, and their vertices (m, d), in local numbers."""
+    """The cells (m,) and the vertices (m, d) of owned exterior facets, in local numbers."""
     topology = space.mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim - 1, dim)
@@ -76,7 +81,7 @@ def _boundary(space: fem.FunctionSpace) -> tuple[IntArray, IntArray]:
 
 
 def _at_vertices(function: fem.Function, space: fem.FunctionSpace) -> FloatArray:
-    """A scalar P1 function in the numbering of another P1 space's nodes."""
+    """The values of a scalar P1 function, in the numbering of the nodes of another P1 space."""
     dofmap = space.dofmap
     values = np.zeros(dofmap.index_map.size_local + dofmap.index_map.num_ghosts)
     values[dofmap.list] = function.x.array[function.function_space.dofmap.list]
@@ -84,14 +89,6 @@ def _at_vertices(function: fem.Function, space: fem.FunctionSpace) -> FloatArray
 
 
 def _numbers(index_map: Any, local: Any) -> IntArray:
-    """Global numbers of local ones, in the same shape."""
+    """The global numbers of local numbers, in an array of the same shape."""
     flat = np.ascontiguousarray(local, dtype=np.int32).reshape(-1)
     return index_map.local_to_global(flat).reshape(np.shape(local))
-
-
-def _contact_map(solution: Solution, x: FloatArray, smoothed: FloatArray) -> ContactMap | None:
-    points, facets = solution.contact_points, solution.contact_facets
-    if points is None or facets is None or len(facets) == 0:
-        return None
-    _, vertices = cKDTree(x).query(points.x)
-    return ContactMap(points, facets, vertices, smoothed[vertices])

@@ -1,6 +1,6 @@
-"""Views of a body drawn by PyVista in a process of their own, which may end as it likes.
+"""Views of a body, drawn by PyVista in a process of their own.
 
-Without a screen VTK does not raise: it ends its process.  A finished solve has to outlive that.
+Without a screen VTK raises no error but ends its process, which must not be the one of the solve.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _TARGET = "views.npz"
 _SECONDS, _GRACE_SECONDS = 120, 2
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 _SHELL, _CRASHED = 128, "VTK was ended by"
-#: A screen that nobody sees, and that stays when a client has gone.
+#: A command that gives a program a hidden screen, which stays when a client has gone.
 XVFB = ("xvfb-run", "-a", "-s", "-screen 0 640x480x24 -noreset")
 
 
@@ -41,7 +41,7 @@ def views(snapshot: Path) -> dict[str, Image]:
         raise NoRendering("PyVista is not installed")
     hidden = shutil.which(XVFB[0]) is not None
     reasons = []
-    # Without the hidden screen on the user's, or on none: VTK from PyPI knows how.
+    # If the hidden screen fails, VTK draws on the user's screen; VTK from PyPI draws without one.
     for screen in [XVFB, ()] if hidden else [()]:
         try:
             with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
@@ -59,22 +59,22 @@ def views(snapshot: Path) -> dict[str, Image]:
 
 
 def program(module: str) -> tuple[str, ...]:
-    """A command that runs a module of this package, and finds nothing in the current folder."""
+    """A command that runs a module of this package and imports nothing from the current folder."""
     return (sys.executable, "-P", "-m", module)
 
 
 def environment() -> dict[str, str]:
-    """In which `program` finds this package, however this process has found it."""
+    """The environment in which `program` finds this package as this process has found it."""
     here = str(Path(__file__).resolve().parents[2])
     known = os.environ.get("PYTHONPATH")
     return os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{known}" if known else here}
 
 
 def explain(code: int, told: str) -> str:
-    """Why a program of ours has ended, from its exit code and what it has said."""
+    """The reason why a program has ended, from its exit code and the text that it has written."""
     lines = _ESCAPES.sub("", told).strip().splitlines()
     said = f": {lines[-1].strip()}" if lines else ""
-    # A shell between, as xvfb-run is one, adds 128 to the signal.
+    # The shell of xvfb-run adds 128 to the number of the signal.
     number = -code if code < 0 else code - _SHELL
     with contextlib.suppress(ValueError):
         return f"{_CRASHED} {signal.Signals(number).name}{said}"
@@ -82,12 +82,12 @@ def explain(code: int, told: str) -> str:
 
 
 def _draw(screen: Sequence[str], snapshot: Path, folder: Path) -> str | None:
-    """Run the program that draws, on a screen, in a folder to be removed; None or why it failed.
+    """Run the program that draws and return None, or the reason why the program failed.
 
-    Raises NoRendering if it does not end.
+    All files are in ``folder``.  Raises NoRendering if the program does not end in time.
     """
     target, log = folder / _TARGET, folder / "log"
-    # The program's own limit is for where nobody is left to end it.
+    # The program has a time limit of its own, in case this process ends first.
     words = [*screen, *program(_PROGRAM), str(snapshot), str(target), str(2 * _SECONDS)]
     with log.open("wb") as stream:
         process = subprocess.Popen(
@@ -109,7 +109,10 @@ def _draw(screen: Sequence[str], snapshot: Path, folder: Path) -> str | None:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program and all it has started; a screen that is asked to removes its lock."""
+    """End a program and all programs that it has started.
+
+    The first signal is a request, after which a hidden screen removes its lock.
+    """
     deadline = time.monotonic() + _GRACE_SECONDS
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGTERM)

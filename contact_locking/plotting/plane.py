@@ -12,9 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path
 
+from contact_locking.arrays import FloatArray
+from contact_locking.ordering import curves
 from contact_locking.plotting import profile, style
-from contact_locking.plotting.foundation import touched
-from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, Snapshot
+from contact_locking.plotting.ground import touched
+from contact_locking.plotting.snapshot import ContactMap, Snapshot
 
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
 _THICKNESS, _REACH = 0.05, 0.08
@@ -22,14 +24,14 @@ _DASHES = (0, (4, 3))
 
 
 def figure(body: Snapshot) -> Figure:
-    """The deformed body over, if there is contact, the tractions along Gamma_C."""
-    if body.contact is None:
-        fig = Figure(figsize=(7.2, 5.6), layout="constrained")
-        top = fig.add_subplot()
-    else:
-        fig = Figure(figsize=(7.2, 8.4), layout="constrained")
-        top, middle, strip = fig.subplots(3, 1, height_ratios=(1.75, 1.0, 0.07))
-        _tractions(middle, strip, body.contact)
+    """The deformed body, and below it a panel with the tractions along each contact."""
+    contacts = body.contact.parts()
+    height = 5.4 + 3.0 * len(contacts) if contacts else 5.6
+    fig = Figure(figsize=(7.2, height), layout="constrained")
+    ratios = (1.75, *(1.0, 0.07) * len(contacts))
+    top, *panels = fig.subplots(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
+    for number, contact in enumerate(contacts):
+        _tractions(panels[2 * number], panels[2 * number + 1], contact)
     _body(fig, top, body)
     style.head(fig, body)
     return fig
@@ -48,11 +50,11 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
     axes.add_collection(colours)
     if body.locked.any():
         handles.append(_locked_zone(axes, x, body))
-    for outline in chains(body.boundary):
+    for outline in curves(body.boundary):
         axes.plot(*body.x[outline].T, color=style.GREY, lw=0.9, ls=_DASHES)
         axes.plot(*x[outline].T, color=style.BLACK, lw=1.1)
     handles.append(Line2D([], [], color=style.GREY, lw=0.9, ls=_DASHES, label="undeformed"))
-    if body.contact is not None:
+    if len(body.contact.points):
         handles.append(_foundation(axes, body.contact, factor, body.size))
     axes.set_aspect("equal")
     axes.autoscale_view()
@@ -61,7 +63,7 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
     axes.set_ylabel("$y$")
     bar = axes.inset_axes((1.03, 0.08, 0.025, 0.84))
     fig.colorbar(colours, cax=bar, label=shade.label, extend=shade.extend)
-    # The distance to the axes is in font sizes, so that the labels fit at any height of the axes.
+    # A distance in font sizes leaves room for the labels at any height of the axes.
     axes.legend(
         handles=handles,
         loc="upper center",
@@ -72,8 +74,8 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
 
 
 def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> Patch:
-    """Hatch exactly the locked cells, and draw a smooth line around the zone they make up."""
-    # One path of many triangles: Matplotlib hatches path by path, and takes its time for each.
+    """Hatch exactly the locked cells, and draw a smooth line around the zone of locked cells."""
+    # All triangles are in one path, as Matplotlib hatches each path for itself, which takes time.
     triangles = x[body.cells[body.locked]][:, [0, 1, 2, 0]].reshape(-1, 2)
     codes = np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(triangles) // 4)
     path = Path(triangles, codes)
@@ -95,8 +97,8 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> Patch:
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
     """A hatched layer on the far side of the surface at Gamma_C + gap nu."""
     surface = touched(contact, factor)
-    for chain in chains(contact.facets):
-        line, normal = _extended(surface[chain], contact.points.normal[chain], _REACH * size)
+    for curve in curves(contact.facets):
+        line, normal = _extended(surface[curve], contact.points.normal[curve], _REACH * size)
         far = line + _THICKNESS * size * normal
         axes.add_patch(_layer(np.vstack([line, far[::-1]])))
         axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
@@ -124,34 +126,14 @@ def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[Float
     return np.vstack([start, line, end]), np.vstack([normal[0], normal, normal[-1]])
 
 
-def chains(segments: IntArray) -> list[IntArray]:
-    """Segments (m, 2) as lines of point numbers; a closed line repeats its first point."""
-    neighbours: dict[int, list[int]] = {}
-    for a, b in segments:
-        neighbours.setdefault(int(a), []).append(int(b))
-        neighbours.setdefault(int(b), []).append(int(a))
-    ends = [point for point, others in neighbours.items() if len(others) == 1]
-    found = []
-    for start in [*sorted(ends), *sorted(neighbours)]:
-        if not neighbours[start]:
-            continue
-        line = [start]
-        while neighbours[line[-1]]:
-            following = neighbours[line[-1]].pop(0)
-            neighbours[following].remove(line[-1])
-            line.append(following)
-        found.append(np.array(line))
-    return found
-
-
 def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
     points = contact.points
-    lines = chains(contact.facets)
+    lines = curves(contact.facets)
     positions, label = profile.abscissa([points.x[line] for line in lines])
     tangent = np.column_stack([-points.normal[:, 1], points.normal[:, 0]])
     friction = np.sum(points.traction * tangent, axis=1)
     smoothed = np.abs(contact.smoothed)
-    curves = [
+    drawn = [
         profile.Curve(
             s,
             points.pressure[line],
@@ -162,6 +144,8 @@ def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
         )
         for s, line in zip(positions, lines, strict=True)
     ]
-    profile.draw(axes, strip, curves, label)
-    axes.set_title(r"On the contact boundary $\Gamma_C$", loc="left")
+    profile.draw(axes, strip, drawn, label)
+    # A name leaves the title less room beside the legend.
+    words = r"On $\Gamma_C$" if contact.names[0] else r"On the contact boundary $\Gamma_C$"
+    axes.set_title(contact.titled(words), loc="left")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)

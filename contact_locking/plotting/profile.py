@@ -1,4 +1,4 @@
-"""Pressure and friction along Gamma_C in two dimensions, with the state of each point below."""
+"""Pressure and friction along curves of Gamma_C, with a strip that shows the state below."""
 
 from __future__ import annotations
 
@@ -7,20 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.plotting import style
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _MOST_MARKERS = 60
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A connected part of Gamma_C; ``s`` says where its k points are drawn, all others are (k,).
+    """Values (k,) along a connected part of Gamma_C; ``s`` are the places of the points.
 
     ``friction`` is the component of sigma_tau along the curve, ``smoothed`` is |R sigma_nu|.
     """
@@ -34,7 +31,7 @@ class Curve:
 
 
 def draw(axes: Axes, strip: Axes, curves: Sequence[Curve], label: str) -> None:
-    """The tractions into ``axes``, the states into the narrow ``strip`` below it."""
+    """Draw the tractions into ``axes``, the states into the narrow ``strip`` below."""
     for number, curve in enumerate(curves):
         name = (lambda text: text) if number == 0 else (lambda text: "_" + text)
         axes.fill_between(
@@ -92,7 +89,11 @@ def draw(axes: Axes, strip: Axes, curves: Sequence[Curve], label: str) -> None:
 
 
 def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
-    """Where to draw the points (k, 2) of each line: at x, else at y, else at their arc length."""
+    """The places of the points (k, 2) of each line along an axis, and the label of that axis.
+
+    The places are x, where x is monotone and lines do not overlap, otherwise y, otherwise arc
+    length.
+    """
     for axis, name in enumerate("xy"):
         along = [line[:, axis] for line in lines]
         steps = [np.diff(s) for s in along]
@@ -103,7 +104,7 @@ def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
     for line in lines:
         lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
         position.append(start + np.concatenate([[0.0], np.cumsum(lengths)]))
-        # Lines are drawn a little apart.
+        # The next line begins after a small distance.
         start = float(position[-1][-1] + 0.1 * lengths.sum())
     return position, r"arc length along $\Gamma_C$"
 
@@ -114,7 +115,7 @@ def _overlap(along: list[FloatArray]) -> bool:
 
 
 def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
-    """The state of each point, as wide as the half of the way to both its neighbours."""
+    """Draw the state of each point, from the middle before to the middle after the point."""
     middle = 0.5 * (s[1:] + s[:-1])
     edges = np.concatenate([s[:1], middle, s[-1:]])
     axes.pcolormesh(edges, [0.0, 1.0], state[None, :], cmap=style.STATES, vmin=-0.5, vmax=2.5)

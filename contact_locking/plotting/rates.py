@@ -1,4 +1,4 @@
-"""Log-log plots of studies, each curve with its fitted rate."""
+"""Log-log plots of studies in which each curve has its fitted rate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from contact_locking.convergence.rates import fitted_rate
+from contact_locking.convergence import fitted_rate
 from contact_locking.plotting import style
 
 _COLOURS = (style.BLUE, style.VERMILION, style.ORANGE, style.SKY, style.BLACK, style.GREY)
@@ -22,7 +22,7 @@ _PANEL = (4.3, 3.7)
 
 @dataclass(frozen=True)
 class Curve:
-    """Values over a parameter; the rate is fitted to the last ``fitted`` points, 0: to none.
+    """Values over a parameter, with a rate fitted to the last ``fitted`` points unless that is 0.
 
     ``plain`` curves, such as bounds, are dashed and grey, without markers.
     """
@@ -48,7 +48,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Panel:
-    """One set of axes.  ``logarithmic``: both axes are; else neither."""
+    """One set of axes, which are both ``logarithmic`` or both linear."""
 
     title: str
     x: str
@@ -58,11 +58,11 @@ class Panel:
 
 
 def rate_plot(panels: Sequence[Panel], path: Path) -> None:
-    """Draw panels side by side into a file whose suffix says the format, such as .svg or .png.
+    """Draw panels side by side into a file, whose suffix tells the format, such as .svg or .png.
 
-    A thin line through the fitted points shows each rate, whose number stands in the legend.
+    A thin line through the fitted points shows each rate, and the legend gives its value.
     """
-    # Without a salt and with a date the same curves would give another file each time.
+    # With a fixed salt and without a date the same curves give the same file.
     with matplotlib.rc_context({**style.RC, "svg.hashsalt": "contact_locking"}):
         width, height = _PANEL
         figure = Figure(figsize=(width * len(panels), height), layout="constrained")
@@ -84,7 +84,7 @@ def _draw(axes: Any, panel: Panel) -> None:
             continue
         colour, marker = next(looks)
         line = "none" if curve.fitted else "-"
-        # Hollow, so that values that agree are both seen.
+        # Hollow markers leave both of two equal values visible.
         look = {"color": colour, "mfc": "none", "ms": 6, "lw": 1.0}
         axes.plot(curve.x, curve.y, marker, ls=line, label=curve.text, **look)
         if curve.rate is not None:

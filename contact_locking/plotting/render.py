@@ -1,6 +1,6 @@
 """``python3 -m contact_locking.plotting.render SNAPSHOT VIEWS SECONDS``: views as pictures.
 
-A program of its own: where VTK finds no screen, or no OpenGL, it ends the process that it is in.
+This module is a program of its own, as VTK ends its process if it finds no screen or no OpenGL.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from contact_locking.plotting.camera import Camera
 from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.plotting.views import BODY, CUT, LOCKED, Image, View, views
 
-# Pictures are drawn so many times larger than they are shown, for smooth edges.
+# Pictures are drawn larger by this factor and then reduced, which makes edges smooth.
 _FINER = 3
 _INCH = 72.0
-# How much nearer lines are drawn, as a share of the body's size.
+# Lines move towards the viewer by this share of the body's size.
 _LIFT = 0.005
 
 
@@ -31,7 +31,7 @@ def render(body: Snapshot) -> dict[str, Image]:
     plotter = pv.Plotter(off_screen=True, lighting="none")
     set_up(plotter)
     try:
-        # One plotter for all: an X server that is there for it alone may end with the first.
+        # All views use one plotter: an X server without clients may end.
         return {name: _picture(plotter, body, name, view) for name, view in views(body).items()}
     finally:
         plotter.close()
@@ -51,20 +51,20 @@ def _picture(plotter: Any, body: Snapshot, name: str, view: View) -> Image:
         scene.cut_open()
     elif name == LOCKED:
         scene.locked_zone()
-    elif body.contact is not None:
-        scene.pressure(body.contact)
+    else:
+        scene.pressure()
     look(plotter, view.camera)
     plotter.render()
     return _coarser(np.asarray(plotter.screenshot(return_img=True))[..., :3])
 
 
 def set_up(plotter: Any) -> None:
-    """Background, light, and what bodies of glass take."""
+    """Set the background and the light of a plotter, and allow bodies of glass."""
     import pyvista as pv
 
     plotter.set_background("white")
     plotter.add_light(pv.Light(position=(-0.5, 0.9, 1.4), light_type="camera light"))
-    # Several samples for each pixel do not go together with it.
+    # Depth peeling, which glass takes, does not work with several samples for each pixel.
     plotter.render_window.SetMultiSamples(0)
     plotter.enable_depth_peeling()
 
@@ -89,7 +89,7 @@ def _coarser(image: Image) -> Image:
 
 def main(snapshot: Path, target: Path, seconds: int) -> None:
     """Render the views of a snapshot file into a file of NumPy."""
-    # Whoever has started this may be gone when a driver hangs.
+    # If a graphics driver hangs, the process that has started this one may be gone.
     signal.alarm(seconds)
     images: dict[str, Any] = dict(render(snapshot_file.load(snapshot)))
     with target.open("wb") as stream:

@@ -9,20 +9,21 @@ import numpy as np
 import pyvista as pv
 from matplotlib.colors import ListedColormap
 
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.plotting import style
 from contact_locking.plotting.contact_map import PRESSURE_COLOURS, nearest_parts, pressure_norm
-from contact_locking.plotting.foundation import foundation, touched
-from contact_locking.plotting.snapshot import ContactMap, FloatArray, IntArray, Snapshot
+from contact_locking.plotting.ground import foundation, touched
+from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.plotting.views import cut
 from contact_locking.solution import OPEN, STATE_NAMES, STICK
 
-# Edges of the body are where its faces meet at an angle above this one, in degrees.
+# Faces that meet at a larger angle, in degrees, make an edge of the body.
 _SHARP = 30.0
-# Light shows the shape; what is coloured by values keeps most of its colour.
+# Light shows the shape; a surface in the colours of values keeps most of its colour.
 _MATT = {"ambient": 0.75, "diffuse": 0.33, "specular": 0.0}
 _PLAIN = {"ambient": 0.62, "diffuse": 0.48, "specular": 0.0}
 _GLASS, _PALE_BODY = 0.16, "#cfcfcf"
-# Gamma_C where it is open: nearly white, to be told from the background.
+# The open part of Gamma_C is nearly white, as the background is white.
 _APART = "#fcfcfc"
 
 # Line widths in points.
@@ -33,8 +34,8 @@ _SHADES = 512
 class Scene:
     """Draws a snapshot, deformed by ``factor``, into a plotter with ``point`` pixels to a point.
 
-    Lines come nearer by ``lift`` (3,): a wide line faces the viewer, and where the surface that it
-    lies in does not, half of it would be hidden.
+    Lines move by ``lift`` (3,) towards the viewer: a wide line faces the viewer, and a surface that
+    does not would hide half of a line that lies in the surface.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class Scene:
         self._foundation()
 
     def cut_open(self, **bar: Any) -> None:
-        """The same without the half that is nearer to the viewer."""
+        """The deformed body without the half that is nearer to the viewer."""
         towards, middle = cut(self._body, self._x)
         half = self._grid().clip(normal=towards, origin=middle, invert=True)
         if half.n_cells:
@@ -82,9 +83,10 @@ class Scene:
         self._edges(self._x, style.BLACK, _EDGE)
         self._foundation()
 
-    def pressure(self, contact: ContactMap, **bar: Any) -> None:
-        """Where Gamma_C touches, in the colours of the pressure, on a pale body."""
+    def pressure(self, **bar: Any) -> None:
+        """The touching part of Gamma_C in the colours of the pressure, on a pale body."""
         self._pale_body()
+        contact = self._body.contact
         norm, colours = pressure_norm(contact.points), matplotlib.colormaps[PRESSURE_COLOURS]
         most = float(norm.vmax or 1.0)
         scale = ListedColormap(colours(norm(np.linspace(0.0, most, _SHADES))))
@@ -103,9 +105,10 @@ class Scene:
             part.point_data["sticks"] = (contact.points.state == STICK).astype(float)
             self._cased_line(part.contour([0.5], scalars="sticks"), style.BLUE)
 
-    def states(self, contact: ContactMap, **bar: Any) -> None:
+    def states(self, **bar: Any) -> None:
         """Gamma_C in the colours of open, stick and slip, on a pale body."""
         self._pale_body()
+        contact = self._body.contact
         parts, point = nearest_parts(self._x[contact.vertices], contact.facets)
         part = _loose(parts)
         part.cell_data["state"] = contact.points.state[point]
@@ -114,7 +117,7 @@ class Scene:
         self._add(part, scalars="state", annotations=names, lighting=False, **how, **bar)
 
     def _strain(self, skin: Any, cell: IntArray, **bar: Any) -> None:
-        """Colour a surface by the strain in the cells that its faces belong to."""
+        """Add a surface in the colours of the strain; ``cell`` has the cell of each face."""
         shade = self._shade
         skin.cell_data["shade"] = shade.values[cell].filled(np.nan)
         colours = {"cmap": shade.cmap, "clim": (0.0, shade.norm.vmax), "nan_color": style.PALE}
@@ -126,7 +129,7 @@ class Scene:
             self._cased_line(rim, style.VERMILION)
 
     def _grid(self) -> Any:
-        """The cells, with their numbers, and how far the zone around a vertex is locked."""
+        """The cells with their numbers, and the locked share of the cells around each vertex."""
         kind = pv.CellType.TETRA if self._body.dim == 3 else pv.CellType.TRIANGLE
         grid = pv.UnstructuredGrid({kind: self._body.cells}, self._x)
         grid.cell_data["cell"] = np.arange(len(self._body.cells))
@@ -134,9 +137,9 @@ class Scene:
         return grid
 
     def _body_but_contact(self, **how: Any) -> None:
-        """The body without Gamma_C, where something else is drawn."""
+        """Add the surface of the body without Gamma_C, whose place another surface takes."""
         faces, contact = self._faces, self._body.contact
-        if self._body.dim == 3 and contact is not None:
+        if self._body.dim == 3:
             both = np.sort(np.vstack([contact.vertices[contact.facets], faces]), axis=1)
             _, number = np.unique(both, axis=0, return_inverse=True)
             number, first = number.reshape(-1), len(contact.facets)
@@ -149,25 +152,23 @@ class Scene:
         self._edges(self._x, style.BLACK, _FINE)
 
     def _foundation(self) -> None:
-        contact = self._body.contact
-        if contact is None:
-            return
-        if self._body.dim == 2:
-            points = in_space(touched(contact, self._factor))
-            self._line(_surface(points, contact.facets), style.GREY, _CASING)
-            return
-        corners = foundation(contact, self._factor, self._body.size)
-        ground, plane = _loose(corners), len(corners) == 1
-        self._add(ground, color=style.PALE, **({"lighting": False} if plane else _PLAIN))
-        if plane:
-            self._line(ground.extract_feature_edges(), style.GREY, _FINE)
+        for contact in self._body.contact.parts():
+            if self._body.dim == 2:
+                points = in_space(touched(contact, self._factor))
+                self._line(_surface(points, contact.facets), style.GREY, _CASING)
+                continue
+            corners = foundation(contact, self._factor, self._body.size)
+            ground, plane = _loose(corners), len(corners) == 1
+            self._add(ground, color=style.PALE, **({"lighting": False} if plane else _PLAIN))
+            if plane:
+                self._line(ground.extract_feature_edges(), style.GREY, _FINE)
 
     def _edges(self, x: FloatArray, colour: str, width: float) -> None:
         skin = _surface(x, self._faces)
         self._line(skin.extract_feature_edges(_SHARP, manifold_edges=False), colour, width)
 
     def _line(self, mesh: Any, colour: str, width: float, layer: int = 0) -> None:
-        """Lines upon the surface, and upon lines of lower layers, that they lie in."""
+        """Add lines that lie in a surface, in front of the surface and of lines of lower layers."""
         if mesh.n_points:
             mesh = mesh.translate((1 + layer) * self._lift)
             width *= self._point
@@ -175,7 +176,7 @@ class Scene:
             actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, -4.0 * layer)
 
     def _cased_line(self, mesh: Any, colour: str) -> None:
-        """Lines that can be seen on any colour."""
+        """Add lines with a white border, which are visible on any colour."""
         self._line(mesh, "white", _CASING, 1)
         self._line(mesh, colour, _RIM, 2)
 

@@ -1,4 +1,4 @@
-"""Everything a picture shows as plain arrays; without DOLFINx."""
+"""All that a picture shows, as arrays of NumPy."""
 
 from __future__ import annotations
 
@@ -7,23 +7,53 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.solution import ContactPoints
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.solution import ContactPoints, facets_within
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+_LONGEST_NAMES = 40
 
 
 @dataclass(frozen=True)
 class ContactMap:
-    """Gamma_C: its points, and its facets (m, d) as indices of them.
+    """Gamma_C, which has no points in a body without contact.
 
-    ``vertices`` (k,) are the points as vertices of the body, ``smoothed`` (k,) is R sigma_nu.
+    ``facets`` (m, d) are numbers of the points, ``vertices`` (k,) the points as vertices of the
+    body, ``smoothed`` (k,) is R sigma_nu, and ``names`` are those of the contacts.
     """
 
     points: ContactPoints
     facets: IntArray
     vertices: IntArray
     smoothed: FloatArray
+    names: tuple[str, ...]
+
+    @classmethod
+    def none(cls, dim: int) -> ContactMap:
+        """The map of a body without contact."""
+        vertices, facets = np.empty(0, dtype=np.int64), np.empty((0, dim), dtype=np.int64)
+        return cls(ContactPoints.none(dim), facets, vertices, np.empty(0), ())
+
+    def parts(self) -> list[ContactMap]:
+        """The map of each contact, which has a name if there are several."""
+        rows = self.points.rows()
+        names = self.names if len(rows) > 1 else ("",) * len(rows)
+        return [
+            ContactMap(
+                self.points[own],
+                facets_within(self.facets, own),
+                self.vertices[own],
+                self.smoothed[own],
+                (name,),
+            )
+            for own, name in zip(rows, names, strict=True)
+        ]
+
+    def titled(self, title: str, before_names: str = ": ") -> str:
+        """A title that ends with the names of the contacts."""
+        names = ", ".join(name for name in self.names if name)
+        shown = names if len(names) <= _LONGEST_NAMES else f"{names[: _LONGEST_NAMES - 1]}\u2026"
+        # Matplotlib would begin a formula at a dollar sign.
+        return title + before_names + shown.replace("$", r"\$") if shown else title
 
 
 @dataclass(frozen=True)
@@ -42,7 +72,7 @@ class Snapshot:
     strain_norm: FloatArray
     locking_limit: FloatArray
     locked: npt.NDArray[np.bool_]
-    contact: ContactMap | None
+    contact: ContactMap
     title: str
     dofs: int
     locked_fraction: float

@@ -1,4 +1,4 @@
-"""Snapshots as compressed NumPy files, read with the suspicion that files from anywhere deserve."""
+"""Snapshots as compressed NumPy files; no file is trusted to be as it was written."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from contact_locking.errors import InputError
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.solution import STATE_NAMES, ContactPoints
 
-# Far above any snapshot of ours: a small file may unpack to more than the memory.
+# No snapshot is as large.  A small file that is compressed may fill the memory.
 _MOST_BYTES = 20_000_000_000
 
 # Letters for the sizes: v vertices, c cells with s corners, b facets of the boundary, k points and
@@ -41,9 +41,10 @@ _POINTS = {
     "traction": "kd",
     "bound": "k",
     "state": "k",
+    "contact": "k",
 }
 _MAP = {"facets": "md", "vertices": "k", "smoothed": "k"}
-# What whole numbers count: they are smaller than this size.
+# Whole numbers, and the size that they are smaller than.
 _COUNTED = {
     "cells": "v",
     "boundary": "v",
@@ -51,11 +52,12 @@ _COUNTED = {
     "facets": "k",
     "vertices": "v",
     "state": "states",
+    "contact": "k",
 }
 _UNBOUNDED = ("strain_norm", "locking_limit")
 _FACTS = {"title": str, "dofs": int, "locked_fraction": float, "converged": bool}
 
-# What NumPy, zipfile and json raise for content that is not as they left it.
+# The errors of NumPy, zipfile and json for a damaged file.
 _DAMAGE = (
     *(ValueError, KeyError, TypeError, EOFError, OverflowError, MemoryError, RecursionError),
     *(zipfile.BadZipFile, zlib.error),
@@ -65,10 +67,11 @@ _DAMAGE = (
 def save(body: Snapshot, path: Path) -> None:
     """Write a snapshot, all of it or nothing. Raises OSError."""
     arrays: dict[str, Any] = {name: getattr(body, name) for name in _BODY}
-    if body.contact is not None:
+    if len(body.contact.points):
         arrays |= {f"points.{name}": getattr(body.contact.points, name) for name in _POINTS}
         arrays |= {name: getattr(body.contact, name) for name in _MAP}
-    facts = json.dumps({name: kind(getattr(body, name)) for name, kind in _FACTS.items()})
+    known: dict[str, Any] = {name: kind(getattr(body, name)) for name, kind in _FACTS.items()}
+    facts = json.dumps(known | {"contacts": body.contact.names})
     try:
         with path.open("wb") as stream:
             np.savez_compressed(stream, facts=np.array(facts), **arrays)
@@ -105,22 +108,38 @@ def _snapshot(stored: Mapping[str, npt.NDArray[Any]]) -> Snapshot:
     }
     if sizes["d"] not in (2, 3) or sizes["s"] != sizes["d"] + 1 or not sizes["v"]:
         raise ValueError("no body in two or three dimensions")
-    contact = None
+    contact = ContactMap.none(sizes["d"])
     if "facets" in stored:
-        points = {
-            name: _checked(name, stored[f"points.{name}"], shape, sizes)
-            for name, shape in _POINTS.items()
-        }
-        maps = {name: _checked(name, stored[name], shape, sizes) for name, shape in _MAP.items()}
-        contact = ContactMap(ContactPoints(**points), **maps)
+        contact = _contact(stored, sizes, facts.get("contacts"))
     known: dict[str, Any] = {name: kind(facts[name]) for name, kind in _FACTS.items()}
     return Snapshot(**body, **known, contact=contact)
+
+
+def _contact(
+    stored: Mapping[str, npt.NDArray[Any]], sizes: dict[str, int], names: Any
+) -> ContactMap:
+    """The map of Gamma_C; a file without numbers and names of contacts has one contact."""
+    one = {"points.contact": np.zeros(len(stored["points.x"]), dtype=np.int64)}
+    arrays = {
+        name: _checked(name, (one | dict(stored))[f"points.{name}"], shape, sizes)
+        for name, shape in _POINTS.items()
+    }
+    maps = {name: _checked(name, stored[name], shape, sizes) for name, shape in _MAP.items()}
+    points = ContactPoints(**arrays)
+    joins = points.contact[maps["facets"]]
+    if (np.diff(points.contact) < 0).any():
+        raise ValueError("the points are not sorted by contact")
+    if (joins != joins[:, :1]).any():
+        raise ValueError("a facet joins points of different contacts")
+    count = len(points.rows())
+    given = [str(name) for name in names] if isinstance(names, list) else []
+    return ContactMap(points, **maps, names=tuple(given if len(given) == count else [""] * count))
 
 
 def _checked(
     name: str, array: npt.NDArray[Any], shape: str, sizes: dict[str, int]
 ) -> npt.NDArray[Any]:
-    """An array of the right kind whose sizes agree with those before it."""
+    """The array, if its kind is right and its sizes agree with ``sizes``, which it adds to."""
     if array.ndim != len(shape):
         raise ValueError(f"{name} has the wrong shape")
     for letter, size in zip(shape, array.shape, strict=True):

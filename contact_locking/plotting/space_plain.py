@@ -13,50 +13,60 @@ from mpl_toolkits.mplot3d.art3d import (  # type: ignore[import-untyped]
     Poly3DCollection,
 )
 
+from contact_locking.arrays import AXES, FloatArray
 from contact_locking.plotting import contact_map, style
-from contact_locking.plotting.foundation import foundation
-from contact_locking.plotting.snapshot import FloatArray, Snapshot
+from contact_locking.plotting.ground import foundation
+from contact_locking.plotting.snapshot import Snapshot
 
-_AXES = "xyz"
+# Inches: the deformed surface with the head of the figure, and the maps of a contact.
+_TOP, _ROW = 5.568, 4.032
 _ELEVATION, _AZIMUTH = 18.0, -58.0
-# Towards the light, which only tells one face from the other.
+# The direction to the light, which tells the faces of the body apart.
 _LIGHT = np.array([-0.35, -0.65, 0.68])
 _SHADOW = 0.25
 
 
 def figure(body: Snapshot) -> Figure:
-    """The deformed surface over, if there is contact, two maps of Gamma_C."""
+    """The deformed surface, and below it two maps of each contact."""
+    contacts = body.contact.parts()
     # Places are fixed: Matplotlib's layouts do not know how much of its box a 3D view fills.
-    if body.contact is None:
+    if not contacts:
         fig = Figure(figsize=(7.6, 6.4))
         _surface(fig, body, 0.02, 0.9)
     else:
-        fig = Figure(figsize=(7.6, 9.6))
-        _surface(fig, body, 0.42, 0.52)
-        contact_map.pressure_map(fig, (0.08, 0.1, 0.37, 0.27), body.contact)
-        contact_map.state_map(fig, (0.58, 0.1, 0.37, 0.27), body.contact)
-        states = style.state_patches()
-        fig.legend(handles=states, loc="center", bbox_to_anchor=(0.77, 0.05), ncols=3)
+        height = _TOP + _ROW * len(contacts)
+        fig = Figure(figsize=(7.6, height))
+        _surface(fig, body, 1.0 - _TOP / height, 4.992 / height)
+        for number, contact in enumerate(contacts, start=1):
+            low = (height - _TOP - number * _ROW) / height
+            bottom, tall = low + 0.96 / height, 2.592 / height
+            bar = (0.1, low + 0.432 / height, 0.33, 0.096 / height)
+            contact_map.pressure_map(fig, (0.08, bottom, 0.37, tall), bar, contact)
+            contact_map.state_map(fig, (0.58, bottom, 0.37, tall), contact)
+            anchor = (0.77, low + 0.48 / height)
+            states = style.state_patches()
+            fig.legend(handles=states, loc="center", bbox_to_anchor=anchor, ncols=3)
     style.head(fig, body)
     return fig
 
 
 def _surface(fig: Figure, body: Snapshot, bottom: float, height: float) -> None:
     axes: Any = fig.add_axes((0.0, bottom, 0.86, height), projection="3d")
-    # Matplotlib cannot hide one collection behind another; the order they are added in does.
+    # Matplotlib draws collections in the order in which they are added: it hides none by depth.
     axes.computed_zorder = False
     axes.view_init(elev=_ELEVATION, azim=_AZIMUTH)
     factor = style.magnification(body)
     x = style.deformed(body, factor)
     shade = style.shade(body)
     handles, extent = [], x
-    if body.contact is not None:
-        ground = foundation(body.contact, factor, body.size)
-        extent = np.vstack([x, ground.reshape(-1, 3)])
+    for contact in body.contact.parts():
+        ground = foundation(contact, factor, body.size)
+        extent = np.vstack([extent, ground.reshape(-1, 3)])
         edge = style.GREY if len(ground) == 1 else style.PALE
         axes.add_collection3d(
             Poly3DCollection(ground, facecolors=style.PALE, edgecolors=edge, linewidths=0.6)
         )
+    if len(body.contact.points):
         handles.append(Patch(facecolor=style.PALE, edgecolor=style.GREY, label="foundation"))
     normals = _outward(x[body.boundary], x[body.cells[body.boundary_cell]].mean(axis=1))
     visible = normals @ _towards_viewer() > 0.0
@@ -99,11 +109,11 @@ def _towards_viewer() -> FloatArray:
 
 
 def _level_lines(faces: FloatArray, values: FloatArray) -> FloatArray:
-    """Segments (m, 2, 3) where linear functions on triangles, given at corners, cross the rim."""
+    """Segments (m, 2, 3) on which functions given at corners of triangles are RIM_SHARE."""
     above = values >= style.RIM_SHARE
     crossed = above.any(axis=1) & ~above.all(axis=1)
     faces, values, above = faces[crossed], values[crossed], above[crossed]
-    # The corner that is alone on its side; the line cuts both edges at it.
+    # The segment cuts both edges at the corner that is alone on its side of the level.
     alone = np.argmax(above == (above.sum(axis=1) == 1)[:, None], axis=1)
     rows = np.arange(len(faces))
     ends = []
@@ -116,14 +126,14 @@ def _level_lines(faces: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _frame(axes: Any, x: FloatArray) -> None:
-    """Equal scales around the points, and instead of axes three arrows at a lower corner."""
+    """Show all points x at equal scales, with three arrows at a lower corner instead of axes."""
     low, high = x.min(axis=0), x.max(axis=0)
     arrow = 0.14 * float((high - low).max())
     axes.set_axis_off()
-    limits = zip(_AXES, low, high, strict=True)
+    limits = zip(AXES, low, high, strict=True)
     axes.set(**{f"{name}lim": (a, b) for name, a, b in limits})
     axes.set_box_aspect(high - low, zoom=1.15)
-    for name, direction in zip(_AXES, arrow * np.eye(3), strict=True):
+    for name, direction in zip(AXES, arrow * np.eye(3), strict=True):
         line = np.array([low, low + direction])
         axes.plot(*line.T, color=style.BLACK, lw=1.2, clip_on=False)
         axes.text(*(low + 1.35 * direction), f"${name}$", ha="center", va="center")

@@ -1,4 +1,4 @@
-"""Colours that colour-blind readers can tell apart, scales, and what all pictures share."""
+"""Colours that colour-blind readers can tell apart, scales, titles and legends of all pictures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from matplotlib.patches import Patch
 from contact_locking.solution import STATE_NAMES
 
 if TYPE_CHECKING:
-    from contact_locking.plotting.snapshot import FloatArray, Snapshot
+    from contact_locking.arrays import FloatArray
+    from contact_locking.plotting.snapshot import Snapshot
 
 # Okabe and Ito's palette.
 BLUE, SKY, ORANGE, VERMILION, BLACK = "#0072B2", "#56B4E9", "#E69F00", "#D55E00", "#1a1a1a"
@@ -45,13 +46,14 @@ DPI = 200
 
 LOCKED_LABEL = r"locked zone, $|\varepsilon| \geq M$"
 LOCKED_TITLE = r"Locked zone, $|\varepsilon| \geq M$"
-# The line around the locked zone runs where this share of the cells around a vertex is locked.
+# On the line around the locked zone this share of the cells around a vertex is locked.
 RIM_SHARE = 0.25
 
-# Points; a title of more characters than the second is smaller, one above the third shortened.
+# The size of a title in points; the numbers of characters above which a title is smaller, and
+# above which it is shortened.
 _TITLE_SIZE, _FULL_SIZE_TITLE, _LONGEST_TITLE = 13.0, 56, 120
 
-# Share of the cells whose values the colours cover.
+# The share of the cells whose values are within the scale of colours.
 _QUANTILE = 0.99
 # Displacements smaller than the first share of the body are magnified to about the second.
 _VISIBLE, _SHOWN = 0.03, 0.08
@@ -59,7 +61,7 @@ _VISIBLE, _SHOWN = 0.03, 0.08
 
 @dataclass(frozen=True)
 class Shade:
-    """What colours the cells: a masked array (c,), and how to read it."""
+    """The values (c,) that colour the cells, a masked array, with their scale and label."""
 
     values: Any
     label: str
@@ -69,7 +71,7 @@ class Shade:
 
 
 def shade(body: Snapshot) -> Shade:
-    """|eps|/M where any M is finite, and |eps| for a body that never locks."""
+    """|eps|/M, or |eps| for a body that never locks."""
     import matplotlib
 
     cmap = matplotlib.colormaps["viridis"].with_extremes(bad=PALE)
@@ -86,9 +88,9 @@ def shade(body: Snapshot) -> Shade:
 
 
 def _scaled(values: Any, label: str, cmap: Colormap, mark: float | None = None) -> Shade:
-    """Colours up to what few cells exceed, so that a corner's peak does not take them all.
+    """The scale of colours up to a value that few cells exceed, as a peak would use up the colours.
 
-    A ``mark`` near the top becomes the top.
+    If ``mark`` is near that value, the scale ends at ``mark``.
     """
     present = values.compressed()
     top = float(np.quantile(present, _QUANTILE)) if len(present) else 0.0
@@ -109,14 +111,14 @@ def locked_share(body: Snapshot) -> FloatArray:
 
 
 def magnification(body: Snapshot) -> float:
-    """1, or a round number that makes a small displacement visible.
+    """The factor of the drawn displacement: 1, or a round number if the displacement is small.
 
-    Where the gap varies only the true scale shows the foundation in its shape.
+    If the gap varies along a contact, the factor is 1, as another would deform the foundation.
     """
     largest = float(np.linalg.norm(body.displacement, axis=1).max(initial=0.0))
     share = largest / body.size
-    contact = body.contact
-    curved = contact is not None and np.ptp(contact.points.gap) > 1e-9 * body.size
+    gaps = [part.points.gap for part in body.contact.parts()]
+    curved = any(np.ptp(gap) > 1e-9 * body.size for gap in gaps)
     if curved or not 0.0 < share < _VISIBLE:
         return 1.0
     return round_below(_SHOWN / share)
@@ -129,12 +131,12 @@ def round_below(number: float) -> float:
 
 
 def scale_words(factor: float) -> str:
-    """How the displacement is drawn, for a title."""
+    """The scale of the displacement, for a title."""
     return "true scale" if factor == 1.0 else f"displacement \u00d7 {factor:g}"
 
 
 def head(figure: Figure, body: Snapshot) -> None:
-    """The study's title and a line of numbers over the whole figure."""
+    """Write the study's title and a line of numbers at the top of the figure."""
     numbers = f"{body.dofs:,} dofs".replace(",", "\u2009")
     if body.locked.any():
         numbers += f"     {100 * body.locked_fraction:.0f} % of the body is locked"
@@ -144,7 +146,7 @@ def head(figure: Figure, body: Snapshot) -> None:
     engine = figure.get_layout_engine()
     if isinstance(engine, ConstrainedLayoutEngine):
         engine.set(rect=(0.0, 0.0, 1.0, 1.0 - 0.75 / height))
-    # A title is the user's text, in which a dollar sign begins no formula.
+    # In a title, which users write, a dollar sign begins no formula.
     title = textwrap.shorten(body.title or "Locking body in contact", _LONGEST_TITLE)
     size = _TITLE_SIZE * min(1.0, _FULL_SIZE_TITLE / len(title))
     centred: dict[str, Any] = {"ha": "center", "va": "center", "parse_math": False}

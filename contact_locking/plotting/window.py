@@ -1,6 +1,6 @@
-"""``python3 -m contact_locking.plotting.window SNAPSHOT``: a window to look at a solution in.
+"""``python3 -m contact_locking.plotting.window SNAPSHOT``: a window with the views of a solution.
 
-A program of its own, as `render` is one.
+This module is a program of its own, as VTK ends its process if it finds no screen or no OpenGL.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from contact_locking.plotting.camera import Camera, camera
 from contact_locking.plotting.render import look, set_up
 from contact_locking.plotting.scene import Scene, in_space
 from contact_locking.plotting.snapshot import Snapshot
-from contact_locking.plotting.views import BODY, CONTACT, views
+from contact_locking.plotting.views import BODY, contact_view, views
 
 _SIZE, _FONT = (1100, 850), "fonts/ttf/DejaVuSans.ttf"
-# Pixels for a point of the line widths.
+# Pixels to a point, the unit of line widths.
 _POINT = 1.4
 _KEYS = "space: next view     q: close     mouse: turn; with Shift: move; wheel: zoom"
 # Places are shares of the window.
@@ -31,7 +31,7 @@ _BAR = {"title": "", "vertical": True, "width": 0.05, "height": 0.5, "n_labels":
 _BAR_PLACE = {"position_x": 0.9, "position_y": 0.2}
 _SLIDER = {"pointa": (0.7, 0.93), "pointb": (0.96, 0.93), "tube_width": 0.003}
 _FREE = 0.65
-# The slider goes to so many times the scale that it begins with.
+# The largest scale of the slider over the scale at its beginning.
 _MOST = 2.0
 
 
@@ -45,7 +45,7 @@ class Sight:
 
 
 class Window:
-    """Views of a body that follow each other, its displacement drawn at any scale."""
+    """A window with the views of a body one after the other, and a slider for the displacement."""
 
     def __init__(self, body: Snapshot) -> None:
         self._body, self._factor = body, style.magnification(body)
@@ -72,7 +72,7 @@ class Window:
 
     @property
     def title(self) -> str:
-        """What the window shows now."""
+        """The title of the view in the window."""
         return self._sights[self._number].title
 
     def next(self) -> None:
@@ -84,7 +84,7 @@ class Window:
         self._draw()
 
     def scale(self, factor: float) -> None:
-        """Draw the displacement ``factor`` times as large as it is."""
+        """Draw the displacement ``factor`` times as large."""
         self._factor = factor
         self._draw()
 
@@ -109,13 +109,19 @@ class Window:
 
 
 def _sights(body: Snapshot) -> list[Sight]:
+    contacts = body.contact.parts()
     if body.dim == 3:
         seen = views(body)
         side = seen[BODY].camera
-        below = seen[CONTACT].camera if CONTACT in seen else side
+        below = [
+            (part.names[0] and f": {part.names[0]}", seen[contact_view(number)].camera)
+            for number, part in enumerate(contacts)
+        ]
     else:
         points = in_space(np.vstack([body.x, style.deformed(body, style.magnification(body))]))
-        side = below = camera(points, np.eye(3)[2])
+        side = camera(points, np.eye(3)[2])
+        # One view of the whole body shows every contact.
+        below = [("", side)] if contacts else []
     limited = np.isfinite(body.locking_limit).any()
     strain = "|ε(u)| / M" if limited else "|ε(u)|"
     bar = {"scalar_bar_args": _BAR | _BAR_PLACE}
@@ -125,11 +131,10 @@ def _sights(body: Snapshot) -> list[Sight]:
         found.append(Sight(f"Cut open, {strain}", lambda scene: scene.cut_open(**bar), side))
     if body.locked.any():
         found.append(Sight("Locked zone, |ε(u)| ≥ M", Scene.locked_zone, side))
-    contact = body.contact
-    if contact is not None:
+    for name, towards in below:
         found += [
-            Sight("Contact pressure", lambda scene: scene.pressure(contact, **bar), below),
-            Sight("Open, stick and slip", lambda scene: scene.states(contact, **names), below),
+            Sight(f"Contact pressure{name}", lambda scene: scene.pressure(**bar), towards),
+            Sight(f"Open, stick and slip{name}", lambda scene: scene.states(**names), towards),
         ]
     return found
 

@@ -19,7 +19,8 @@ def write(directory: str | Path) -> Path:
     for a folder ``report`` with other files, and for a folder that cannot be written to;
     ContactLockingError where the disk is full.
     """
-    from .folder import RunResults, read
+    from contact_locking.results.read import RunResults, read
+
     from .run_page import run_page
     from .study_page import study_page
 

@@ -1,68 +1,85 @@
-"""What happens on Gamma_C: profiles along it in two dimensions, maps of it in three."""
+"""Charts of each contact: profiles along its curves in two dimensions, maps in three."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.ordering import curves
 from contact_locking.plotting import contact_map, profile, style
-from contact_locking.solution import ContactPoints
+from contact_locking.results.read import RunResults
+from contact_locking.solution import ContactPoints, contact_name, facets_within
 
 from .charts import WIDTH, Chart, chart
-from .folder import FloatArray, IntArray
 
 
-def contact_charts(contact: ContactPoints, facets: IntArray) -> list[Chart]:
-    """The charts in two or three dimensions; ``facets`` (m, d) are numbers of the points."""
-    if contact.dim == 2:
-        description = "Contact pressure, friction traction and its bound along the contact boundary"
-        return [
-            chart("tractions", description, 3.6, lambda figure: _profile(figure, contact, facets)),
-            chart(
-                "slip",
-                "Tangential displacement and distance to the foundation along the contact boundary",
-                2.6,
-                lambda figure: _opening(figure, contact, facets),
-            ),
-        ]
+def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
+    """The charts of each contact, with the name of the contact if there are several."""
+    found = []
+    rows = run.contact.rows()
+    for number, own in enumerate(rows):
+        points, facets = run.contact[own], facets_within(run.facets, own)
+        draw = _profiles if points.dim == 2 else _maps
+        if len(rows) == 1:
+            found.append(("", draw(points, facets, "", "")))
+        else:
+            name = contact_name(run.summary, int(points.contact[0]))
+            found.append((name, draw(points, facets, f"-{number + 1}", f": {name}")))
+    return found
+
+
+def _profiles(contact: ContactPoints, facets: IntArray, ending: str, name: str) -> list[Chart]:
+    """The charts in two dimensions: tractions, and displacements."""
+    return [
+        chart(
+            f"tractions{ending}",
+            "Contact pressure, friction traction and its bound along the contact boundary" + name,
+            3.6,
+            lambda figure: _profile(figure, contact, facets),
+        ),
+        chart(
+            f"slip{ending}",
+            "Tangential displacement and distance to the foundation along the contact boundary"
+            + name,
+            2.6,
+            lambda figure: _opening(figure, contact, facets),
+        ),
+    ]
+
+
+def _maps(contact: ContactPoints, facets: IntArray, ending: str, name: str) -> list[Chart]:
+    """The charts in three dimensions: pressure, friction and states."""
     height = _map_height(contact)
     friction = np.linalg.norm(contact.traction, axis=1)
     friction_label = r"friction traction $|\sigma_\tau|$"
     return [
         chart(
-            "pressure",
-            "Map of the contact pressure, seen from the foundation",
+            f"pressure{ending}",
+            "Map of the contact pressure, seen from the foundation" + name,
             height,
             lambda figure: _map(
                 figure, contact, facets, contact.pressure, r"contact pressure $-\sigma_\nu$"
             ),
         ),
         chart(
-            "friction",
-            "Map of the friction traction, seen from the foundation",
+            f"friction{ending}",
+            "Map of the friction traction, seen from the foundation" + name,
             height,
             lambda figure: _map(figure, contact, facets, friction, friction_label),
         ),
         chart(
-            "states",
-            "Map of open, sticking and slipping points, seen from the foundation",
+            f"states{ending}",
+            "Map of open, sticking and slipping points, seen from the foundation" + name,
             height,
             lambda figure: _state_map(figure, contact, facets),
         ),
     ]
 
 
-def curves(count: int, facets: IntArray) -> list[IntArray]:
-    """``count`` points, sorted along curves made of segments (m, 2), as the numbers of each."""
-    joined = np.zeros(count, dtype=bool)
-    first, last = facets.min(axis=1), facets.max(axis=1)
-    joined[first[last == first + 1]] = True
-    return np.split(np.arange(count), np.flatnonzero(~joined[:-1]) + 1)
-
-
 def _profile(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     axes, strip = figure.subplots(2, 1, height_ratios=(1.0, 0.07))
-    parts = curves(len(contact.x), facets)
+    parts = curves(facets)
     positions, label = profile.abscissa([contact.x[part] for part in parts])
     lines = [
         profile.Curve(
@@ -80,7 +97,7 @@ def _profile(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
 
 def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     axes = figure.add_subplot()
-    parts = curves(len(contact.x), facets)
+    parts = curves(facets)
     positions, label = profile.abscissa([contact.x[part] for part in parts])
     for number, (s, part) in enumerate(zip(positions, parts, strict=True)):
         slip = np.sum(contact.u_tangent[part] * _tangents(contact.x[part], s), axis=1)
@@ -96,7 +113,7 @@ def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
 
 
 def _tangents(x: FloatArray, s: FloatArray) -> FloatArray:
-    """Unit tangents (k, 2) of a curve that point to where the abscissa grows."""
+    """Unit tangents (k, 2) of a curve in the direction in which the abscissa grows."""
     if len(x) < 2:
         return np.array([[1.0, 0.0]] * len(x))
     tangent = np.gradient(x, axis=0)

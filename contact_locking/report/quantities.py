@@ -1,17 +1,21 @@
-"""The numbers of a summary: what each means and in which unit."""
+"""The numbers of a summary: their meanings and units."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
+
+from contact_locking.solution import contact_name
 
 
 @dataclass(frozen=True)
 class Quantity:
     """A number or vector of summary.json by its dotted key.
 
-    A study plots it over what varies if it is ``plotted``.  Its differences have a rate if it
-    ``settles``, which counts of cells, points and iterations do in jumps; what ``vanishes`` has one
-    itself.
+    A study plots a quantity that is ``plotted`` over the keys that vary.  The differences of a
+    quantity that ``settles`` have a rate; counts of cells, points and iterations change in jumps
+    and have none.  A quantity that ``vanishes`` has a rate itself.
     """
 
     key: str
@@ -70,7 +74,7 @@ QUANTITIES = (
     Quantity("cells", "cells of the mesh", "1", plotted=False),
 )
 
-#: What the values of the certificate measure, by their names in it.
+#: The meanings of the values of the certificate, by their names.
 MEANINGS = {
     "displacement_norm": "‖ε(u)‖ over the body",
     "locking_penalty": "2n ∫ ([|ε| − M]⁺)²",
@@ -107,3 +111,15 @@ MEANINGS = {
     "penalty_measured.relative": "the same over the solution",
     "penalty_measured.displacement_norm": "the same distance in the norm of the strain",
 }
+
+
+def by_contact(summary: Mapping[str, Any]) -> tuple[list[str], list[tuple[Quantity, list[Any]]]]:
+    """The names of the contacts, and each quantity with its values for them; empty for one."""
+    listed = summary.get("contacts")
+    entries = listed if isinstance(listed, list) and len(listed) > 1 else []
+    contacts = [entry if isinstance(entry, dict) else {} for entry in entries]
+    return [contact_name(summary, number) for number in range(len(contacts))], [
+        (quantity, [contact.get(quantity.key) for contact in contacts])
+        for quantity in QUANTITIES
+        if any(quantity.key in contact for contact in contacts)
+    ]

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from contact_locking.results.read import RunResults
 from contact_locking.solution import STATE_NAMES, ContactPoints
 
 from .certificate import certificate
 from .charts import Chart
 from .contact_charts import contact_charts
-from .folder import RunResults
 from .pictures import picture
-from .quantities import MEANINGS, QUANTITIES
+from .quantities import MEANINGS, QUANTITIES, by_contact
 from .shown import shown
 from .templates import render
 
@@ -24,17 +24,18 @@ _INFEASIBLE = "infeasible: "
 def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     """The HTML document of a run and its charts."""
     summary = run.summary
-    charts = []
-    if run.contact is not None and run.facets is not None:
-        charts = contact_charts(run.contact, run.facets)
+    charts = contact_charts(run)
+    contact_names, contact_quantities = by_contact(summary)
     html = render(
         "run.html.j2",
         title=shown(summary.get("title") or "Run"),
         warnings=_list(summary.get("warnings")),
         quantities=_quantities(summary),
+        contact_names=contact_names,
+        contact_quantities=contact_quantities,
         contact=run.contact,
         states=_states(run.contact),
-        charts=charts,
+        contact_charts=charts,
         certificate=certificate(summary),
         meanings=MEANINGS,
         restart=summary.get("restart"),
@@ -47,7 +48,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         **_picture(run),
         **_iterations(summary),
     )
-    return html, charts
+    return html, [chart for _, drawn in charts for chart in drawn]
 
 
 def _verdict(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -76,10 +77,8 @@ def _quantities(summary: Mapping[str, Any]) -> list[tuple[Any, Any]]:
     return [(quantity, value) for quantity, value in found if value is not None]
 
 
-def _states(contact: ContactPoints | None) -> list[str]:
+def _states(contact: ContactPoints) -> list[str]:
     """How many points are open, stick and slip, in words."""
-    if contact is None:
-        return []
     counts = np.bincount(contact.state, minlength=len(STATE_NAMES))
     return [f"{n} {name}" for n, name in zip(counts, STATE_NAMES, strict=True) if n]
 

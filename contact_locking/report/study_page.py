@@ -6,13 +6,11 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from contact_locking.plotting import PICTURE
-from contact_locking.results.names import PARAMETERS
-from contact_locking.studies.table import Row
+from contact_locking.results.names import PARAMETERS, PICTURE
+from contact_locking.results.read import Row, StudyResults
 from contact_locking.study_file import source
 
 from .charts import Chart
-from .folder import StudyResults
 from .pictures import thumbnail
 from .shown import shown
 from .study_table import cases

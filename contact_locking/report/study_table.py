@@ -6,9 +6,8 @@ import json
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
-from contact_locking.studies.table import Row
+from contact_locking.results.read import Row, number
 
-from .folder import number
 from .quantities import QUANTITIES
 from .shown import shown
 

@@ -12,9 +12,8 @@ from pydantic import ValidationError
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.parameters.study import StudyParameters
-from contact_locking.studies.table import Row
+from contact_locking.results.read import Row, number
 
-from .folder import number
 from .quantities import QUANTITIES, Quantity
 from .shown import shown
 

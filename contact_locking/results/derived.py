@@ -19,8 +19,8 @@ from contact_locking.contacts import Contact
 from contact_locking.domain import Domain
 from contact_locking.locking import locking_stress
 from contact_locking.material import strain
-from contact_locking.ordering import along_curve, facets_of, lexicographic
-from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints
+from contact_locking.ordering import along_curves, facets_of, lexicographic
+from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
 FloatArray = npt.NDArray[np.float64]
@@ -83,7 +83,7 @@ class ContactFields:
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
 
-    def gather(self) -> tuple[ContactPoints | None, IntArray | None]:
+    def gather(self) -> tuple[ContactPoints, IntArray] | None:
         """All points and facets on rank 0, in an order that no distribution changes; else None.
 
         They balance the loads as the fields do: a solver with multipliers leaves open points the
@@ -99,14 +99,15 @@ class ContactFields:
             self.traction,
             self.bound,
             self.state,
+            np.zeros(len(self.state), dtype=np.int64),
         )
         gathered = [self.surface.domain.comm.gather(column) for column in columns]
         corners = self.surface.facet_corners()
         whole = [np.concatenate(parts) for parts in gathered if parts is not None]
         if corners is None:
-            return None, None
+            return None
         x = whole[0]
-        order = along_curve(x, corners) if x.shape[1] == 2 else lexicographic(x)
+        order = along_curves(x, corners) if x.shape[1] == 2 else lexicographic(x)
         points = ContactPoints(*(column[order] for column in whole))
         return points, facets_of(points.x, corners)
 
@@ -160,7 +161,10 @@ def gather_contacts(
     contacts: Sequence[ContactFields], domain: Domain
 ) -> tuple[ContactPoints | None, IntArray | None]:
     """The points and the facets of all contacts on rank 0, otherwise None; collective."""
-    return contacts[0].gather() if contacts else (None, None)
+    gathered = [contact.gather() for contact in contacts]
+    if domain.comm.rank != 0:
+        return None, None
+    return joined([part for part in gathered if part is not None], domain.dim)
 
 
 def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, fem.Function]:

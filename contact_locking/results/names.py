@@ -1,9 +1,13 @@
-"""The names of the files in the folder of a run."""
+"""The names of the files in the folders of runs and studies, for the writers and the readers."""
 
 from __future__ import annotations
 
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
+#: The picture of a run, and all that it shows as arrays.
+PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
+#: The table of a study, in CSV and in JSON lines.
+TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
 
 
 def not_writable(directory: object) -> str:

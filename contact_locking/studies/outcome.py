@@ -17,6 +17,7 @@ from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.results.atomic import remove_abandoned, write_text
 from contact_locking.results.names import PARAMETERS, SUMMARY
+from contact_locking.results.read import read_mapping
 
 from .cases import Case
 
@@ -96,15 +97,6 @@ def strangers(directory: Path, cases: list[Case]) -> int:
     if not folder.is_dir():
         return 0
     return sum(entry.is_dir() for entry in folder.glob("[!.]*") if entry.name not in known)
-
-
-def read_mapping(path: Path) -> dict[str, Any] | None:
-    """A mapping from a JSON file; None if there is no such file or it holds anything else."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return None
-    return content if isinstance(content, dict) else None
 
 
 def _matches(record: dict[str, Any], case: Case) -> bool:

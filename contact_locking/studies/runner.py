@@ -13,7 +13,7 @@ from contact_locking import study_file
 from contact_locking.errors import explained
 from contact_locking.lock import locked, make_folders
 from contact_locking.results.atomic import remove_abandoned, write_text
-from contact_locking.results.names import PARAMETERS, not_writable
+from contact_locking.results.names import PARAMETERS, TABLE_CSV, not_writable
 from contact_locking.signals import stoppable
 from contact_locking.study_file import StudyFile
 
@@ -168,4 +168,4 @@ def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:
     rows = [(state, str(number)) for state, number in sorted(count.items()) if number]
     if warned := sum(bool(study.outcomes[case.name].warnings) for case in study.cases):
         rows.append(("with warnings", str(warned)))
-    return [*rows, ("time", duration(seconds)), ("table in", str(study.directory / table.CSV))]
+    return [*rows, ("time", duration(seconds)), ("table in", str(study.directory / TABLE_CSV))]

@@ -12,13 +12,11 @@ from typing import Any
 
 from contact_locking.plain_text import spreadsheet_cell
 from contact_locking.results.atomic import write_text
+from contact_locking.results.names import TABLE_CSV, TABLE_LINES
+from contact_locking.results.read import Row
 
 from .cases import Case
 from .outcome import Outcome
-
-CSV, JSON_LINES = "table.csv", "table.jsonl"
-
-Row = dict[str, Any]
 
 # The title may have changed since the case was solved; if it varies, it has a column of its own.
 _LEFT_OUT = ("title", "fingerprint", "not_finite")
@@ -33,12 +31,12 @@ def write(directory: Path, cases: Sequence[Case], outcomes: Sequence[Outcome]) -
     table.writerow(columns)
     for entry in rows:
         table.writerow([_cell(entry.get(name)) for name in columns])
-    write_text(directory / CSV, stream.getvalue())
+    write_text(directory / TABLE_CSV, stream.getvalue())
     lines = [
         json.dumps({name: entry.get(name) for name in columns}, ensure_ascii=False, allow_nan=False)
         for entry in rows
     ]
-    write_text(directory / JSON_LINES, "".join(f"{line}\n" for line in lines))
+    write_text(directory / TABLE_LINES, "".join(f"{line}\n" for line in lines))
 
 
 def row(case: Case, outcome: Outcome) -> Row:

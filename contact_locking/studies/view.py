@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Self
 
 from contact_locking.plain_text import printable
+from contact_locking.results.read import read_mapping
 
 from .cases import Case
 from .executor import Running
-from .outcome import PROGRESS, Outcome, State, read_mapping
+from .outcome import PROGRESS, Outcome, State
 
 if TYPE_CHECKING:
     from rich.console import Console

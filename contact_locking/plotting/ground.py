@@ -1,14 +1,15 @@
-"""The rigid foundation as pictures in three dimensions draw it."""
+"""The surface of the rigid foundation as the pictures draw it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from contact_locking.plotting.snapshot import ContactMap, FloatArray
+from contact_locking.arrays import FloatArray
+from contact_locking.plotting.snapshot import ContactMap
 
 # Reach of the drawn foundation beyond Gamma_C as a share of the body's size.
 _REACH = 0.12
-# Points are in a plane if they leave it by less than this share of their extent.
+# Points are in a plane if their distance from the plane is below this share of their extent.
 _PLANE = 1e-6
 
 
@@ -19,7 +20,7 @@ def touched(contact: ContactMap, factor: float) -> FloatArray:
 
 
 def foundation(contact: ContactMap, factor: float, size: float) -> FloatArray:
-    """The surface at Gamma_C + gap nu: its facets, or one rectangle around it if it is plane."""
+    """The surface at Gamma_C + gap nu (m, 3 or 4, 3): one rectangle if plane, else its facets."""
     surface = touched(contact, factor)
     centre = surface.mean(axis=0)
     _, spread, basis = np.linalg.svd(surface - centre, full_matrices=False)

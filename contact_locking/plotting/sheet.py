@@ -1,4 +1,4 @@
-"""A figure on which things are placed in inches from its upper left corner."""
+"""A figure whose parts are placed in inches from its upper left corner."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from contact_locking.arrays import FloatArray
 from contact_locking.plotting import style
 from contact_locking.plotting.camera import Camera
-from contact_locking.plotting.snapshot import FloatArray
 from contact_locking.plotting.views import Image, View
 
 Place = tuple[float, float, float, float]
 
-# Inches: of titles above and scales of colours below what they belong to.
+# Inches: titles above a view, and scales of colours below a view.
 _ABOVE, _BELOW, _THICK, _INSET = 0.1, 0.14, 0.1, 0.1
-# The arrows along the axes as a share of what is seen; those that point at the viewer are left out.
+# The length of the arrows along the axes as a share of the view's width, and the share of the
+# longest arrow below which an arrow is left out, as it points at the viewer.
 _ARROW, _SHORTEST = 0.13, 0.35
-# Width and height of the line that says how long they are, in inches.
+# Width and height of the note with the length of the arrows, in inches.
 _NOTE = (0.75, 0.15)
 _WHITE = 255
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
 
 
-class Page:
+class Sheet:
     """A figure of a size in inches; ``left`` and ``top`` are distances from its corner."""
 
     def __init__(self, width: float, height: float) -> None:
@@ -36,16 +37,16 @@ class Page:
         self._width, self._height = width, height
 
     def place(self, left: float, top: float, width: float, height: float) -> Place:
-        """A rectangle as shares of the figure, as Matplotlib has them."""
+        """A rectangle as shares of the figure, as Matplotlib takes rectangles."""
         bottom = self._height - top - height
         return left / self._width, bottom / self._height, width / self._width, height / self._height
 
     def text(self, left: float, top: float, text: str, **how: Any) -> None:
-        """A line of text that ends at ``top`` or is centred there, as ``va`` says."""
+        """Add a line of text, whose vertical place at ``top`` is as ``va`` says."""
         self.figure.text(left / self._width, 1.0 - top / self._height, text, **how)
 
     def view(self, view: View, image: Image, left: float, top: float, title: str) -> Axes:
-        """A drawn view with its title; the axes count inches from its lower left corner."""
+        """Add a view with its title; the axes count inches from the view's lower left corner."""
         size = (view.width, view.height)
         axes = self.figure.add_axes(self.place(left, top, *size))
         axes.set_axis_off()
@@ -64,7 +65,7 @@ class Page:
         extend: str = "neither",
         label: str = "",
     ) -> None:
-        """A scale of colours below ``top``, and to its right what it is of."""
+        """Add a scale of colours below ``top``, with a label to its right."""
         bar = self.figure.add_axes(self.place(left + _INSET, top + _BELOW, width, _THICK))
         self.figure.colorbar(colours, cax=bar, orientation="horizontal", extend=extend)
         bar.locator_params(nbins=4)
@@ -72,7 +73,7 @@ class Page:
         self.text(*end, label, va="center")
 
     def legend(self, handles: Sequence[Any], left: float, top: float) -> None:
-        """A legend in a row, at the height of the scales."""
+        """Add a legend in one row, at the height of the scales."""
         anchor = (left / self._width, 1.0 - (top + _BELOW + 0.5 * _THICK) / self._height)
         self.figure.legend(
             handles=list(handles),
@@ -86,13 +87,13 @@ class Page:
 
 
 def _arrows_along_axes(axes: Axes, image: Image, camera: Camera) -> None:
-    """Arrows of a round length along x, y and z in the corner where most of the view is empty."""
+    """Draw arrows of a round length along x, y and z in the emptiest corner of a view."""
     width = float(axes.get_xlim()[1])
     length = style.round_below(_ARROW * camera.width)
     arrows = length * width / camera.width * np.column_stack([camera.right, camera.up])
     shown = np.hypot(*arrows.T) > _SHORTEST * np.hypot(*arrows.T).max()
     names, arrows = np.array(list("xyz"))[shown], arrows[shown]
-    # Room for the letters, and above or below them for the note.
+    # The letters take room at the arrows, the note above or below the letters.
     low = np.minimum(arrows.min(axis=0), 0.0) - 0.16
     high = np.maximum(arrows.max(axis=0), 0.0) + 0.2
     high[0] = max(high[0], low[0] + _NOTE[0])
@@ -111,9 +112,9 @@ def _arrows_along_axes(axes: Axes, image: Image, camera: Camera) -> None:
 
 
 def _emptiest_corner(image: Image, size: FloatArray) -> FloatArray:
-    """The corner (2,), as 0 or 1 in each direction, of an image in which most pixels are white.
+    """The corner (2,) of an image with the most white pixels, as 0 or 1 in each direction.
 
-    ``size`` (2,) is that of the part in the corner, as shares of the width.
+    ``size`` (2,) is the size of the part that is looked at, as shares of the image's width.
     """
     across, down = np.ceil(size * image.shape[1]).astype(int)
     corners = {

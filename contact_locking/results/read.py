@@ -1,64 +1,56 @@
-"""What a folder of results holds, read with the suspicion that files from anywhere deserve."""
+"""The results in the folder of a run or of a study; no file is trusted to be as it was written."""
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from contact_locking._version import __version__
+from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.plotting import PICTURE
-from contact_locking.results.names import CONTACT, FACETS, PARAMETERS, SUMMARY
-from contact_locking.solution import STATE_NAMES, ContactPoints
-from contact_locking.studies.table import JSON_LINES, Row
+from contact_locking.results import contact_table
+from contact_locking.results.names import (
+    CONTACT,
+    FACETS,
+    PARAMETERS,
+    PICTURE,
+    SUMMARY,
+    TABLE_LINES,
+)
+from contact_locking.solution import ContactPoints
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+Row = dict[str, Any]
 
 _MAX_BYTES = 500_000_000
-_SCALARS, _VECTORS = (
-    ("u_normal", "gap", "pressure", "bound"),
-    ("u_tangent", "traction_tangent", "normal"),
-)
 _NAME = re.compile(r"[0-9a-f]{16}")
 
 
 @dataclass(frozen=True)
 class RunResults:
-    """The folder of a run.
-
-    ``contact`` and its ``facets`` (m, d), as numbers of the points, are None for a body without
-    Gamma_C.
-    """
+    """The results of a run; ``facets`` (m, d) are numbers of the points of ``contact``."""
 
     folder: Path
     summary: dict[str, Any]
     parameters: str
-    contact: ContactPoints | None
-    facets: IntArray | None
+    contact: ContactPoints
+    facets: IntArray
     picture: Path | None
 
 
 @dataclass(frozen=True)
 class StudyResults:
-    """The folder of a study: the rows of its table."""
+    """The results of a study: a row for each case."""
 
     folder: Path
     parameters: str
     rows: list[Row]
 
     def case_folder(self, row: Row) -> Path | None:
-        """Where the results of a row are, if they are there."""
+        """The folder with the results of a row, None if there is none."""
         name = row.get("case")
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             return None
@@ -71,15 +63,32 @@ def read(folder: Path) -> RunResults | StudyResults:
     if not folder.is_dir():
         there = "is no folder" if folder.exists() else "there is no such folder"
         raise InputError(f"{folder}: {there}; give the folder of a run or of a study")
-    if (folder / JSON_LINES).exists():
+    if (folder / TABLE_LINES).exists():
         return _study(folder)
     if (folder / SUMMARY).exists():
         return _run(folder)
     if (folder / PARAMETERS).exists():
         raise InputError(f"{folder}: is not finished: there is no {SUMMARY}; solve it again")
     raise InputError(
-        f"{folder}: holds no results: neither {SUMMARY} of a run nor {JSON_LINES} of a study"
+        f"{folder}: holds no results: neither {SUMMARY} of a run nor {TABLE_LINES} of a study"
     )
+
+
+def read_rows(path: Path) -> list[Row]:
+    """The rows of a table in JSON lines. Raises InputError if it is damaged or has no rows."""
+    lines = enumerate(_text(path).split("\n"), start=1)
+    rows = [_mapping(line, f"{path}:{number}") for number, line in lines if line]
+    if not rows:
+        raise InputError(f"{path}: is empty; run the study again")
+    return rows
+
+
+def read_mapping(path: Path) -> dict[str, Any] | None:
+    """The mapping in a JSON file; None if there is no such file or it is damaged."""
+    try:
+        return _mapping(_text(path), str(path))
+    except InputError:
+        return None
 
 
 def _run(folder: Path) -> RunResults:
@@ -91,26 +100,21 @@ def _run(folder: Path) -> RunResults:
     for key, text in dict(_dict(summary.pop("not_finite", None))).items():
         _restore(summary, key.split("."), text)
     picture = folder / PICTURE
-    contact = _contact(folder / CONTACT)
+    contact, facets = folder / CONTACT, folder / FACETS
+    points = contact_table.read_points(_text(contact), str(contact))
     return RunResults(
         folder,
         summary,
         _text(folder / PARAMETERS),
-        contact,
-        None if contact is None else _facets(folder / FACETS, contact),
+        points,
+        contact_table.read_facets(_text(facets), str(facets), points),
         picture if picture.is_file() else None,
     )
 
 
 def _study(folder: Path) -> StudyResults:
-    path = folder / JSON_LINES
-    rows = [
-        _mapping(line, f"{path}:{number}")
-        for number, line in enumerate(_text(path).split("\n"), start=1)
-        if line
-    ]
-    if not rows:
-        raise InputError(f"{path}: is empty; run the study again")
+    path = folder / TABLE_LINES
+    rows = read_rows(path)
     for row in rows:
         if row.get("version") is not None:
             _require_version(row, folder)
@@ -119,76 +123,6 @@ def _study(folder: Path) -> StudyResults:
     if all(row["state"] == "not run" for row in rows):
         raise InputError(f"{folder}: no case of the study is finished; go on with the study first")
     return StudyResults(folder, _text(folder / PARAMETERS), rows)
-
-
-def _contact(path: Path) -> ContactPoints | None:
-    header, rows = _table(path)
-    if not rows:
-        return None
-    axes = [name for name in "xyz" if name in header]
-    vectors = {kind: [f"{kind}_{axis}" for axis in axes] for kind in _VECTORS}
-    wanted = [*axes, *_SCALARS, *(name for names in vectors.values() for name in names), "state"]
-    missing = [name for name in wanted if name not in header]
-    if missing or not 2 <= len(axes) <= 3:
-        raise InputError(f"{path}:1: is damaged: there is no column {', '.join(missing or 'xy')}")
-    place = {name: header.index(name) for name in wanted}
-    numbers = np.empty((len(rows), len(wanted) - 1))
-    states = np.empty(len(rows), dtype=np.int64)
-    for index, (line, cells) in enumerate(rows):
-        try:
-            numbers[index] = [float(cells[place[name]]) for name in wanted[:-1]]
-            states[index] = STATE_NAMES.index(cells[place["state"]])
-        except (ValueError, IndexError):
-            raise InputError(f"{path}:{line}: is damaged: no row of {len(header)} values") from None
-    if not np.isfinite(numbers).all():
-        line = rows[int(np.argmin(np.isfinite(numbers).all(axis=1)))][0]
-        raise InputError(f"{path}:{line}: holds a value that is not finite")
-    columns = dict(zip(wanted, numbers.T, strict=False))
-
-    def vector(names: list[str]) -> FloatArray:
-        return np.column_stack([columns[name] for name in names])
-
-    return ContactPoints(
-        x=vector(axes),
-        normal=vector(vectors["normal"]),
-        u_normal=columns["u_normal"],
-        u_tangent=vector(vectors["u_tangent"]),
-        gap=columns["gap"],
-        pressure=columns["pressure"],
-        traction=vector(vectors["traction_tangent"]),
-        bound=columns["bound"],
-        state=states,
-    )
-
-
-def _facets(path: Path, contact: ContactPoints) -> IntArray:
-    rows = _table(path)[1]
-    facets = np.empty((len(rows), contact.dim), dtype=np.int64)
-    for index, (line, cells) in enumerate(rows):
-        try:
-            facets[index] = [int(cell) for cell in cells]
-        except (ValueError, OverflowError):
-            raise InputError(f"{path}:{line}: is damaged: no {contact.dim} numbers") from None
-    if facets.size and not 0 <= facets.min() <= facets.max() < len(contact.x):
-        raise InputError(f"{path}: is damaged: it names points that are not in {CONTACT}")
-    return facets
-
-
-def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The header, and the rows with their lines."""
-    lines = list(_csv(path))
-    if not lines:
-        raise InputError(f"{path}: is empty; solve the run again")
-    return lines[0][1], lines[1:]
-
-
-def _csv(path: Path) -> Iterator[tuple[int, list[str]]]:
-    reader = csv.reader(io.StringIO(_text(path), newline=""))
-    try:
-        for cells in reader:
-            yield reader.line_num, cells
-    except csv.Error as error:
-        raise InputError(f"{path}:{reader.line_num}: is damaged: {error}") from None
 
 
 def _text(path: Path) -> str:
@@ -221,7 +155,7 @@ def _require_version(record: dict[str, Any], folder: Path) -> None:
 
 
 def _restore(value: Any, path: list[str], text: Any) -> None:
-    """Put the number back that JSON cannot hold."""
+    """Put an infinity or a NaN back at its place in a summary; JSON cannot hold them."""
     *above, last = path
     for name in above:
         value = _item(value, name)
@@ -247,7 +181,7 @@ def _dict(value: Any) -> dict[str, Any]:
 
 
 def number(value: Any) -> float | None:
-    """A number of a table, in which infinity is a text; None for anything else."""
+    """A number of a table, in which infinity is a text; None for a value that is no number."""
     if isinstance(value, bool) or value is None:
         return None
     if isinstance(value, int | float) or value in ("inf", "-inf"):

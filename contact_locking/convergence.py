@@ -1,10 +1,13 @@
-"""How far two solutions are from each other, on one mesh or on two."""
+"""Distances between solutions, also on different meshes, their rates, and tables of them."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import ufl
@@ -14,24 +17,31 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.convex import squared_norm
 from contact_locking.domain import Domain
+from contact_locking.errors import InputError
 from contact_locking.material import strain
+from contact_locking.results.atomic import write_text
 from contact_locking.results.derived import integral
+from contact_locking.results.names import TABLE_LINES
+from contact_locking.results.read import Row, read_rows
 from contact_locking.solution import Solution
 
-# Nodes this far outside the other mesh, relative to the body, are taken for rounding.
+# A node outside the other mesh by less than this share of the body is there by rounding.
 _PADDING = 1e-8
 
 
 @dataclass(frozen=True)
 class Norms:
-    """``v``: ``|w|_V = |eps(w)|`` in L2 (10); ``l2``, ``contact``: w in L2 of the body, Gamma_C."""
+    """``v = |w|_V``, the L2 norm of eps(w) (10); ``l2`` and ``contact`` are the L2 norms of w.
+
+    ``l2`` is the norm over the body, ``contact`` the norm over Gamma_C.
+    """
 
     v: float
     l2: float
     contact: float
 
     def over(self, other: Norms) -> Norms:
-        """Each norm relative to the other's, and itself where that is 0."""
+        """Each norm divided by the same norm of ``other``; a norm of 0 divides nothing."""
         mine, theirs = dataclasses.astuple(self), dataclasses.astuple(other)
         return Norms(*(a / b if b > 0.0 else a for a, b in zip(mine, theirs, strict=True)))
 
@@ -47,9 +57,9 @@ def norms(w: fem.Function, domain: Domain, contact: tuple[str, ...] = ()) -> Nor
 def distance(solution: Solution, reference: Solution) -> Norms:
     """The norms of ``u - u_ref``, integrated on the reference's mesh; collective.
 
-    u is interpolated there, which is exact where its mesh is a coarser one of nested meshes, as
-    structured blocks are whose numbers of cells divide each other.  Raises ValueError if the
-    reference's mesh reaches beyond the other.
+    u is interpolated on the reference's mesh.  The interpolation is exact where the reference's
+    mesh refines the mesh of u: the meshes of structured blocks are nested if their numbers of cells
+    divide each other.  Raises ValueError if the reference's mesh reaches beyond the mesh of u.
     """
     difference = fem.Function(reference.displacement.function_space)
     difference.interpolate(on_mesh_of(solution.displacement, reference.displacement))
@@ -58,9 +68,9 @@ def distance(solution: Solution, reference: Solution) -> Norms:
 
 
 def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:
-    """``u`` interpolated into the space of ``other``, wherever its cells are; collective.
+    """``u`` interpolated into the space of ``other``, whose mesh may be another one; collective.
 
-    Raises ValueError if a node lies in no cell of u's mesh.
+    Raises ValueError if a node of ``other`` lies in no cell of u's mesh.
     """
     space, source = other.function_space, u.function_space
     found = fem.Function(space)
@@ -80,3 +90,31 @@ def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:
     found.interpolate_nonmatching(u, everywhere, owners)
     found.x.scatter_forward()
     return found
+
+
+def fitted_rate(sizes: Sequence[float], errors: Sequence[float]) -> float:
+    """The exponent r of ``error = C size^r``: the least-squares slope of the logarithms.
+
+    Raises ValueError for fewer than two sizes, and for errors or sizes that are not positive.
+    """
+    x, y = np.asarray(sizes, dtype=float), np.asarray(errors, dtype=float)
+    if len(np.unique(x)) < 2 or x.shape != y.shape:
+        raise ValueError("a rate takes two or more sizes and an error for each")
+    if not (np.all(x > 0.0) and np.all(y > 0.0)):
+        raise ValueError("a rate takes sizes and errors above zero")
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def write_table(directory: Path, rows: Iterable[Row]) -> None:
+    """Write rows of numbers and texts to ``table.jsonl`` in ``directory``. Raises OSError."""
+    directory.mkdir(parents=True, exist_ok=True)
+    lines = [json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n" for row in rows]
+    write_text(directory / TABLE_LINES, "".join(lines))
+
+
+def read_table(directory: Path) -> list[Row]:
+    """The rows of a study's ``table.jsonl``. Raises InputError if it cannot be read."""
+    try:
+        return read_rows(directory / TABLE_LINES)
+    except InputError as error:
+        raise InputError(f"{error}; run its study first") from error

@@ -1,0 +1,89 @@
+"""The points of several contacts: one table in memory and in contact.csv."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from solutions import DIVISIONS, of_kind
+
+from contact_locking.arrays import IntArray
+from contact_locking.errors import InputError
+from contact_locking.results import contact_table
+from contact_locking.solution import ContactPoints, contact_name, facets_within, joined
+
+pytestmark = pytest.mark.serial
+
+
+def table(dim: int, kind: str = "with two contacts") -> tuple[ContactPoints, IntArray]:
+    solution = of_kind(dim, kind)
+    assert solution.contact_points is not None and solution.contact_facets is not None
+    return solution.contact_points, solution.contact_facets
+
+
+def text(points: ContactPoints, facets: IntArray) -> tuple[str, str]:
+    streams = io.StringIO(), io.StringIO()
+    contact_table.write_points(points, streams[0])
+    contact_table.write_facets(facets, streams[1])
+    return streams[0].getvalue(), streams[1].getvalue()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_parts_of_joined_contacts_are_the_contacts(dim: int) -> None:
+    points, facets = table(dim)
+    parts = points.parts()
+    assert [set(part.contact) for part in parts] == [{0}, {1}]
+    own = [facets_within(facets, rows) for rows in points.rows()]
+    again, numbers = joined(list(zip(parts, own, strict=True)), dim)
+    assert np.array_equal(numbers, facets)
+    assert np.array_equal(again.x, points.x) and np.array_equal(again.contact, points.contact)
+    assert np.array_equal(own[0], own[1])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("kind", ["locked", "without contact", "with two contacts"])
+def test_contact_csv_is_read_as_it_was_written(dim: int, kind: str) -> None:
+    points, facets = table(dim, kind)
+    first, second = text(points, facets)
+    found = contact_table.read_points(first, "contact.csv")
+    for column, values in vars(points).items():
+        read = getattr(found, column)
+        assert read.dtype == values.dtype and np.array_equal(read, values), column
+    assert np.array_equal(contact_table.read_facets(second, "contact_facets.csv", found), facets)
+
+
+def test_a_file_without_the_column_contact_has_one_contact() -> None:
+    points, facets = table(2, "locked")
+    old = "".join(line.rpartition(",")[0] + "\n" for line in text(points, facets)[0].splitlines())
+    found = contact_table.read_points(old, "contact.csv")
+    assert len(found.parts()) == 1
+    assert np.array_equal(found.x, points.x) and np.array_equal(found.normal, points.normal)
+
+
+def test_a_facet_of_points_of_two_contacts_is_refused() -> None:
+    points, _ = table(2)
+    with pytest.raises(InputError, match="joins points of different contacts"):
+        contact_table.read_facets(f"point_0,point_1\n{DIVISIONS},{DIVISIONS + 1}\n", "f", points)
+
+
+def test_a_body_without_contact_has_an_empty_table_and_no_parts() -> None:
+    points, facets = table(3, "without contact")
+    assert len(points) == 0 and points.parts() == [] and points.normal.shape == (0, 3)
+    assert facets.shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("summary", "name"),
+    [
+        ({"contacts": [{"on": ["a"]}, {"on": ["left", "right"]}]}, "left, right"),
+        ({"contacts": [{}, {"on": "left"}]}, "left"),
+        ({"contacts": [{"on": ["a"]}]}, "contact 2"),
+        ({"contacts": 3}, "contact 2"),
+        ({}, "contact 2"),
+    ],
+)
+def test_a_contact_is_named_by_the_summary_or_by_its_number(
+    summary: dict[str, object], name: str
+) -> None:
+    assert contact_name(summary, 1) == name
