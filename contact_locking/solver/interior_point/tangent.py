@@ -123,6 +123,10 @@ class Tangent:
         self._right.set(0.0)
         return self._solve_for(reactions, -1.0, accuracy, is_rough=True)
 
+    def nothing(self) -> FloatArray:
+        """A displacement step of zero."""
+        return np.zeros(self._owned)
+
     def move(self, t: float, step: FloatArray) -> None:
         """Add ``t step`` to the system's displacement; collective."""
         self.system.u.x.array[: self._owned] += t * step
