@@ -371,6 +371,9 @@ def block_data(folder: Path) -> Any:
 @given(st.data())
 def test_mutated_data_are_accepted_or_refused(block_data: Any, data: st.DataObject) -> None:
     mutated = copy.deepcopy(block_data)
+    if data.draw(st.booleans()):
+        wall = {"on": "right", "gap": 0.1, "friction": {"smoothing": {"radius": 0.2}}}
+        mutated["contact"] = [mutated["contact"], wall]
     for _ in range(data.draw(st.integers(1, 3))):
         spot = data.draw(st.sampled_from(_containers(mutated)))
         keys = list(spot) if isinstance(spot, dict) else list(range(len(spot)))
