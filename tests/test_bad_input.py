@@ -113,6 +113,18 @@ CASES: dict[str, tuple[dict[str, Any], list[str]]] = {
         ["loads.body_force.0"],
     ),
     "expression that is not finite": ({"contact.gap": "log(x - 2)"}, ["contact.gap", "log(x - 2)"]),
+    "gap in a list that is not finite": (
+        {"contact": [{"on": "bottom", "gap": "log(x - 2)"}]},
+        ["contact.0.gap", "log(x - 2)"],
+    ),
+    "coefficient of one part that becomes negative": (
+        {"contact": [{"on": "bottom", "friction": {"coefficient": "0.3 - x"}}]},
+        ["contact.0.friction.coefficient", "negative"],
+    ),
+    "part of a list that is not there": (
+        {"contact": [{"on": "bottom"}, {"on": "wall"}]},
+        ["contact.1.on", "wall", "left"],
+    ),
     "stiffness that is not symmetric": (
         {"material.elasticity": {"stiffness": [[2, 0.5, 0], [0.4, 2, 0], [0, 0, 1]]}},
         ["material.elasticity.stiffness", "symmetric"],
