@@ -114,7 +114,7 @@ def warmed_up(dim: int, divisions: int, penalties: Sequence[float]) -> list[Run]
 def elastic_seconds(dim: int, divisions: int, repeats: int = 5) -> float:
     """One linear elastic solve: assembly, factorisation (or set-up) and solution; the median."""
     given = assemble(case(dim, divisions, 1.0), MPI.COMM_WORLD)
-    system = PenalisedSystem(given.data, given.u, given.constraints, given.bound)
+    system = PenalisedSystem(given.data, given.u, given.constraints)
     space, conditions = given.u.function_space, given.constraints.conditions
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     left = compiled.form(forms.elastic_form(u, v, given.data))

@@ -16,6 +16,7 @@ from contact_locking.errors import InputError
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
+BoolArray = npt.NDArray[np.bool_]
 
 AXES = "xyz"
 
@@ -108,32 +109,32 @@ def free_motions(
 
 
 def check_held(
-    free: FloatArray, contact: FloatArray | None, work: FloatArray, dim: int, friction: bool
+    free: FloatArray, contact: FloatArray, rubs: BoolArray, work: FloatArray, dim: int
 ) -> None:
     """Refuse a body that can move rigidly without resistance.
 
     ``free`` (m, f) are the motions that the displacement conditions leave, ``contact`` (k, f)
-    their normal components at the nodes of Gamma_C and ``work`` (f,) the work of the loads along
-    them.  Without friction a minimiser exists if no motion c != 0 has ``contact c <= 0`` (leaves
-    the foundation, or slides along it) and ``work . c >= 0`` (is not resisted by the loads).  With
-    friction, whose bound is not known yet, only motions that leave all of the foundation, and do
-    not slide meanwhile, are refused: ``contact c < 0`` everywhere.
+    their normal components at the nodes of Gamma_C, ``rubs`` (k,) marks the nodes with friction,
+    and ``work`` (f,) is the work of the loads along the motions.  Without friction a minimiser
+    exists if no motion c != 0 has ``contact c <= 0`` (leaves the foundation, or slides along it)
+    and ``work . c >= 0`` (is not resisted by the loads).  With friction, whose bound is not known
+    yet, only motions that leave the foundation at all nodes with friction, and do not slide there
+    meanwhile, are refused: ``contact c < 0`` at these nodes.
     """
     count = free.shape[1]
     if count == 0:
         return
-    given = np.zeros((0, count)) if contact is None else contact
-    normal = np.asarray(given / max(float(np.abs(given).max(initial=0.0)), 1e-300), dtype=float)
+    normal = contact / max(float(np.abs(contact).max(initial=0.0)), 1e-300)
     rows = np.vstack([normal, -work[None, :] / max(float(np.abs(work).max()), 1e-300)])
     motions: Iterable[FloatArray | None]
-    if friction and contact is not None:
-        motions = [_leaving(rows)]
+    if rubs.any():
+        motions = [_leaving(rows, np.append(rubs, False))]
     else:
         motions = (_unresisted(rows, aim) for aim in _directions(count))
     for motion in motions:
         if motion is None:
             continue
-        if contact is None:
+        if not len(contact):
             why = "nothing holds the body"
         elif np.abs(normal @ motion).max(initial=0.0) >= 1e-6:
             why = "the loads do not press the body onto the foundation"
@@ -158,17 +159,16 @@ def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
     return np.asarray(found.x) if found.status == 0 and -found.fun > 1e-3 else None
 
 
-def _leaving(rows: FloatArray) -> FloatArray | None:
-    """The motion with ``rows c <= 0``, all but the last as negative as can be, None if none is.
+def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
+    """The motion with ``rows c <= 0``, as negative as can be in rows that rub; None if none is.
 
-    It has no share of the motions that slide along all of the foundation.
+    The motion has no share of those that slide along all of the foundation with friction.
     """
     count = rows.shape[1]
-    depth = np.append(np.ones(len(rows) - 1), 0.0)
-    slides = sliding_motions(rows[:-1])
+    slides = sliding_motions(rows[rubs])
     found = linprog(
         np.append(np.zeros(count), -1.0),
-        A_ub=np.column_stack([rows, depth]),
+        A_ub=np.column_stack([rows, rubs.astype(float)]),
         b_ub=np.full(len(rows), 1e-9),
         A_eq=np.column_stack([slides.T, np.zeros(slides.shape[1])]),
         b_eq=np.zeros(slides.shape[1]),
@@ -182,6 +182,8 @@ def sliding_motions(contact: FloatArray) -> FloatArray:
 
     ``contact`` (k, f) has the normal components of f free motions at the nodes of Gamma_C.
     """
+    if not contact.size:
+        return np.eye(contact.shape[1])
     _, sizes, directions = np.linalg.svd(contact, full_matrices=True)
     sizes = np.append(sizes, np.zeros(contact.shape[1] - len(sizes)))
     return np.asarray(directions[sizes <= 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)].T)

@@ -64,7 +64,7 @@ def distance(solution: Solution, reference: Solution) -> Norms:
     difference = fem.Function(reference.displacement.function_space)
     difference.interpolate(on_mesh_of(solution.displacement, reference.displacement))
     difference.x.array[:] -= reference.displacement.x.array
-    return norms(difference, reference.domain, reference.parameters.contact.on)
+    return norms(difference, reference.domain, reference.parameters.contact_names)
 
 
 def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:

@@ -13,21 +13,12 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.contact import contact_energy, contact_pressure
+from contact_locking.contacts import Contact
 from contact_locking.convex import normal_part, tangential_part
 from contact_locking.friction import friction_energy, friction_traction
 from contact_locking.locking import locking_energy, locking_stress
 from contact_locking.material import strain
-
-
-@dataclass(frozen=True)
-class ContactData:
-    """Gamma_C: measure, and as P1 functions the contact normal, the gap and the friction bound."""
-
-    ds: ufl.Measure
-    normal: fem.Function
-    gap: fem.Function
-    bound: fem.Function
+from contact_locking.signorini import contact_energy, contact_pressure
 
 
 @dataclass(frozen=True)
@@ -36,10 +27,9 @@ class ProblemData:
 
     ``elastic_stress`` maps a strain to a stress, ``largest_eigenvalue`` is that of A in each cell,
     ``inverse_limit`` is 1/M, ``loads`` pairs a traction or body force with its measure; ``n`` and
-    ``epsilon`` are the penalty parameters, ``regularisation`` is the length that smooths friction,
-    and ``contact`` is None for a body that touches nothing.  ``own_energy`` is for laws that this
-    package does not have: it maps u to a functional J(u), convex and differentiable, whose
-    derivative is added to (25).
+    ``epsilon`` are the penalty parameters, and ``contacts`` is empty for a body that touches
+    nothing.  ``own_energy`` is for laws that this package does not have: it maps u to a functional
+    J(u), convex and differentiable, whose derivative is added to (25).
     """
 
     elastic_stress: Callable[[Expr], Expr]
@@ -47,10 +37,9 @@ class ProblemData:
     inverse_limit: Expr
     dx: ufl.Measure
     loads: Sequence[tuple[Expr, ufl.Measure]]
-    contact: ContactData | None
+    contacts: tuple[Contact, ...]
     n: fem.Constant
     epsilon: fem.Constant
-    regularisation: fem.Constant
     own_energy: Callable[[fem.Function], Expr] | None = None
 
 
@@ -80,29 +69,15 @@ def external_work(v: Expr, data: ProblemData) -> Expr:
     )
 
 
-def internal_forces(
-    u: Expr, v: Expr, data: ProblemData, locking: Expr, pressure: Expr, friction: Expr
-) -> Expr:
-    """``a(u, v) + (Z, eps(v)) + int p v_nu + int t . v_tau`` for given Z, p and t = -sigma_tau."""
-    form = elastic_form(u, v, data) + ufl.inner(locking, strain(v)) * data.dx
-    if data.contact is not None:
-        nu = data.contact.normal
-        traction = pressure * normal_part(v, nu) + ufl.inner(friction, tangential_part(v, nu))
-        form += traction * data.contact.ds
-    return form
-
-
-def pressure(u: Expr, data: ProblemData) -> Expr:
+def pressure(u: Expr, contact: Contact, data: ProblemData) -> Expr:
     """The contact pressure ``-sigma_nu`` of the penalty law."""
-    assert data.contact is not None
-    return contact_pressure(normal_part(u, data.contact.normal), data.contact.gap, data.epsilon)
+    return contact_pressure(normal_part(u, contact.normal), contact.gap, data.epsilon)
 
 
-def friction(u: Expr, data: ProblemData) -> Expr:
+def friction(u: Expr, contact: Contact) -> Expr:
     """The friction traction ``-sigma_tau`` of the regularised law."""
-    assert data.contact is not None
-    slip = tangential_part(u, data.contact.normal)
-    return friction_traction(slip, data.contact.bound, data.regularisation)
+    slip = tangential_part(u, contact.normal)
+    return friction_traction(slip, contact.bound, contact.regularisation)
 
 
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
@@ -113,15 +88,13 @@ def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
 
 def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     """The left side of (25) minus its right side."""
-    touches = data.contact is not None
-    form = internal_forces(
-        u,
-        v,
-        data,
-        locking_stress(strain(u), data.inverse_limit, data.n),
-        pressure(u, data) if touches else None,
-        friction(u, data) if touches else None,
-    )
+    locking = locking_stress(strain(u), data.inverse_limit, data.n)
+    form = elastic_form(u, v, data) + ufl.inner(locking, strain(v)) * data.dx
+    for contact in data.contacts:
+        nu = contact.normal
+        traction = pressure(u, contact, data) * normal_part(v, nu)
+        traction += ufl.inner(friction(u, contact), tangential_part(v, nu))
+        form += traction * contact.surface.ds
     if data.own_energy is not None:
         form += own_forces(u, v, data)
     return form - external_work(v, data)
@@ -136,45 +109,21 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     """The potential of (25) at a frozen bound; its derivative is :func:`residual`."""
     form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
     form += locking_energy(strain(u), data.inverse_limit, data.n) * data.dx
-    if data.contact is not None:
-        nu, bound = data.contact.normal, data.contact.bound
-        density = contact_energy(normal_part(u, nu), data.contact.gap, data.epsilon)
-        density += friction_energy(tangential_part(u, nu), bound, data.regularisation)
-        form += density * data.contact.ds
+    for contact in data.contacts:
+        nu, gap = contact.normal, contact.gap
+        slip, regularisation = tangential_part(u, nu), contact.regularisation
+        density = contact_energy(normal_part(u, nu), gap, data.epsilon)
+        density += friction_energy(slip, contact.bound, regularisation)
+        form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
 
 
-def contact_stiffness(v: Expr, du: Expr, data: ProblemData, factor: fem.Constant) -> Expr:
-    """``(factor/eps) int du_nu v_nu``: the tangent of contact as if all of Gamma_C touched."""
-    assert data.contact is not None
-    nu = data.contact.normal
-    return factor / data.epsilon * normal_part(du, nu) * normal_part(v, nu) * data.contact.ds
-
-
-def scaled_tangent(
-    v: Expr,
-    du: Expr,
-    data: ProblemData,
-    locking: tuple[Expr, Expr, Expr],
-    contact: Expr,
-    friction: tuple[Expr, Expr, Expr],
-) -> Expr:
-    """The tangent with cones eliminated: ``a(du, v)`` plus the blocks of each cell and node.
-
-    ``int a eps(du) : eps(v) + b (W : eps(du)) (W : eps(v))`` for ``locking = (a, b, W)``,
-    ``int k du_nu v_nu`` for ``contact = k``, and
-    ``int a du_tau . v_tau - b (w . du_tau) (w . v_tau)`` for ``friction = (a, b, w)``.
-    """
-    a, b, w = locking
-    eps, eps_v = strain(du), strain(v)
-    form = elastic_form(du, v, data)
-    form += a * ufl.inner(eps, eps_v) * data.dx
-    form += b * ufl.inner(w, eps) * ufl.inner(w, eps_v) * data.dx
-    if data.contact is not None:
-        nu, ds = data.contact.normal, data.contact.ds
-        slip, slip_v = tangential_part(du, nu), tangential_part(v, nu)
-        a, b, w = friction
-        form += contact * normal_part(du, nu) * normal_part(v, nu) * ds
-        form += a * ufl.inner(slip, slip_v) * ds
-        form -= b * ufl.inner(w, slip) * ufl.inner(w, slip_v) * ds
-    return form
+def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[Contact], factor: Expr) -> Expr:
+    """``factor int du_nu v_nu``: a spring in the direction of every contact normal."""
+    return sum(
+        factor
+        * normal_part(du, contact.normal)
+        * normal_part(v, contact.normal)
+        * contact.surface.ds
+        for contact in contacts
+    )

@@ -1,7 +1,7 @@
 """Coulomb friction under a known bound: the regularised friction functional.
 
 The bound ``g = mu(|u_tau|) |R sigma_nu|`` is a coefficient here.  It depends on the solution, and
-the outer fixed point (solver.friction) makes the two agree; for a given bound the functional is
+the outer fixed point (solver.fixed_point) makes the two agree; for a given bound the functional is
 convex, which is what the solvers rely on.
 """
 

@@ -19,10 +19,10 @@ from contact_locking.conditions import (
     rigid_motions,
     sliding_motions,
 )
+from contact_locking.contacts import Contact
 from contact_locking.domain import Domain
 from contact_locking.errors import InputError
-from contact_locking.parameters import Parameters
-from contact_locking.surface import ContactSurface
+from contact_locking.parameters import LoadParameters
 
 BoolArray = npt.NDArray[np.bool_]
 FloatArray = npt.NDArray[np.float64]
@@ -57,18 +57,15 @@ def check_parts_held(
     space: fem.FunctionSpace,
     data: forms.ProblemData,
     constraints: Constraints,
-    surface: ContactSurface | None,
-    parameters: Parameters,
+    loads: LoadParameters,
 ) -> list[Held]:
     """What holds each part; raises InputError for one that is free to move; collective."""
     several = len(domain.part_names) > 1
     found = []
     for number, name in enumerate(domain.part_names):
-        mask = _dofs(domain, space, number)
+        motions = _Motions(domain, space, data, constraints, number)
         try:
-            free, sliding = _check_rigid_motions(
-                domain, space, data, constraints, surface, parameters, mask
-            )
+            check_held(motions.free, motions.normals, motions.rubs, motions.work, domain.dim)
         except InputError as error:
             if not several:
                 raise
@@ -76,80 +73,47 @@ def check_parts_held(
             raise InputError(
                 f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
             ) from None
-        on = [part for item in parameters.loads.displacements for part in item.on]
+        on = [part for item in loads.displacements for part in item.on]
+        touching = [part for contact in data.contacts for part in contact.on]
         found.append(
             Held(
                 name,
                 _touching(domain, number, list(dict.fromkeys(on))),
-                _touching(domain, number, parameters.contact.on),
-                free,
-                sliding,
+                _touching(domain, number, list(dict.fromkeys(touching))),
+                int(motions.free.shape[1]),
+                sliding_motions(motions.normals).shape[1],
             )
         )
     return found
 
 
-def _check_rigid_motions(
-    domain: Domain,
-    space: fem.FunctionSpace,
-    data: forms.ProblemData,
-    constraints: Constraints,
-    surface: ContactSurface | None,
-    parameters: Parameters,
-    part: BoolArray,
-) -> tuple[int, int]:
-    """How many rigid motions of a part contact holds, how many of them friction alone.
-
-    ``part`` marks the local dofs of the part.  Raises InputError if a motion is free.
-    """
-    found = _Motions(domain, space, data, constraints, surface, part)
-    if not found.free.shape[1]:
-        return 0, 0
-    normals = found.normals
-    friction = parameters.friction.coefficient != 0
-    check_held(found.free, normals, found.work, domain.dim, friction)
-    sliding = 0 if normals is None else sliding_motions(normals).shape[1]
-    return int(found.free.shape[1]), sliding
-
-
 def describe_slide(
-    domain: Domain,
-    space: fem.FunctionSpace,
-    data: forms.ProblemData,
-    constraints: Constraints,
-    surface: ContactSurface,
+    domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
 ) -> str | None:
     """A motion along Gamma_C that friction, with the bound there is, does not stop, in words.
 
     The loads do more work along it than friction can take, ``(f, c) > int G |c_tau|``.  Looked at
     are the motions along which the loads push the most.  None if friction stops them; collective.
     """
-    bound = data.contact.bound.x.array[surface.nodes] if data.contact is not None else np.zeros(0)
     for number in range(len(domain.part_names)):
-        mask = _dofs(domain, space, number)
-        found = _Motions(domain, space, data, constraints, surface, mask)
-        if found.normals is None or not found.free.shape[1]:
-            continue
+        found = _Motions(domain, space, data, constraints, number)
         slides = sliding_motions(found.normals)
         push = slides @ (slides.T @ found.work)
         if not np.any(push):
             continue
-        own = surface.is_of(mask)
-        slip = np.linalg.norm(np.einsum("fkd,f->kd", found.at_contact, push), axis=1)
-        taken = domain.comm.allreduce(float(surface.weights[own] @ (bound[own] * slip)))
-        work = float(push @ found.work)
-        if work > taken:
+        taken = domain.comm.allreduce(sum(item.taken(push) for item in found.at_contacts))
+        if float(push @ found.work) > taken:
             motion = describe_motion(found.free @ push, domain.dim)
             return f"friction cannot hold the body, which is free to move (rigid motion: {motion})"
     return None
 
 
 class _Motions:
-    """The rigid motions of a part that its displacement conditions leave; collective to make.
+    """The f rigid motions of a part that its displacement conditions leave; collective to make.
 
-    ``free`` (m, f) are their coefficients, ``work`` (f,) that of the loads, ``at_contact``
-    (f, k, d) the motions at the owned nodes of Gamma_C on the part, and ``normals`` (n, f) their
-    normal components at all such nodes, None if there are none.
+    ``free`` (m, f) are their coefficients, ``work`` (f,) is that of the loads, ``normals`` (n, f)
+    are the normal components at all nodes of Gamma_C on the part, and ``rubs`` (n,) marks those
+    with friction.
     """
 
     def __init__(
@@ -158,24 +122,42 @@ class _Motions:
         space: fem.FunctionSpace,
         data: forms.ProblemData,
         constraints: Constraints,
-        surface: ContactSurface | None,
-        part: BoolArray,
+        number: int,
     ) -> None:
+        part = _dofs(domain, space, number)
         self.free = free_motions(domain, space, constraints, part)
-        self.normals: FloatArray | None = None
-        if not self.free.shape[1]:
-            return
         motions = (self.free.T @ rigid_motions(space)) * part
+        self.work = np.zeros(len(motions))
+        self.at_contacts: list[_AtContact] = []
+        self.normals: FloatArray = np.zeros((0, len(motions)))
+        self.rubs: BoolArray = np.zeros(0, dtype=bool)
+        if not len(motions):
+            return
         work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
         self.work = domain.comm.allreduce(motions @ fem.assemble_vector(work_form).array)
-        if surface is None or data.contact is None:
-            return
-        own = surface.blocks[surface.is_of(part)]
-        self.at_contact = motions.reshape(len(motions), -1, domain.dim)[:, own]
-        nu = data.contact.normal.x.array.reshape(-1, domain.dim)[own]
-        local = np.einsum("fkd,kd->kf", self.at_contact, nu)
-        normals = np.concatenate(domain.comm.allgather(local))
-        self.normals = normals if len(normals) else None
+        self.at_contacts = [_AtContact(contact, motions, part) for contact in data.contacts]
+        for item in self.at_contacts:
+            normals = np.concatenate(domain.comm.allgather(item.normals))
+            self.normals = np.vstack([self.normals, normals])
+            rubs = np.full(len(normals), not item.contact.friction.frictionless)
+            self.rubs = np.append(self.rubs, rubs)
+
+
+class _AtContact:
+    """Rigid motions at the owned nodes of a contact that are on a part of the body."""
+
+    def __init__(self, contact: Contact, motions: FloatArray, part: BoolArray) -> None:
+        self.contact, self._own = contact, contact.surface.is_of(part)
+        blocks = contact.surface.blocks[self._own]
+        self._motions = motions.reshape(len(motions), -1, contact.surface.domain.dim)[:, blocks]
+        #: The normal components (k, f).
+        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self._own])
+
+    def taken(self, motion: FloatArray) -> float:
+        """``int G |c|``, what friction can take of the work along a motion (f,) that slides."""
+        slip = np.linalg.norm(np.einsum("fkd,f->kd", self._motions, motion), axis=1)
+        weights, bound = self.contact.surface.weights[self._own], self.contact.bounds[self._own]
+        return float(weights @ (bound * slip))
 
 
 def _dofs(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:

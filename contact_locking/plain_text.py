@@ -1,9 +1,11 @@
-"""Text from files and users, made safe for terminals and spreadsheets."""
+"""Text in messages and files: the text of others made safe to show, and the nearest known name."""
 
 from __future__ import annotations
 
+import difflib
 import re
 import unicodedata
+from collections.abc import Iterable
 
 # A spreadsheet takes such text for a formula, which can start programs; -2*x and the like are no
 # danger and stay as they are.
@@ -11,7 +13,10 @@ _FORMULA = re.compile(r"[=@\t\r]|[-+].*[|!]", re.DOTALL)
 
 
 def printable(text: str, keep: str = "\n") -> str:
-    """The text with escapes for control and invisible characters, except those in ``keep``."""
+    """The text with escapes for control characters and characters that a terminal does not show.
+
+    The characters in ``keep`` stay.
+    """
     if text.isprintable():
         return text
     return "".join(c if c in keep or _is_shown(c) else ascii(c)[1:-1] for c in text)
@@ -22,6 +27,12 @@ def spreadsheet_cell(text: str) -> str:
     return f"'{text}" if _FORMULA.match(text) else text
 
 
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The hint at the known name that is most like ``name``; empty if no name is like it."""
+    matches = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean '{matches[0]}'?)" if matches else ""
+
+
 def _is_shown(character: str) -> bool:
-    # White space is harmless, except separators of lines and paragraphs.
+    # Blanks of every width are harmless; separators of lines and paragraphs are not shown.
     return character.isprintable() or unicodedata.category(character) == "Zs"

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import _compat, checkpoint, plausibility, study_file
+from contact_locking import checkpoint, plausibility, study_file
 from contact_locking._version import __version__
-from contact_locking.assembly import Problem, assemble, penalty
+from contact_locking.assembly import Problem, assemble
 from contact_locking.certificate import Certificate, certify
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.certificate.state import SolvedState
@@ -26,15 +26,14 @@ from contact_locking.parts import describe_slide
 from contact_locking.progress import Monitor
 from contact_locking.restart import Restart
 from contact_locking.results.derived import (
-    BodyFields,
-    ContactFields,
     body_summary,
+    contact_summary,
     gather_contacts,
     integral,
-    no_contact_summary,
+    on_gamma_c,
 )
 from contact_locking.solution import Solution
-from contact_locking.solver import Settings, SolverReport
+from contact_locking.solver import Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
 from contact_locking.solver.options import UserOptions, require_harmless, require_known
 from contact_locking.solver.target import Target
@@ -118,16 +117,12 @@ def solve_assembled(
         problem.data,
         problem.u,
         problem.constraints,
-        problem.bound,
         held_by_contact=problem.free > 0,
         held_by_friction=problem.sliding > 0,
     )
     material, domain = problem.material, problem.domain
-    n, epsilon, regularisation = penalty(problem.parameters, material.young)
     target = Target(
-        n,
-        epsilon,
-        regularisation,
+        problem.penalty,
         stiffness=material.stiffness,
         ellipticity=material.ellipticity,
         young=material.young,
@@ -137,8 +132,8 @@ def solve_assembled(
     report = None if restarted is None else restarted.solved_already(system, target, settings)
     if report is None:
         saved = None if restarted is None else restarted.state
-        report = solve_system(method, system, target, settings, monitor, saved)
-    system.set_penalty(n, epsilon, regularisation)
+        report = solve_system(method, Task(system, target, settings, monitor), saved)
+    system.set_penalty(problem.penalty)
     monitor.message("computing fields and the certificate")
     solution = _collect(problem, system, target, report, settings)
     if unused := options.unused():
@@ -147,8 +142,7 @@ def solve_assembled(
             "(solver.petsc, or after --)"
         )
     solution.summary["restart"] = None if restarted is None else restarted.told(report)
-    if problem.bound is not None:
-        problem.bound.smoothing.destroy()
+    problem.close()
     return solution
 
 
@@ -156,8 +150,7 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
     """Do all that :func:`solve` does before its first iteration and say what would be solved."""
     _require_known_options(parameters)
     problem = assemble(parameters, comm)
-    if problem.bound is not None:
-        problem.bound.smoothing.destroy()
+    problem.close()
     return {**problem.facts(), "warnings": problem.warnings}
 
 
@@ -200,25 +193,23 @@ def _collect(
 ) -> Solution:
     domain, data, u = problem.domain, problem.data, problem.u
     state = SolvedState.of(problem, system, target, settings, report)
-    body, contact = state.body, state.contact
+    body = state.body
     certificate = certify(state)
     slide = None
-    if problem.sliding and problem.bound is not None and not report.converged:
-        slide = describe_slide(
-            domain, u.function_space, data, problem.constraints, problem.bound.surface
-        )
+    if problem.sliding and not report.converged:
+        slide = describe_slide(domain, u.function_space, data, problem.constraints)
     warnings = [*problem.warnings]
     numbers = body_summary(domain, u, data, body)
-    touching = no_contact_summary(domain.dim) if contact is None else contact.summary()
+    touching = contact_summary(state.contacts, domain.dim)
     if report.converged:
         warnings += plausibility.about_the_strain(numbers["strain_norm_max"])
         warnings += plausibility.about_the_overstrain(
-            body.largest_overstrain(domain), target.n, target.young
+            body.largest_overstrain(domain), target.penalty.n, target.young
         )
         warnings += plausibility.about_the_penetration(
             touching["penetration_max"],
             state.largest_displacement,
-            target.epsilon,
+            target.penalty.epsilon,
             target.length / target.young,
             follows_n=problem.parameters.penalty.epsilon is None,
         )
@@ -240,9 +231,9 @@ def _collect(
             "contraction": report.contraction,
         },
         "penalty": {
-            "n": target.n,
-            "epsilon": target.epsilon,
-            "regularisation": target.regularisation,
+            "n": target.penalty.n,
+            "epsilon": target.penalty.epsilon,
+            "regularisation": max(target.penalty.regularisations, default=0.0),
         },
         "duality_gap": report.duality_gap,
         "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),
@@ -257,23 +248,15 @@ def _collect(
             "reason": certificate.complaint,
             "suggestion": _WAY_OUT_OF_COMPLAINTS,
         }
-    return _solution(problem, body, contact, certificate, summary)
+    return _solution(problem, state, certificate, summary)
 
 
 def _measure_against_limit(
     solution: Solution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
 ) -> None:
     """Solve the inequality itself on the same mesh and add the distance to the certificate."""
-    given = solution.parameters
-    limit = given.model_copy(
-        update={
-            "penalty": given.penalty.model_copy(update={"n": math.inf, "epsilon": None}),
-            "friction": given.friction.model_copy(update={"regularisation": None}),
-            "solver": given.solver.model_copy(update={"method": "auto"}),
-        }
-    )
     monitor.message("solving for n = .inf, to measure the distance")
-    problem = assemble(limit, solution.domain.comm, solution.domain)
+    problem = assemble(solution.parameters.limit(), solution.domain.comm, solution.domain)
     exact = solve_assembled(problem, monitor, petsc_options)
     measured: dict[str, Any]
     if exact.converged:
@@ -284,27 +267,10 @@ def _measure_against_limit(
 
 
 def _solution(
-    problem: Problem,
-    body: BodyFields,
-    contact: ContactFields | None,
-    certificate: Certificate,
-    summary: dict[str, Any],
+    problem: Problem, state: SolvedState, certificate: Certificate, summary: dict[str, Any]
 ) -> Solution:
-    if contact is not None:
-        surface = contact.surface
-        pressure = surface.scalar_function(contact.pressure, "contact_pressure")
-        smoothed = surface.scalar_function(contact.smoothed_stress, "smoothed_stress")
-        traction = surface.vector_function(contact.traction, "tangential_traction")
-        state = surface.scalar_function(contact.state.astype(float), "contact_state")
-        bound = surface.scalar_function(contact.bound, "friction_bound")
-    else:
-        scalar = _compat.collapse(problem.u.function_space.sub(0))[0]
-        pressure, smoothed, state, bound = (
-            fem.Function(scalar, name=name)
-            for name in ("contact_pressure", "smoothed_stress", "contact_state", "friction_bound")
-        )
-        traction = fem.Function(problem.u.function_space, name="tangential_traction")
-    points, facets = gather_contacts([] if contact is None else [contact], problem.domain)
+    body = state.body
+    points, facets = gather_contacts(state.contacts, problem.domain)
     return Solution(
         parameters=problem.parameters,
         domain=problem.domain,
@@ -315,12 +281,9 @@ def _solution(
         elastic_stress=body.elastic_stress,
         locking_stress=body.locking_stress,
         error_indicator=certificate.error_indicator,
-        contact_pressure=pressure,
-        smoothed_stress=smoothed,
-        tangential_traction=traction,
-        contact_state=state,
-        friction_bound=bound,
+        contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,
         summary=summary,
+        **on_gamma_c(state.contacts, problem.u),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from contact_locking.assembly import Problem
 from contact_locking.certificate import is_solved
 from contact_locking.certificate.state import SolvedState
 from contact_locking.solver import SavedState, Settings, SolverReport
-from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
@@ -41,8 +40,8 @@ class Restart:
         if saved.multipliers is None:
             return None
         saved.state.enter(system)
-        if system.bound is not None and saved.bound is not None:
-            system.bound.values = saved.bound
+        for contact, bound in zip(system.contacts, saved.bounds, strict=True):
+            contact.bounds = bound
         report = SolverReport(
             converged=True,
             reason="every criterion held",
@@ -77,12 +76,14 @@ def _acting(state: SolvedState, multipliers: Multipliers) -> Multipliers:
     stress = multipliers.locking_stress.copy()
     never_locks = problem.data.inverse_limit.x.array == 0.0
     stress.x.array.reshape(-1, dim, dim)[never_locks] = 0.0
-    if problem.bound is None:
-        return dataclasses.replace(multipliers, locking_stress=stress)
-    rubs = state.free_nodes & (not problem.bound.frictionless)
-    return Multipliers(
-        stress,
-        np.where(state.free_nodes, multipliers.pressure, 0.0),
-        np.where(rubs[:, None], multipliers.friction, 0.0),
-        multipliers.touches & state.free_nodes,
-    )
+    forces = []
+    for contact, found in zip(problem.contacts, multipliers.contacts, strict=True):
+        rubs = contact.free & (not contact.friction.frictionless)
+        forces.append(
+            ContactForces(
+                np.where(contact.free, found.pressure, 0.0),
+                np.where(rubs[:, None], found.friction, 0.0),
+                found.touches & contact.free,
+            )
+        )
+    return Multipliers(stress, tuple(forces))

@@ -34,10 +34,16 @@ class ContactSurface:
     the measure of Gamma_C.  Collective to make.
     """
 
-    def __init__(self, domain: Domain, space: fem.FunctionSpace, names: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        domain: Domain,
+        space: fem.FunctionSpace,
+        names: tuple[str, ...],
+        key: str = "contact.on",
+    ) -> None:
         self.domain = domain
-        self.facets = domain.facets(names, "contact.on")
-        self.ds = domain.ds(names, "contact.on", **VERTEX_RULE)
+        self.facets = domain.facets(names, key)
+        self.ds = domain.ds(names, key, **VERTEX_RULE)
         self.vector_space = space
         self.scalar_space, to_vector = _compat.collapse(space.sub(0))
         owned = self.scalar_space.dofmap.index_map.size_local

@@ -1,7 +1,9 @@
-"""The discrete penalised problem as a solver sees it: vectors, matrices, and the friction bound."""
+"""The discrete penalised problem as a solver sees it: vectors, matrices and friction bounds."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -14,104 +16,18 @@ from petsc4py import PETSc
 
 from contact_locking import compiled, forms
 from contact_locking.conditions import Constraints, rigid_motions
-from contact_locking.friction_law import Coefficient, FrictionLaw
-from contact_locking.smoothing import Smoothing
-from contact_locking.surface import ContactSurface
+from contact_locking.contacts import Contact
+from contact_locking.penalty import Penalty
+from contact_locking.surface import NodalAverage
 
 FloatArray = npt.NDArray[np.float64]
 
 # Rounding in a sum of products is a few times this share of what is summed.
 ROUNDING = 64.0 * float(np.finfo(float).eps)
-# Differences of mu are taken over this share of the slip.
-_DIFFERENCE = 1e-3
-
-
-class FrictionBound:
-    """``g = mu(x, |u_tau|) |R sigma_nu|`` at the nodes of Gamma_C (6), with ``sigma_nu = -p``.
-
-    ``law`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,): a
-    :class:`~contact_locking.friction_law.FrictionLaw`, or any function, whose constants the
-    certificate samples.  ``frictionless`` says that mu is zero everywhere.
-    """
-
-    def __init__(
-        self,
-        surface: ContactSurface,
-        smoothing: Smoothing,
-        law: FrictionLaw | Coefficient,
-        u: fem.Function,
-        data: forms.ProblemData,
-        frictionless: bool = False,
-    ) -> None:
-        assert data.contact is not None
-        self.surface = surface
-        self.frictionless = frictionless
-        self.smoothing = smoothing
-        self.law = law if isinstance(law, FrictionLaw) else FrictionLaw(law)
-        #: What of mu is taken; solvers lower it to find out how much friction has a solution.
-        self.share = 1.0
-        self._bound = data.contact.bound
-        self._pressure = surface.average(forms.pressure(u, data))
-        dim = surface.domain.dim
-        self._u = u
-        self._normal = data.contact.normal.x.array.reshape(-1, dim)[surface.blocks]
-
-    def evaluate(self, pressure: FloatArray | None = None) -> FloatArray:
-        """The bound (k,) that belongs to the present displacement; collective.
-
-        The pressure (k,) is that of the penalty law unless it is given.
-        """
-        smoothed = np.abs(self.smoothing.apply(self._pressure() if pressure is None else pressure))
-        return self._mu(self.slips()) * smoothed
-
-    def slope(self) -> tuple[FloatArray, FloatArray]:
-        """``mu`` and ``d mu/ds`` (k,) at the present slips, by central differences; collective."""
-        slip = self.slips()
-        largest = float(np.max(slip, initial=0.0))
-        largest = self.surface.domain.comm.allreduce(largest, op=MPI.MAX)
-        width = _DIFFERENCE * slip + _DIFFERENCE**2 * largest
-        if largest == 0.0:
-            return self._mu(slip), np.zeros_like(slip)
-        low, high = np.maximum(slip - width, 0.0), slip + width
-        return self._mu(slip), (self._mu(high) - self._mu(low)) / (high - low)
-
-    def _mu(self, slip: FloatArray) -> FloatArray:
-        return self.share * self.law(self.surface.points, slip)
-
-    def slips(self) -> FloatArray:
-        """``|u_tau|`` (k,)."""
-        nu = self._normal
-        values = self._u.x.array.reshape(-1, nu.shape[1])[self.surface.blocks]
-        along = np.einsum("ki,ki->k", values, nu)[:, None]
-        return np.linalg.norm(values - along * nu, axis=1)
-
-    def coefficient(self, slip: float) -> FloatArray:
-        """``mu(x, s)`` (k,) at the nodes for one slip s everywhere; collective."""
-        return self.law(self.surface.points, np.full(len(self.surface.nodes), slip))
-
-    @property
-    def is_coulomb(self) -> bool:
-        """Whether the bound is that of (6), and not the user's own."""
-        return type(self).evaluate is FrictionBound.evaluate
-
-    @property
-    def values(self) -> FloatArray:
-        """The bound (k,) that the forms use now."""
-        return self._bound.x.array[self.surface.nodes]
-
-    @values.setter
-    def values(self, bound: FloatArray) -> None:
-        self._bound.x.array[self.surface.nodes] = bound
-        self._bound.x.scatter_forward()
-
-    def norm(self, values: FloatArray) -> float:
-        """The L2 norm on Gamma_C by the vertex rule; collective."""
-        local = float(np.sum(self.surface.weights * values**2))
-        return float(np.sqrt(self.surface.domain.comm.allreduce(local)))
 
 
 class PenalisedSystem:
-    """Residual and tangent of (26) over PETSc, at a penalty and a friction bound that can be set.
+    """Residual and tangent of (26) over PETSc, at penalties and friction bounds that can be set.
 
     ``u`` carries the displacement, with the prescribed values in its constrained dofs at all times.
     ``held_by_contact`` says that some rigid motion is stopped by contact alone, and
@@ -127,13 +43,12 @@ class PenalisedSystem:
         data: forms.ProblemData,
         u: fem.Function,
         constraints: Constraints,
-        bound: FrictionBound | None,
         held_by_contact: bool = False,
         held_by_friction: bool = False,
     ) -> None:
         space = u.function_space
         v = ufl.TestFunction(space)
-        self.data, self.u, self.bound = data, u, bound
+        self.data, self.u, self.contacts = data, u, data.contacts
         self.comm, self.dim = space.mesh.comm, space.mesh.topology.dim
         self._constraints = constraints
         constraints.apply(u)
@@ -161,10 +76,17 @@ class PenalisedSystem:
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         tangent = forms.tangent(self.u, v, du, self.data)
         if self.held_by_contact:
-            floor = fem.Constant(space.mesh, self.CONTACT_FLOOR)
-            tangent += forms.contact_stiffness(v, du, self.data, floor)
+            factor = fem.Constant(space.mesh, self.CONTACT_FLOOR) / self.data.epsilon
+            tangent += forms.contact_stiffness(v, du, self.contacts, factor)
         # With more than DOLFINx's own flags this takes GCC a minute in 3D, and is as fast.
         return fem.form(tangent)
+
+    @cached_property
+    def _penalty_pressures(self) -> list[NodalAverage]:
+        return [
+            contact.surface.average(forms.pressure(self.u, contact, self.data))
+            for contact in self.contacts
+        ]
 
     @property
     def size(self) -> int:
@@ -172,10 +94,16 @@ class PenalisedSystem:
         dofmap = self.u.function_space.dofmap
         return int(dofmap.index_map.size_global * dofmap.index_map_bs)
 
-    def set_penalty(self, n: float, epsilon: float, regularisation: float) -> None:
-        self.data.n.value = n
-        self.data.epsilon.value = epsilon
-        self.data.regularisation.value = regularisation
+    def set_penalty(self, penalty: Penalty) -> None:
+        """Let the penalised forms use these parameters."""
+        self.data.n.value, self.data.epsilon.value = penalty.n, penalty.epsilon
+        for contact, length in zip(self.contacts, penalty.regularisations, strict=True):
+            contact.regularisation.value = length
+
+    @property
+    def rubbing(self) -> tuple[Contact, ...]:
+        """The contacts with friction."""
+        return tuple(item for item in self.contacts if not item.friction.frictionless)
 
     def create_matrix(self) -> PETSc.Mat:
         """A matrix with the tangent's sparsity and its near-nullspace; collective."""
@@ -274,22 +202,59 @@ class PenalisedSystem:
         self.u.x.array[: self._owned] = x.array_r
         self._constraints.apply(self.u)
 
-    def take_over(self, displacement: FloatArray, pressure: FloatArray | None) -> None:
-        """``u`` = local values, but for the prescribed ones, and the bound of a pressure (k,).
+    def take_over(self, displacement: FloatArray, pressures: Sequence[FloatArray]) -> None:
+        """``u`` = local values, but for the prescribed ones, and the bounds of pressures (k,).
 
-        Without a pressure the bound is that of the penalty law; collective.
+        Without pressures, none being given, the bounds are those of the penalty law; collective.
         """
         self.u.x.array[:] = displacement
         self._constraints.apply(self.u)
-        if self.bound is not None:
-            self.bound.values = self.bound.evaluate(pressure)
+        if not pressures:
+            return self.update_bounds()
+        for contact, pressure in zip(self.contacts, pressures, strict=True):
+            contact.bounds = contact.friction_bound(self.u, pressure)
+
+    def penalty_bounds(self) -> list[FloatArray]:
+        """The friction bounds of :attr:`rubbing` that belong to the penalty law; collective."""
+        return [
+            contact.friction_bound(self.u, pressure())
+            for contact, pressure in zip(self.contacts, self._penalty_pressures, strict=True)
+            if not contact.friction.frictionless
+        ]
+
+    def update_bounds(self) -> None:
+        """Set every friction bound to that of the penalty law at the displacement; collective."""
+        for contact, bound in zip(self.rubbing, self.penalty_bounds(), strict=True):
+            contact.bounds = bound
 
     def clear(self) -> None:
-        """``u = 0`` but for the prescribed values, and no friction bound; collective."""
+        """``u = 0`` but for the prescribed values, and no friction; collective."""
         self.u.x.array[:] = 0.0
         self._constraints.apply(self.u)
-        if self.bound is not None:
-            self.bound.values = np.zeros_like(self.bound.values)
+        for contact in self.contacts:
+            contact.bounds = np.zeros_like(contact.bounds)
+
+    @contextlib.contextmanager
+    def preserved(self, only_on_failure: bool = False) -> Iterator[None]:
+        """Give the displacement and the friction bounds back the values from before the block.
+
+        With ``only_on_failure`` this happens where the block raises, not where it ends; collective.
+        """
+        displacement = self.u.x.array.copy()
+        bounds = [contact.bounds for contact in self.contacts]
+
+        def restore() -> None:
+            self.u.x.array[:] = displacement
+            for contact, values in zip(self.contacts, bounds, strict=True):
+                contact.bounds = values
+
+        try:
+            yield
+        except BaseException:
+            restore()
+            raise
+        if not only_on_failure:
+            restore()
 
     def relative_residual(self, tolerance: float = 1e-8) -> float:
         """``|F(u)|`` over the free dofs, relative to :meth:`force_scale`; collective."""

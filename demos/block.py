@@ -105,7 +105,7 @@ def work(integrand: ufl.core.expr.Expr) -> float:
 u = solution.displacement
 normal = ufl.FacetNormal(solution.domain.mesh)
 on_contact = solution.domain.ds(
-    parameters.contact.on, quadrature_rule="vertex", quadrature_degree=1
+    parameters.contact_names, quadrature_rule="vertex", quadrature_degree=1
 )
 parts = {
     "elastic": 2 * summary["elastic_energy"],

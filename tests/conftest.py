@@ -12,7 +12,7 @@ import pytest
 from mpi4py import MPI
 from verification_table import Row, table_text
 
-from contact_locking.solver.cones import Lorentz
+from contact_locking.solver.interior_point.lorentz import Lorentz
 
 RANK, SIZE = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
 

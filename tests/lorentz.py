@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.solver.cones import Scaling
+from contact_locking.solver.interior_point.lorentz import Scaling
 
 FloatArray = npt.NDArray[np.float64]
 

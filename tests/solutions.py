@@ -13,7 +13,8 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking.domain import from_geometry
-from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, Solution, joined
+from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
+from contact_locking.solution import Solution
 
 FloatArray = npt.NDArray[np.float64]
 DIVISIONS = 4
@@ -75,6 +76,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         tangential_traction=function(vector, traction),
         contact_state=function(scalar, state),
         friction_bound=function(scalar, lambda x: 0.3 * pressure(x)),
+        contacts=(),
         contact_points=points if mesh.comm.rank == 0 else None,
         contact_facets=facets if mesh.comm.rank == 0 else None,
         summary={

@@ -300,21 +300,21 @@ def test_the_default_radius_is_not_warned_of_and_smooths(
     study = study_file.load(_write(tmp_path, changes))
     made = assemble(study.parameters, MPI.COMM_SELF)
     assert made.warnings == []
-    assert made.bound is not None
-    x = made.bound.surface.points[:, 0]
+    (contact,) = made.contacts
+    x = contact.surface.points[:, 0]
     # The value at each node takes part of its neighbours'.
     one = np.where(x == x.max(), 1.0, 0.0)
-    smoothed = made.bound.smoothing.apply(one)
+    smoothed = contact.friction.smoothing.apply(one)
     assert 0.0 < np.sort(smoothed)[-2] < smoothed.max() < 0.9
-    made.bound.smoothing.destroy()
+    made.close()
 
 
 @pytest.mark.parametrize("radius", [1e3, 1e6, 1e100])
 def test_a_filter_with_a_huge_radius_is_the_mean(radius: float, tmp_path: Path) -> None:
     changes = {"friction.smoothing": {"kernel": "helmholtz", "radius": radius}, "mesh.h": 0.05}
     made = assemble(study_file.load(_write(tmp_path, changes)).parameters, MPI.COMM_SELF)
-    assert made.bound is not None
-    surface, smoothing = made.bound.surface, made.bound.smoothing
+    (contact,) = made.contacts
+    surface, smoothing = contact.surface, contact.friction.smoothing
     w = np.exp(surface.points[:, 0])
     # The node at the clamp takes no part.
     held = np.isclose(surface.points[:, 0], 0.0)

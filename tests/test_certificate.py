@@ -25,8 +25,8 @@ Tamper = Callable[[SolvedState], None]
 
 
 def friction_pushes(state: SolvedState) -> None:
-    assert state.contact is not None
-    state.contact.traction = 0.0 - state.contact.traction
+    (contact,) = state.contacts
+    contact.traction = 0.0 - contact.traction
 
 
 def half_the_locking_stress(state: SolvedState) -> None:
@@ -34,26 +34,26 @@ def half_the_locking_stress(state: SolvedState) -> None:
 
 
 def pressure_pulls(state: SolvedState) -> None:
-    assert state.contact is not None
-    state.contact.pressure = 0.0 - state.contact.pressure
+    (contact,) = state.contacts
+    contact.pressure = 0.0 - contact.pressure
 
 
 def old_bound(state: SolvedState) -> None:
-    assert state.contact is not None
-    state.contact.bound = 1.01 * state.contact.bound
+    (contact,) = state.contacts
+    contact.bound = 1.01 * contact.bound
 
 
 def too_much_friction(state: SolvedState) -> None:
-    assert state.contact is not None
-    state.contact.traction = 20.0 * state.contact.traction
+    (contact,) = state.contacts
+    contact.traction = 20.0 * contact.traction
 
 
 def pressure_moves_aside(state: SolvedState) -> None:
     """The resultant stays where it is in size, not in place."""
-    assert state.contact is not None
-    weights = state.contact.surface.weights
-    total = state.sum(weights * state.contact.pressure)
-    state.contact.pressure = np.full_like(weights, total / state.sum(weights))
+    (contact,) = state.contacts
+    weights = contact.surface.weights
+    total = state.sum(weights * contact.pressure)
+    contact.pressure = np.full_like(weights, total / state.sum(weights))
 
 
 @pytest.mark.parametrize("n", [1e3, math.inf])

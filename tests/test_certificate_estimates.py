@@ -15,11 +15,11 @@ from problems import block, column, with_changes
 from contact_locking.assembly import assemble
 from contact_locking.certificate import elliptic, indicator
 from contact_locking.certificate.constants import SAMPLED
+from contact_locking.contacts import FrictionBound
 from contact_locking.friction_law import FrictionLaw
 from contact_locking.parameters import Parameters
 from contact_locking.problem import solve_assembled
 from contact_locking.solver.linear import iterative_options
-from contact_locking.system import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -203,9 +203,8 @@ def constants_of(law: Any, bound: type[FrictionBound] = FrictionBound) -> dict[s
     """Of a soft block that is solved with another coefficient than that of its study file."""
     study = block(h=0.2, penalty__epsilon=0.1, certificate__constants=True)
     problem = assemble(study, MPI.COMM_WORLD)
-    given = problem.bound
-    assert given is not None
-    problem.bound = bound(given.surface, given.smoothing, law, problem.u, problem.data)
+    (contact,) = problem.contacts
+    contact.friction = bound(contact.surface, contact.friction.smoothing, law)
     return dict(solve_assembled(problem).summary["certificate"]["constants"])
 
 
@@ -233,8 +232,8 @@ def test_a_law_that_exceeds_what_it_states_has_no_verdict() -> None:
 
 def test_a_bound_of_the_users_own_has_no_verdict() -> None:
     class Capped(FrictionBound):
-        def evaluate(self, pressure: FloatArray | None = None) -> FloatArray:
-            return np.minimum(super().evaluate(pressure), 0.004)
+        def evaluate(self, pressure: FloatArray, slip: FloatArray) -> FloatArray:
+            return np.minimum(super().evaluate(pressure, slip), 0.004)
 
     found = constants_of(slip_weakening, Capped)["uniqueness"]
     assert found["verdict"] == "not known" and "user's own" in found["why"]

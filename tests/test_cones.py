@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lorentz import inside, product, scaled, unit
 
-from contact_locking.solver.cones import Lorentz, Scaling
+from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,17 @@ from problems import block, column, with_changes
 
 from contact_locking import problem
 from contact_locking.parameters import Parameters
-from contact_locking.solution import OPEN
-from contact_locking.solver.blocks import ContactBlock, FrictionBlock, LockingBlock
-from contact_locking.solver.cones import Lorentz, Scaling
+from contact_locking.results.contact_points import OPEN
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.family import Step
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.locking_cones import LockingCones
+from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
+
+
+def _points(**given: Any) -> Any:
+    """Points with weights, which is all that the algebra of a family of cones takes."""
+    return SimpleNamespace(comm=MPI.COMM_SELF, **given)
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.3])
@@ -25,24 +34,28 @@ def test_eliminated_steps_satisfy_the_full_newton_system(
 ) -> None:
     random = np.random.default_rng(3)
     eps = 0.3 * random.standard_normal((3, 6))
-    locking = LockingBlock(lorentz, eps, np.full(6, 1.0), np.ones(6), compliance)
+    points = _points(weights=np.ones(6), rows=3)
+    locking = LockingCones(lorentz, points, np.full(6, 1.0), compliance)
+    locking.seen = eps
+    locking.start(0.0, 0.0)
     locking.x[0] += 0.3
     locking.z = inside(random, 4, 6)
-    a, b, w = locking.linearise(eps + 0.01)
+    locking.seen = eps + 0.01
+    locking.linearise()
     resting = locking.aim(0.2)
     d_eps = random.standard_normal((3, 6))
-    dx, dz = locking.step(d_eps)
+    step = locking.step(d_eps)
+    moved = Step(locking.x + step.primal, locking.z + step.dual)
     # The multiplier's step is what the tangent block says it is ...
-    tangent = a * d_eps + b * np.sum(w * d_eps, axis=0) * w
-    np.testing.assert_allclose(-(locking.z + dz)[1:], resting + tangent, rtol=1e-9, atol=1e-9)
+    tangent = locking.a * d_eps + locking.b * np.sum(locking.w * d_eps, axis=0) * locking.w
+    np.testing.assert_allclose(-moved.dual[1:], resting + tangent, rtol=1e-9, atol=1e-9)
     # ... primal feasibility is restored ...
-    limit = 1.0 + compliance * (locking.z + dz)[0]
-    np.testing.assert_allclose((locking.x + dx)[0], limit, atol=1e-10)
-    np.testing.assert_allclose((locking.x + dx)[1:], eps + 0.01 + d_eps, atol=1e-10)
+    np.testing.assert_allclose(moved.primal[0], 1.0 + compliance * moved.dual[0], atol=1e-10)
+    np.testing.assert_allclose(moved.primal[1:], eps + 0.01 + d_eps, atol=1e-10)
     # ... and the linearised complementarity reaches its target.
     scaling = Scaling.of(lorentz, locking.x, locking.z)
-    moved = scaled(scaling, dx, -1) + scaled(scaling, dz, 1)
-    reached = product(scaling.point, scaling.point + moved)
+    change = scaled(scaling, step.primal, -1) + scaled(scaling, step.dual, 1)
+    reached = product(scaling.point, scaling.point + change)
     np.testing.assert_allclose(reached, 0.2 * unit(4, 6), atol=1e-8)
 
 
@@ -52,27 +65,33 @@ def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(
 ) -> None:
     random = np.random.default_rng(5)
     slip = random.standard_normal((2, 4))
-    friction = FrictionBlock(lorentz, slip, np.ones(4), epsilon, np.full(4, 2.0), 0.5)
+    friction = FrictionCones(lorentz, _points(weights=np.ones(4), dim=2), epsilon, 1.0)
+    friction.seen = slip
+    friction.start(0.0, 0.5)
+    friction.set_bound(np.full(4, 2.0))
     friction.z[1:] = 0.3 * random.standard_normal(friction.z[1:].shape)
-    a, b, w = friction.linearise(slip)
+    friction.linearise()
     resting = friction.aim(0.1)
     d_slip = random.standard_normal((2, 4))
-    _, dz = friction.step(d_slip)
-    assert np.all(dz[0] == 0.0)
-    tangent = a * d_slip - b * np.sum(w * d_slip, axis=0) * w
-    moved = -(friction.z + dz)[1:3]
+    step = friction.step(d_slip)
+    assert np.all(step.dual[0] == 0.0)
+    tangent = friction.a * d_slip + friction.b * np.sum(friction.w * d_slip, axis=0) * friction.w
+    moved = -(friction.z + step.dual)[1:3]
     np.testing.assert_allclose(moved, resting + tangent, rtol=1e-9, atol=1e-9)
 
 
 def test_contact_step_satisfies_the_linearised_complementarity() -> None:
-    contact = ContactBlock(np.array([0.2, 0.5]), np.ones(2), 0.1, 0.01)
-    contact.start(0.3)
-    stiffness = contact.linearise(np.array([0.1, 0.6]))
+    contact = ContactCones(_points(weights=np.ones(2), gap=np.zeros(2)), 0.1, 1.0)
+    contact.seen = -np.array([0.2, 0.5])
+    contact.start(0.3, 0.01)
+    contact.seen = -np.array([0.1, 0.6])
+    contact.linearise()
     resting = contact.aim(0.2)
     d_normal = np.array([0.05, -0.02])
-    dx, dz = contact.step(d_normal)
-    np.testing.assert_allclose(contact.z + dz, resting + stiffness * d_normal)
-    np.testing.assert_allclose(contact.x * contact.z + dx * contact.z + contact.x * dz, 0.2)
+    step = contact.step(d_normal)
+    np.testing.assert_allclose(contact.z + step.dual, resting + contact.stiffness * d_normal)
+    products = contact.x * contact.z + step.primal * contact.z + contact.x * step.dual
+    np.testing.assert_allclose(products, 0.2)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -150,11 +150,11 @@ def test_the_default_radius_of_r_does_not_depend_on_the_position(tmp_path: Path)
         data = place.study(corner()) | {"mesh": {"file": str(tmp_path / "body.msh")}}
         block.write(tmp_path / "body.msh", place)
         made = assemble(Parameters.model_validate(data), MPI.COMM_WORLD)
-        assert made.bound is not None
-        x = made.bound.surface.points @ place.matrix
-        smoothed = made.bound.smoothing.apply((x[:, 0] > 0.5) * (1.0 + x[:, 1] ** 2))
-        found.append(MPI.COMM_WORLD.allreduce(made.bound.surface.weights @ (x[:, 0] * smoothed)))
-        made.bound.smoothing.destroy()
+        (contact,) = made.contacts
+        x = contact.surface.points @ place.matrix
+        smoothed = contact.friction.smoothing.apply((x[:, 0] > 0.5) * (1.0 + x[:, 1] ** 2))
+        found.append(MPI.COMM_WORLD.allreduce(contact.surface.weights @ (x[:, 0] * smoothed)))
+        made.close()
     assert found[1] == pytest.approx(found[0], rel=1e-9)
 
 

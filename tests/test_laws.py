@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
 
-from contact_locking.contact import contact_energy, contact_pressure
 from contact_locking.foundation import HalfSpace, Round
 from contact_locking.friction import friction_energy, friction_traction
 from contact_locking.locking import locking_energy, locking_stress
@@ -25,6 +24,7 @@ from contact_locking.material import (
     isotropic_stress,
     lame_from_young,
 )
+from contact_locking.signorini import contact_energy, contact_pressure
 
 
 class Point:

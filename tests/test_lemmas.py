@@ -18,12 +18,12 @@ from problems import block
 from contact_locking import Solution
 from contact_locking.assembly import assemble
 from contact_locking.certificate.penalty_error import distance
+from contact_locking.contacts import FrictionBound
 from contact_locking.convergence import norms
 from contact_locking.convex import squared_norm
 from contact_locking.domain import Domain
 from contact_locking.problem import solve_assembled
 from contact_locking.results.derived import integral
-from contact_locking.system import FrictionBound
 
 FloatArray = npt.NDArray[np.float64]
 Wave = Callable[[FloatArray], FloatArray]
@@ -130,16 +130,15 @@ class Tresca(FrictionBound):
 
     strength = 0.005
 
-    def evaluate(self, pressure: FloatArray | None = None) -> FloatArray:
-        return np.full(len(self.surface.nodes), self.strength)
+    def evaluate(self, pressure: FloatArray, slip: FloatArray) -> FloatArray:
+        return np.full(len(slip), self.strength)
 
 
 def under_tresca(n: float, domain: Domain | None = None) -> Solution:
     problem = assemble(block(penalty__n=n), MPI.COMM_WORLD, domain)
-    given = problem.bound
-    assert given is not None
-    law = Tresca(given.surface, given.smoothing, given.law, problem.u, problem.data)
-    problem.bound = law
+    (contact,) = problem.contacts
+    given = contact.friction
+    contact.friction = Tresca(given.surface, given.smoothing, given.law)
     solution = solve_assembled(problem)
     assert solution.converged, solution.summary["reason"]
     return solution

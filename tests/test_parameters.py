@@ -35,7 +35,7 @@ def test_defaults_are_the_block_without_loads() -> None:
     assert parameters.material.elasticity.young == 1.0
     assert parameters.material.elasticity.poisson == 0.3
     assert parameters.material.locking_limit == math.inf
-    assert parameters.contact.on == ("bottom",)
+    assert parameters.contact_names == ("bottom",)
     assert parameters.friction.coefficient == 0.0
     assert parameters.penalty.n == math.inf
     assert parameters.friction.regularisation is None
@@ -65,7 +65,7 @@ def test_names_are_a_name_or_a_list() -> None:
     assert loads.displacements[0].on == ("left",)
     assert loads.displacements[0].value == (0.0, None)
     assert loads.displacements[1].on == ("right", "top")
-    assert from_mapping({"contact": {"on": []}}).contact.on == ()
+    assert from_mapping({"contact": {"on": []}}).contact_names == ()
 
 
 def test_each_way_to_give_the_elasticity() -> None:
@@ -101,8 +101,8 @@ WRONG = [
     ("material.locking_limit", "sin(q)", "unknown name 'q'"),
     ("material.locking_limit", "s", "unknown name 's'"),
     ("material.elasticity.young", 0, "must be > 0"),
-    ("material.elasticity.poisson", 0.5, "between -1 and 0.5"),
-    ("material.elasticity.poisson", -1, "between -1 and 0.5"),
+    ("material.elasticity.poisson", 0.5, "must be < 0.5, not 0.5"),
+    ("material.elasticity.poisson", -1, "must be > -1, not -1"),
     ("material.elasticity.lambda", 1, "mu: is missing beside lambda"),
     ("material.elasticity", {"lambda": 1, "mu": 0}, "mu: must be > 0"),
     ("material.elasticity", {"lambda": -1, "mu": 1}, r"2 lambda \+ 2 mu = 0 must be > 0 in 2D"),
@@ -193,9 +193,13 @@ WRONG = [
     ("penalty.epsilon", -1, "must be > 0"),
     ("penalty.epsilon", math.inf, "must be a finite number"),
     ("solver.method", "newtonn", "must be auto, newton or interior_point"),
-    ("solver.tolerance", 1, "between 0 and 1"),
-    ("solver.max_iterations", 0, "an integer from 1"),
-    ("solver.max_iterations", 1.5, "must be an integer"),
+    ("solver.tolerance", 1, "must be < 1, not 1"),
+    ("solver.max_iterations", 0, "must be >= 1, not 0"),
+    ("solver.max_iterations", 1.5, "must be an integer, not 1.5"),
+    ("solver.max_iterations", True, "must be an integer, not true"),
+    ("solver.max_iterations", "7", "must be an integer, not '7'"),
+    ("solver.max_iterations", 10**30, "must be <= 1000000000, not a huge integer"),
+    ("penalty.n", 1e-200, "must be at least 1e-100"),
     ("solver.petsc", {"ksp_type": ["cg"]}, "must be a number, text"),
     ("solver.petsc", 1, "must be a mapping"),
     ("solver", "newton", "must be a mapping with keys among method"),
@@ -344,3 +348,36 @@ def test_schema_is_json_with_defaults_and_units() -> None:
     builders = [kind["properties"].get("builder", {}).get("const") for kind in kinds]
     assert builders == [None, *BUILDERS]
     assert "unit" in kinds[1]["properties"]["h"]
+
+
+def test_the_json_schema_has_the_bounds_of_numbers() -> None:
+    sections = schema()["$defs"]
+
+    def bounds(section: str, key: str) -> list[dict[str, Any]]:
+        """Of the numbers among the choices that the key has."""
+        about = sections[section]["properties"][key]
+        choices = [about, *about.get("anyOf", []), *about.get("oneOf", [])]
+        choices += [inner for choice in about.get("anyOf", []) for inner in choice.get("oneOf", [])]
+        wanted = {"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "maxItems"}
+        return [
+            found for choice in choices if (found := {k: choice[k] for k in wanted & {*choice}})
+        ]
+
+    positive = [{"exclusiveMinimum": 0}]
+    assert bounds("PenaltyParameters", "n") == positive
+    assert bounds("PenaltyParameters", "epsilon") == positive
+    assert bounds("Elasticity", "young") == positive
+    assert bounds("Elasticity", "poisson") == [{"exclusiveMinimum": -1, "exclusiveMaximum": 0.5}]
+    assert bounds("MaterialParameters", "locking_limit") == positive
+    assert bounds("FrictionParameters", "coefficient") == [{"minimum": 0}]
+    assert bounds("OwnFriction", "coefficient") == [{"minimum": 0}]
+    assert bounds("SolverParameters", "max_iterations") == [{"minimum": 1, "maximum": 10**9}]
+    assert bounds("SolverParameters", "tolerance") == [
+        {"exclusiveMinimum": 0, "exclusiveMaximum": 1}
+    ]
+    assert bounds("LoadParameters", "tractions") == [{"maxItems": 200}]
+
+
+def test_the_json_schema_takes_one_section_or_a_list_for_contact() -> None:
+    one, several = schema()["properties"]["contact"]["oneOf"]
+    assert one == several["items"] == {"$ref": "#/$defs/ContactSection"}

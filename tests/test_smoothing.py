@@ -13,7 +13,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import block, column
 
-from contact_locking.assembly import Problem, assemble
+from contact_locking.assembly import assemble
 from contact_locking.domain import Domain
 from contact_locking.parameters import Parameters
 from contact_locking.smoothing import Convolution, HelmholtzFilter, Smoothing
@@ -21,14 +21,6 @@ from contact_locking.surface import ContactSurface
 
 FloatArray = npt.NDArray[np.float64]
 KERNELS = ("convolution", "helmholtz")
-
-
-def free_nodes(problem: Problem) -> npt.NDArray[np.bool_]:
-    assert problem.bound is not None and problem.data.contact is not None
-    surface = problem.bound.surface
-    dim = problem.domain.dim
-    normal = problem.data.contact.normal.x.array.reshape(-1, dim)[surface.blocks]
-    return surface.free_nodes(normal, problem.constraints.free_dofs(problem.u))
 
 
 def gathered(comm: MPI.Intracomm, *columns: FloatArray) -> list[FloatArray]:
@@ -49,16 +41,16 @@ def clamped(dim: int, kernel: str) -> Parameters:
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_a_constant_pressure_on_the_free_nodes_stays_beside_a_clamp(dim: int, kernel: str) -> None:
     problem = assemble(clamped(dim, kernel), MPI.COMM_WORLD)
-    assert problem.bound is not None
-    free = free_nodes(problem)
-    held = problem.bound.surface.points[:, 0] < 1e-9
+    (contact,) = problem.contacts
+    free = contact.free
+    held = contact.surface.points[:, 0] < 1e-9
     assert (free == ~held).all()
     assert problem.domain.comm.allreduce(int(held.sum())) > 0
     # Held nodes carry no pressure; whatever stands there must not count.
     for at_held in (0.0, 7.0):
-        smoothed = problem.bound.smoothing.apply(np.where(free, 3.0, at_held))
+        smoothed = contact.friction.smoothing.apply(np.where(free, 3.0, at_held))
         assert smoothed[free] == pytest.approx(3.0, rel=1e-12)
-    problem.bound.smoothing.destroy()
+    problem.close()
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
@@ -66,8 +58,9 @@ def test_rollers_along_a_part_of_gamma_c_hold_no_node_of_it(kernel: str) -> None
     # Rollers on the sides fix u_x at the ends of the bottom, whose normal displacement is u_y.
     parameters = column(friction={"coefficient": 0.1, "smoothing": {"kernel": kernel, "radius": 1}})
     problem = assemble(parameters, MPI.COMM_WORLD)
-    assert problem.bound is not None and free_nodes(problem).all()
-    problem.bound.smoothing.destroy()
+    (contact,) = problem.contacts
+    assert contact.free.all()
+    problem.close()
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
@@ -94,23 +87,21 @@ def test_a_part_of_gamma_c_that_is_held_everywhere_does_no_harm(kernel: str) -> 
 
 def _domain_and_space(parameters: Parameters) -> tuple[Domain, fem.FunctionSpace]:
     problem = assemble(parameters, MPI.COMM_WORLD)
-    assert problem.bound is not None
-    problem.bound.smoothing.destroy()
+    problem.close()
     return problem.domain, problem.u.function_space
 
 
 def test_a_helmholtz_filter_keeps_constants_for_a_radius_of_any_size() -> None:
-    smoothing = {"kernel": "helmholtz", "radius": 1e6}
-    problem = assemble(block(friction__smoothing=smoothing), MPI.COMM_WORLD)
-    assert problem.bound is not None
-    bound, comm = problem.bound, problem.domain.comm
-    free, x = free_nodes(problem), bound.surface.points[:, 0]
-    assert bound.smoothing.apply(np.full(len(x), 3.0))[free] == pytest.approx(3.0, rel=1e-14)
+    study = block(friction__smoothing={"kernel": "helmholtz", "radius": 1e6})
+    problem = assemble(study, MPI.COMM_WORLD)
+    (contact,), comm = problem.contacts, problem.domain.comm
+    smoothing, free, x = contact.friction.smoothing, contact.free, contact.surface.points[:, 0]
+    assert smoothing.apply(np.full(len(x), 3.0))[free] == pytest.approx(3.0, rel=1e-14)
     # What is left of any other pressure is its mean over the free nodes.
-    weights = np.where(free, bound.surface.weights, 0.0)
+    weights = np.where(free, contact.surface.weights, 0.0)
     mean = comm.allreduce(float(weights @ x)) / comm.allreduce(float(weights.sum()))
-    assert bound.smoothing.apply(x)[free] == pytest.approx(mean, rel=1e-9)
-    bound.smoothing.destroy()
+    assert smoothing.apply(x)[free] == pytest.approx(mean, rel=1e-9)
+    problem.close()
 
 
 # Parts and folds ----------------------------------------------------------------------------------

@@ -289,7 +289,7 @@ def test_overrides_replace_and_add(file: Path) -> None:
     parameters = load(file, overrides).parameters
     assert parameters.loads.tractions[0].value == (0.0, -1.0)
     assert parameters.material.regions["body"].locking_limit == 0.5
-    assert parameters.contact.foundation is None
+    assert parameters.contacts[0].foundation is None
     assert parameters.title == "new"
     assert parameters.solver.linear == "direct"
     assert parameters.output.directory == "a=b"

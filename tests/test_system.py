@@ -11,6 +11,7 @@ from problems import block, column
 from contact_locking import forms, problem
 from contact_locking.assembly import Problem, assemble
 from contact_locking.parameters import Parameters
+from contact_locking.penalty import Penalty
 from contact_locking.progress import Monitor
 from contact_locking.system import PenalisedSystem
 
@@ -19,7 +20,7 @@ def _system(parameters: Parameters) -> tuple[Problem, PenalisedSystem]:
     from mpi4py import MPI
 
     made = assemble(parameters, MPI.COMM_WORLD)
-    system = PenalisedSystem(made.data, made.u, made.constraints, made.bound)
+    system = PenalisedSystem(made.data, made.u, made.constraints)
     return made, system
 
 
@@ -30,8 +31,8 @@ def _rough_state(made: Problem, size: float) -> None:
         lambda x: size * np.array([np.sin(7.0 * x[0] + 3.0 * i + 5.0 * x[1]) for i in range(dim)])
     )
     made.constraints.apply(made.u)
-    if made.bound is not None:
-        made.bound.values = 0.5 + made.bound.surface.points[:, 0]
+    for contact in made.contacts:
+        contact.bounds = 0.5 + contact.surface.points[:, 0]
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -87,12 +88,13 @@ def test_friction_bound_is_mu_times_the_smoothed_pressure() -> None:
     made, system = _system(
         block(friction={"coefficient": "0.2 + 0.1*s", "smoothing": {"kernel": "none"}})
     )
-    system.set_penalty(1e3, 1e-2, 1e-2)
+    system.set_penalty(Penalty(1e3, 1e-2, (1e-2,)))
     # A rigid motion presses by 0.02 and slips by 0.3 everywhere, clamped nodes excepted.
     made.u.interpolate(lambda x: np.array([0.3 + 0.0 * x[0], -0.02 + 0.0 * x[0]]))
-    assert made.bound is not None
     expected = (0.2 + 0.1 * 0.3) * (0.02 / 1e-2)
-    assert made.bound.evaluate() == pytest.approx(expected, rel=1e-12)
+    system.update_bounds()
+    (contact,) = made.contacts
+    assert contact.bounds == pytest.approx(expected, rel=1e-12)
 
 
 def test_petsc_options_of_the_caller_win_and_leave_no_trace() -> None:

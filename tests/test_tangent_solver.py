@@ -13,8 +13,8 @@ from problems import block
 from contact_locking import problem
 from contact_locking.solution import Solution
 from contact_locking.solver import tangent_solver
-from contact_locking.solver.cone_system import ConeSystem
 from contact_locking.solver.filtered_multigrid import Filter, FilteredMultigrid
+from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.linear import FILTER_LIMIT
 
 _NEVER = 10**6
@@ -168,5 +168,5 @@ def test_filtering_what_contact_holds_takes_iterations_away(
     monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
     held = _solved(math.inf, "iterative").summary["iterations"]["linear"]
     nothing = np.empty(0, dtype=np.int32)
-    monkeypatch.setattr(ConeSystem, "_held_nodes", lambda *_: nothing)
+    monkeypatch.setattr(ContactNodes, "stiffer_than", lambda *_: nothing)
     assert 1.5 * held < _solved(math.inf, "iterative").summary["iterations"]["linear"]

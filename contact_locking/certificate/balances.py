@@ -67,11 +67,10 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     if data.own_energy is not None:
         own = -_nodal(forms.own_forces(u, v, data))
     touching = np.zeros_like(load)
-    if state.contact is not None:
-        contact = state.contact
+    for contact in state.contacts:
         nodal = contact.traction - contact.pressure[:, None] * contact.normal
         nodal = nodal * contact.surface.weights[:, None]
-        touching = contact.surface.vector_function(nodal).x.array
+        touching += contact.surface.vector_function(nodal).x.array
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     unbalanced = (internal - own - load - touching)[:owned]
     fixed = constraints.dofs[constraints.dofs < owned]

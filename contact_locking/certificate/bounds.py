@@ -20,7 +20,7 @@ from contact_locking.certificate.elliptic import (
 )
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.state import SolvedState
-from contact_locking.convex import normal_part, positive_part, squared_norm, unit_ball_excess
+from contact_locking.convex import squared_norm, unit_ball_excess
 from contact_locking.material import strain
 from contact_locking.results.derived import integral
 
@@ -87,13 +87,15 @@ def _measured(state: SolvedState) -> dict[str, float]:
     domain, data, u = state.problem.domain, state.problem.data, state.problem.u
     eps = strain(u)
     values = {"displacement_norm": norm(state, u)}
-    if np.isfinite(state.target.n):
+    penalty = state.target.penalty
+    if np.isfinite(penalty.n):
         excess = unit_ball_excess(eps, data.inverse_limit) ** 2 * squared_norm(eps)
-        values["locking_penalty"] = 2.0 * state.target.n * integral(domain, excess * data.dx)
-    if data.contact is not None and state.target.epsilon > 0.0:
-        opening = normal_part(u, data.contact.normal) - data.contact.gap
-        square = integral(domain, positive_part(opening) ** 2 * data.contact.ds)
-        values["contact_penalty"] = square / state.target.epsilon
+        values["locking_penalty"] = 2.0 * penalty.n * integral(domain, excess * data.dx)
+    if state.contacts and penalty.epsilon > 0.0:
+        entered = [np.maximum(fields.u_normal - fields.gap, 0.0) for fields in state.contacts]
+        pairs = zip(state.contacts, entered, strict=True)
+        square = sum(float(fields.surface.integral(excess**2)) for fields, excess in pairs)
+        values["contact_penalty"] = square / penalty.epsilon
     values["locking_work"] = _locking_work(state)
     return values
 
@@ -160,24 +162,22 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     if state.problem.sliding:
         raise NotApplicable("friction alone holds a rigid motion")
     data, domain = state.problem.data, state.problem.domain
-    contact, alpha = data.contact, state.problem.material.ellipticity
-    assert contact is not None and state.contact is not None
-    surface = state.contact.surface
+    alpha = state.problem.material.ellipticity
     stiffness = alpha / state.target.length
     bilinear = elasticity(state) + springs(state, stiffness)
     with elliptic_problem(state, bilinear, state.problem.constraints.conditions) as problem:
         z = problem.solve(_load(state, w))
-    pressure = stiffness * surface.average(normal_part(z, contact.normal))()
-    if domain.comm.allreduce(bool(np.any(pressure < 0.0))):
-        raise NotApplicable(
-            "contact alone holds a rigid motion, and the load is not carried by a pressure all "
-            "over Gamma_C"
-        )
-    room = state.contact.gap
-    if w is not None:
-        room = room - surface.average(normal_part(w, contact.normal))()
-    carried = float(surface.integral(pressure * room))
-    soft = 0.25 * state.target.epsilon * float(surface.integral(pressure**2))
+    carried = soft = 0.0
+    for fields in state.contacts:
+        pressure = stiffness * fields.contact.split(z)[0]
+        if domain.comm.allreduce(bool(np.any(pressure < 0.0)), op=MPI.LOR):
+            raise NotApplicable(
+                "contact alone holds a rigid motion, and the load is not carried by a pressure all "
+                "over Gamma_C"
+            )
+        room = fields.gap if w is None else fields.gap - fields.contact.split(w)[0]
+        carried += float(fields.surface.integral(pressure * room))
+        soft += 0.25 * state.target.penalty.epsilon * float(fields.surface.integral(pressure**2))
     quarter = 0.25 * integral(domain, forms.elastic_form(z, z, data))
     most = quarter + carried + soft
     lift = 0.0 if w is None else norm(state, w)

@@ -19,6 +19,7 @@ from contact_locking.certificate.elliptic import (
     inner_product,
 )
 from contact_locking.certificate.state import SolvedState
+from contact_locking.contacts import Contact
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -59,38 +60,52 @@ def constants(state: SolvedState) -> dict[str, Any]:
     asks for it.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
-    if state.contact is None:
+    if not state.contacts:
         found["uniqueness"] = _verdict(COVERED, "nothing is in contact: the problem is convex")
         return found
     trace, why = _trace(state)
     coefficient = coefficient_range(state)
-    assert state.problem.bound is not None
     found |= {
         "c_0": trace,
         **({} if why is None else {"c_0_reason": why}),
         "friction_coefficient": coefficient.largest,
         "friction_lipschitz": coefficient.lipschitz,
         "friction_constants": "exact" if coefficient.exact else "sampled",
-        "smoothing_norm": state.problem.bound.smoothing.norm(),
+        "smoothing_norm": _smoothing_norm(state),
     }
     found["uniqueness"] = _uniqueness(state, trace, why, coefficient)
     return found
 
 
+def _smoothing_norm(state: SolvedState) -> float:
+    """The largest ``|R|`` of the contacts."""
+    return max(contact.friction.smoothing.norm() for contact in state.problem.contacts)
+
+
 def coefficient_range(state: SolvedState) -> Coefficient:
-    """mu* and L_mu as the friction law states them, else sampled; collective.
+    """mu* and L_mu of all contacts, as the friction laws state them, else sampled; collective."""
+    found = [_coefficient_range(contact, state) for contact in state.problem.contacts]
+    return Coefficient(
+        max(item.largest for item in found),
+        max(item.lipschitz for item in found),
+        exact=all(item.exact for item in found),
+        exceeded=any(item.exceeded for item in found),
+    )
+
+
+def _coefficient_range(contact: Contact, state: SolvedState) -> Coefficient:
+    """Of one contact.
 
     Samples are taken at the nodes of Gamma_C, where alone the discrete problem asks for mu, and at
     slips up to the body's extent.  They prove nothing, but for a mu that does not depend on s.
     """
-    bound = state.problem.bound
-    assert bound is not None
-    law = bound.law
+    law = contact.friction.law
     if law.lipschitz == 0.0 and law.largest is not None:
         return Coefficient(law.largest, 0.0, True)
     slips = np.concatenate([[0.0], np.geomspace(_LEAST_SLIP, 1.0, _SLIPS)]) * state.target.length
     slips = slips[:1] if law.lipschitz == 0.0 else slips
-    values = np.stack([bound.coefficient(slip) for slip in slips])
+    everywhere = np.ones(len(contact.free))
+    values = np.stack([contact.friction.coefficient(slip * everywhere) for slip in slips])
     steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
     comm = state.problem.domain.comm
     largest, steepest = (
@@ -120,10 +135,10 @@ def trace_constant(state: SolvedState) -> float:
     from slepc4py import SLEPc
 
     space, data = state.problem.u.function_space, state.problem.data
-    assert data.contact is not None
     conditions = state.problem.constraints.conditions
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
-    surface = petsc.assemble_matrix(compiled.form(ufl.inner(w, v) * data.contact.ds))
+    traces = sum(ufl.inner(w, v) * contact.surface.ds for contact in data.contacts)
+    surface = petsc.assemble_matrix(compiled.form(traces))
     surface.assemble()
     with elliptic_problem(state, inner_product(space, data.dx), conditions) as problem:
         # Fixed dofs keep a one on the diagonal of the V product and have no trace.
@@ -179,26 +194,26 @@ def _uniqueness(
     rule, c_0 is that of the discrete fields and comes from below, and mu* and L_mu may be sampled:
     the condition speaks of the discrete problem, and as far as these numbers are right.
     """
-    assert state.contact is not None
-    bound = state.problem.bound
-    assert bound is not None
-    if bound.frictionless:
+    bounds = [contact.friction for contact in state.problem.contacts]
+    if all(bound.frictionless for bound in bounds):
         return _verdict(COVERED, "there is no friction: the problem is convex")
     report = {"contraction": state.report.contraction}
-    if not bound.is_coulomb:
+    if not all(bound.is_coulomb for bound in bounds):
         return _verdict(UNKNOWN, "the friction bound is the user's own") | report
     if coefficient.exceeded:
         why = "the friction law exceeds the largest value or the Lipschitz constant that it states"
         return _verdict(UNKNOWN, why) | report
-    if state.target.epsilon == 0.0:
+    if state.target.penalty.epsilon == 0.0:
         return _verdict(UNKNOWN, "the constant L* of Theorem 4.1 is not explicit") | report
     if trace is None:
         return _verdict(UNKNOWN, f"c_0 is not known ({why})") | report
-    local = float(np.max(np.abs(state.contact.smoothed_stress), initial=0.0))
+    local = max(
+        float(np.max(np.abs(fields.smoothed_stress), initial=0.0)) for fields in state.contacts
+    )
     stress = float(state.problem.domain.comm.allreduce(local, op=MPI.MAX))
-    left = coefficient.largest * bound.smoothing.norm() * trace
+    left = coefficient.largest * _smoothing_norm(state) * trace
     slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
-    right = 2.0 * float(np.sqrt(state.target.epsilon * max(slack, 0.0)))
+    right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
     covered = left < right
     sampled = "" if coefficient.exact else ", mu* and L_mu sampled"
     return report | _verdict(

@@ -15,7 +15,6 @@ from ufl.core.expr import Expr
 
 from contact_locking import compiled, forms
 from contact_locking.certificate.state import SolvedState
-from contact_locking.convex import normal_part
 from contact_locking.material import strain
 from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
 
@@ -117,9 +116,7 @@ def elasticity(state: SolvedState) -> Expr:
 
 def springs(state: SolvedState, stiffness: float) -> Expr:
     """``k int w_nu v_nu`` over Gamma_C."""
-    contact = state.problem.data.contact
-    assert contact is not None
     space = state.problem.u.function_space
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
     k = fem.Constant(space.mesh, stiffness)
-    return k * normal_part(w, contact.normal) * normal_part(v, contact.normal) * contact.ds
+    return forms.contact_stiffness(v, w, state.problem.contacts, k)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.state import SolvedState
+from contact_locking.results.derived import ContactFields
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -41,32 +42,40 @@ def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Crite
         "locking_complementarity": Criterion(products, law, "complementarity of locking"),
         "locking_violation": Criterion(violation, law, "violation of the locking law"),
     }
-    if state.contact is not None:
-        products, violation, conjugate = contact(state)
+    if state.contacts:
+        products, violation, conjugate = np.sum([contact(state, c) for c in state.contacts], axis=0)
         gap += conjugate
-        found["contact_complementarity"] = Criterion(products, law, "complementarity of contact")
-        found["contact_violation"] = Criterion(violation, law, "violation of the contact law")
-        assert state.problem.bound is not None
-        if not state.problem.bound.frictionless:
-            found |= _friction_criteria(state, law, margin)
-            gap += found["friction_complementarity"].value
-    found["duality_gap"] = Criterion(gap, law, "duality gap")
+        found["contact_complementarity"] = Criterion(
+            float(products), law, "complementarity of contact"
+        )
+        found["contact_violation"] = Criterion(
+            float(violation), law, "violation of the contact law"
+        )
+    rubbing = [fields for fields in state.contacts if not fields.contact.friction.frictionless]
+    if rubbing:
+        found |= _friction_criteria(state, rubbing, law, margin)
+        gap += found["friction_complementarity"].value
+    found["duality_gap"] = Criterion(float(gap), law, "duality gap")
     return found
 
 
-def _friction_criteria(state: SolvedState, law: float, margin: float) -> dict[str, Criterion]:
-    products, cone, sign = friction(state)
+def _friction_criteria(
+    state: SolvedState, rubbing: list[ContactFields], law: float, margin: float
+) -> dict[str, Criterion]:
+    products, cones, signs = np.transpose([friction(state, fields) for fields in rubbing])
     settled = margin * max(state.settings.friction_tolerance, _TOLERANCE)
+    change = max(bound_change(state, fields) for fields in rubbing)
+    constants = max(smoothing_constants(fields) for fields in rubbing)
     return {
-        "friction_complementarity": Criterion(products, law, "complementarity of friction"),
-        "coulomb_cone": Criterion(cone, law, "friction above its bound"),
-        "friction_sign": Criterion(sign, law, "work that friction adds"),
+        "friction_complementarity": Criterion(
+            float(sum(products)), law, "complementarity of friction"
+        ),
+        "coulomb_cone": Criterion(float(max(cones)), law, "friction above its bound"),
+        "friction_sign": Criterion(float(sum(signs)), law, "work that friction adds"),
         "friction_bound": Criterion(
-            bound_change(state), settled, "distance of the friction bound from mu |R sigma_nu|"
+            change, settled, "distance of the friction bound from mu |R sigma_nu|"
         ),
-        "smoothing_constants": Criterion(
-            smoothing_constants(state), _CONSTANTS, "change of constants by R"
-        ),
+        "smoothing_constants": Criterion(constants, _CONSTANTS, "change of constants by R"),
     }
 
 
@@ -86,8 +95,8 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     largest = np.maximum(np.where(locks, cells.limit, norm), norm)
     products = np.abs(size * largest - work)
     excess = np.maximum(norm - cells.limit, 0.0)
-    violation = np.abs(excess - size / (2.0 * state.target.n))
-    n = state.target.n
+    violation = np.abs(excess - size / (2.0 * state.target.penalty.n))
+    n = state.target.penalty.n
     stress = min(state.mean_stress, 2.0 * n * state.mean_strain)
     squares = n * state.sum(cells.volumes * violation**2) if np.isfinite(n) else 0.0
     return (
@@ -97,7 +106,7 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     )
 
 
-def contact(state: SolvedState) -> tuple[float, float, float]:
+def contact(state: SolvedState, fields: ContactFields) -> tuple[float, float, float]:
     """``int |p c|``, ``s int [-c]^+ + |eps| L int [-p]^+``, and Fenchel's sum.
 
     ``c = gap + eps p - u_nu``, and the sum is ``int |p (max(gap, u_nu) - u_nu)|`` and, for eps > 0,
@@ -105,11 +114,9 @@ def contact(state: SolvedState) -> tuple[float, float, float]:
     (25), for eps = 0 Signorini's conditions (5).  The stress s is the mean stress, or
     ``|eps| L/eps`` if a soft foundation answers by less.
     """
-    fields = state.contact
-    assert fields is not None
-    weights = fields.surface.weights * state.free_nodes
-    opening = fields.gap + state.target.epsilon * fields.pressure - fields.u_normal
-    length, epsilon = state.target.length * state.mean_strain, state.target.epsilon
+    weights = fields.surface.weights * fields.contact.free
+    opening = fields.gap + state.target.penalty.epsilon * fields.pressure - fields.u_normal
+    length, epsilon = state.target.length * state.mean_strain, state.target.penalty.epsilon
     stress = state.mean_stress if epsilon == 0.0 else min(state.mean_stress, length / epsilon)
     entering = state.sum(weights * np.maximum(-opening, 0.0))
     pulling = state.sum(weights * np.maximum(-fields.pressure, 0.0))
@@ -125,23 +132,22 @@ def contact(state: SolvedState) -> tuple[float, float, float]:
     )
 
 
-def friction(state: SolvedState) -> tuple[float, float, float]:
+def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, float]:
     """Complementarity, the cone, and the sign, with ``t = -sigma_tau``, ``s = u_tau``, ``G``.
 
     ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the work, zero exactly where
     (22) holds; ``int [|t| - G]^+`` over ``int G``; ``int [-t . s]^+`` over the work: friction takes
     work, it never gives any.
     """
-    fields, epsilon = state.contact, state.target.regularisation
-    assert fields is not None
-    weights = fields.surface.weights * state.free_nodes
+    epsilon = float(fields.contact.regularisation.value)
+    weights = fields.surface.weights * fields.contact.free
     size = np.linalg.norm(fields.traction, axis=1)
     slip = np.sqrt(np.sum(fields.u_tangent**2, axis=1) + epsilon**2)
     work = -np.sum(fields.traction * fields.u_tangent, axis=1)
     left = epsilon * np.sqrt(np.maximum(fields.bound**2 - size**2, 0.0))
     products = np.abs(fields.bound * slip - left - work)
     total = state.sum(weights * fields.bound)
-    least = _least_bound(state)
+    least = _least_bound(state, fields)
     outside = state.sum(weights * np.maximum(size - fields.bound, 0.0))
     return (
         state.share_of_work(state.sum(weights * products)),
@@ -150,29 +156,25 @@ def friction(state: SolvedState) -> tuple[float, float, float]:
     )
 
 
-def bound_change(state: SolvedState) -> float:
+def bound_change(state: SolvedState, fields: ContactFields) -> float:
     """``|G - mu(|u_tau|) |R sigma_nu||/|G|`` in L2 with the bound G that friction obeys."""
-    bound, fields = state.problem.bound, state.contact
-    assert bound is not None and fields is not None
-    wanted = bound.evaluate(fields.pressure)
-    size = max(bound.norm(wanted), state.target.least_bound(state.energy, state.dim))
-    change = bound.norm(np.where(state.free_nodes, fields.bound - wanted, 0.0))
+    contact = fields.contact
+    wanted = contact.friction_bound(state.problem.u, fields.pressure)
+    size = max(contact.norm(wanted), state.target.least_bound(state.energy, state.dim))
+    change = contact.norm(np.where(contact.free, fields.bound - wanted, 0.0))
     return change / size if size > 0.0 else change
 
 
-def smoothing_constants(state: SolvedState) -> float:
+def smoothing_constants(fields: ContactFields) -> float:
     """``max |R 1 - 1|`` over the free nodes: a mollifier keeps constants; collective."""
-    bound = state.problem.bound
-    assert bound is not None
-    ones = np.ones(len(bound.surface.nodes))
-    change = np.abs(bound.smoothing.apply(ones) - 1.0)[state.free_nodes]
+    contact = fields.contact
+    ones = np.ones(len(contact.free))
+    change = np.abs(contact.friction.smoothing.apply(ones) - 1.0)[contact.free]
     local = float(np.max(change, initial=0.0))
-    return float(max(state.problem.domain.comm.allgather(local)))
+    return float(max(contact.surface.domain.comm.allgather(local)))
 
 
-def _least_bound(state: SolvedState) -> float:
+def _least_bound(state: SolvedState, fields: ContactFields) -> float:
     """The integral of a bound below which its share says nothing."""
-    fields = state.contact
-    assert fields is not None
     area = state.sum(fields.surface.weights)
     return state.target.least_bound(state.energy, state.dim) * float(np.sqrt(area))

@@ -47,30 +47,33 @@ class Lifting:
             raise NotApplicable("there is an energy of the user's own, which no proof knows")
         prescribed = fem.Function(state.problem.u.function_space)
         given = [c.g.x.array for c in state.problem.constraints.conditions]
-        gap = np.zeros(0) if state.contact is None else state.contact.gap
-        zero = all(not np.any(values) for values in given) and not np.any(gap < 0.0)
+        overlaps = any(np.any(fields.gap < 0.0) for fields in state.contacts)
+        zero = not overlaps and all(not np.any(values) for values in given)
         if state.problem.domain.comm.allreduce(zero, op=MPI.LAND):
             return None
-        if state.contact is not None:
-            values = np.minimum(gap, 0.0)[:, None] * state.contact.normal
-            prescribed.x.array[:] = state.contact.surface.vector_function(values).x.array
+        for fields in state.contacts:
+            # At a node of two contacts both count, and the check below judges their sum.
+            values = np.minimum(fields.gap, 0.0)[:, None] * fields.normal
+            prescribed.x.array.reshape(-1, state.dim)[fields.surface.blocks] += values
+        prescribed.x.scatter_forward()
         state.problem.constraints.apply(prescribed)
         lifted = self._elastic(prescribed)
         self._check(lifted)
         return lifted
 
     def push_back(self) -> fem.Function:
-        """``c`` with ``c_nu = [u_nu - gap]^+`` and ``c_tau = 0`` on Gamma_C, 0 on Gamma_D."""
+        """``c = [u_nu - gap]^+ nu`` on Gamma_C, summed over the contacts, and 0 on Gamma_D."""
         state = self._state
-        if state.contact is None:
-            return fem.Function(state.problem.u.function_space)
-        fields = state.contact
-        entered = np.maximum(fields.u_normal - fields.gap, 0.0)
-        values = fields.surface.vector_function(entered[:, None] * fields.normal)
+        values = fem.Function(state.problem.u.function_space)
+        nodes = values.x.array.reshape(-1, state.dim)
+        anywhere = False
+        for fields in state.contacts:
+            entered = np.maximum(fields.u_normal - fields.gap, 0.0)
+            anywhere = anywhere or not self._nowhere(entered)
+            nodes[fields.surface.blocks] += entered[:, None] * fields.normal
+        values.x.scatter_forward()
         values.x.array[state.problem.constraints.dofs] = 0.0
-        if self._nowhere(entered):
-            return values
-        return self._elastic(values)
+        return self._elastic(values) if anywhere else values
 
     def close(self) -> None:
         if self._problem is not None:
@@ -80,8 +83,8 @@ class Lifting:
         if self._problem is None:
             state = self._state
             conditions = list(state.problem.constraints.conditions)
-            if state.contact is not None:
-                surface = state.contact.surface
+            for fields in state.contacts:
+                surface = fields.surface
                 mark = surface.vector_function(np.ones((len(surface.nodes), state.dim)))
                 blocks = np.flatnonzero(mark.x.array.reshape(-1, state.dim)[:, 0] > 0.0)
                 conditions.append(fem.dirichletbc(mark, blocks.astype(np.int32)))
@@ -96,18 +99,14 @@ class Lifting:
                 "the elastic displacement that follows the prescribed values exceeds the locking "
                 "limit, and no other admissible one was sought"
             )
-        if state.contact is None:
-            return
-        fields = state.contact
-        u = lifted.x.array.reshape(-1, state.dim)[fields.surface.blocks]
-        normal = np.einsum("ki,ki->k", u, fields.normal)
-        slip = np.linalg.norm(u - normal[:, None] * fields.normal, axis=1)
         small = _ROUNDING * state.target.length
-        if not self._nowhere(normal - fields.gap - small):
-            raise NotApplicable("displacements prescribed on the edge of Gamma_C enter the gap")
-        assert state.problem.bound is not None
-        if not state.problem.bound.frictionless and not self._nowhere(slip - small):
-            raise NotApplicable("displacements prescribed on the edge of Gamma_C make it slip")
+        for fields in state.contacts:
+            normal, tangential = fields.contact.split(lifted)
+            slip = np.linalg.norm(tangential, axis=1)
+            if not self._nowhere(normal - fields.gap - small):
+                raise NotApplicable("displacements prescribed on the edge of Gamma_C enter the gap")
+            if not fields.contact.friction.frictionless and not self._nowhere(slip - small):
+                raise NotApplicable("displacements prescribed on the edge of Gamma_C make it slip")
 
     def _nowhere(self, values: FloatArray) -> bool:
         """Whether no value on any rank is positive; collective."""

@@ -47,7 +47,7 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     (bounds ``|u - u*|_V``), or None with a ``reason``.  Collective; one factorisation.
     """
     target = state.target
-    if target.is_inequality:
+    if target.penalty.is_inequality:
         return {"energy_norm": 0.0, "relative": 0.0, "displacement_norm": 0.0}
     try:
         if not state.report.converged:
@@ -122,10 +122,9 @@ def _largest_step(a: FloatArray, b: FloatArray, limit: FloatArray) -> float:
 
 
 def _check_entered(state: SolvedState, w: fem.Function) -> None:
-    if state.contact is None:
-        return
-    normal = _normal(state, w)
-    local = float(np.max(normal - state.contact.gap, initial=0.0))
+    local = 0.0
+    for fields in state.contacts:
+        local = max(local, float(np.max(fields.contact.split(w)[0] - fields.gap, initial=0.0)))
     largest = state.problem.domain.comm.allreduce(local, op=MPI.MAX)
     if largest > _ROUNDING * state.target.length:
         raise NotApplicable("displacements prescribed on the edge of Gamma_C enter the foundation")
@@ -141,20 +140,10 @@ def _gap(state: SolvedState, w: fem.Function) -> float:
     size = np.linalg.norm(stress, axis=(1, 2))
     largest = np.where(np.isfinite(cells.limit), cells.limit, 0.0) * size
     total += state.sum(cells.volumes * (largest - np.einsum("kij,kij->k", stress, eps)))
-    if state.contact is None:
-        return max(total, 0.0)
-    fields = state.contact
-    normal = _normal(state, w)
-    nodal = w.x.array.reshape(-1, state.dim)[fields.surface.blocks]
-    slip = nodal - normal[:, None] * fields.normal
-    work = np.sum(fields.traction * slip, axis=1)
-    friction = fields.bound * np.linalg.norm(slip, axis=1) + work
-    opening = fields.pressure * (fields.gap - normal)
-    total += state.sum(fields.surface.weights * (opening + friction))
+    for fields in state.contacts:
+        normal, slip = fields.contact.split(w)
+        work = np.sum(fields.traction * slip, axis=1)
+        friction = fields.bound * np.linalg.norm(slip, axis=1) + work
+        opening = fields.pressure * (fields.gap - normal)
+        total += state.sum(fields.surface.weights * (opening + friction))
     return max(total, 0.0)
-
-
-def _normal(state: SolvedState, w: fem.Function) -> FloatArray:
-    assert state.contact is not None
-    nodal = w.x.array.reshape(-1, state.dim)[state.contact.surface.blocks]
-    return np.asarray(np.einsum("ki,ki->k", nodal, state.contact.normal))

@@ -15,13 +15,12 @@ from ufl.core.expr import Expr
 from contact_locking import _compat, compiled, forms
 from contact_locking.assembly import Problem
 from contact_locking.material import strain
-from contact_locking.results.derived import BodyFields, ContactFields, integral
+from contact_locking.results.derived import BodyFields, ContactFields, integral, penalised
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass
@@ -34,7 +33,7 @@ class SolvedState:
     settings: Settings
     report: SolverReport
     body: BodyFields
-    contact: ContactFields | None
+    contacts: tuple[ContactFields, ...]
 
     @classmethod
     def of(
@@ -46,12 +45,12 @@ class SolvedState:
         report: SolverReport,
     ) -> SolvedState:
         """The state that ``problem.u`` and the report's multipliers are; collective."""
-        u, data, multipliers = problem.u, problem.data, report.multipliers
-        body = BodyFields(problem.domain, u, data, problem.material, multipliers)
-        contact = None
-        if problem.bound is not None:
-            contact = ContactFields(problem.bound, u, data, multipliers)
-        return cls(problem, system, target, settings, report, body, contact)
+        u, data, domain = problem.u, problem.data, problem.domain
+        found = report.multipliers or penalised(domain, u, data)
+        body = BodyFields(domain, u, data, problem.material, found.locking_stress)
+        pairs = zip(data.contacts, found.contacts, strict=True)
+        contacts = tuple(ContactFields(contact, u, forces) for contact, forces in pairs)
+        return cls(problem, system, target, settings, report, body, contacts)
 
     @property
     def dim(self) -> int:
@@ -103,12 +102,6 @@ class SolvedState:
     def share_of_work(self, value: float) -> float:
         """A work relative to :attr:`work`; a body at rest has none, and its share is the value."""
         return value / self.work if self.work > 0.0 else value
-
-    @cached_property
-    def free_nodes(self) -> BoolArray:
-        """(k,) the nodes of Gamma_C whose normal displacement is not prescribed."""
-        assert self.contact is not None
-        return self.contact.surface.free_nodes(self.contact.normal, self.system.free_dofs())
 
     def sum(self, values: FloatArray) -> float:
         """The sum over all ranks; collective."""

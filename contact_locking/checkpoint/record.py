@@ -16,7 +16,7 @@ from contact_locking._version import __version__
 from contact_locking.errors import InputError
 
 # Raised when what is written changes.
-FORMAT = 2
+FORMAT = 3
 # The folder of a checkpoint in that of a run, and what is in it.
 NAME, RECORD, FIELDS = "checkpoint", "record.json", "state.bp"
 _AGAIN = "save it again with contact-locking run --checkpoint"
@@ -24,22 +24,23 @@ _AGAIN = "save it again with contact-locking run --checkpoint"
 
 @dataclass(frozen=True)
 class Record:
-    """Of which problem on which mesh the state is.
+    """Identifies the problem and the mesh that a checkpoint belongs to.
 
     ``mesh`` are the parameters of the mesh, or the digest of its file; ``problem`` is the
-    fingerprint of all that defines the solution.  ``degree`` is that of the displacement.
+    fingerprint of all that defines the solution.  ``degree`` is that of the displacement,
+    ``contacts`` the number of contacts, each with its ``regularisations``.
     """
 
     version: str
     converged: bool
     n: float
     epsilon: float
-    regularisation: float
+    regularisations: tuple[float, ...]
     dimension: int
     degree: int
     cells: int
     nodes: int
-    contact: bool
+    contacts: int
     mesh: dict[str, Any]
     problem: str
 
@@ -53,7 +54,7 @@ def save(record: Record, folder: Path) -> None:
         # JSON has no infinity.
         "n": str(record.n),
         "epsilon": str(record.epsilon),
-        "regularisation": str(record.regularisation),
+        "regularisations": [str(value) for value in record.regularisations],
         "files": {path.name: _seen(path) for path in sorted((folder / FIELDS).iterdir())},
     }
     (folder / RECORD).write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
@@ -102,14 +103,14 @@ def load_fields(directory: str | Path) -> tuple[Record, Path]:
 
 
 def _record(data: Mapping[str, Any]) -> Record:
-    numbers = {name: int(data[name]) for name in ("dimension", "degree", "cells", "nodes")}
+    names = ("dimension", "degree", "cells", "nodes", "contacts")
+    numbers = {name: int(data[name]) for name in names}
     return Record(
         version=str(data["version"]),
         converged=bool(data["converged"]),
         n=float(data["n"]),
         epsilon=float(data["epsilon"]),
-        regularisation=float(data["regularisation"]),
-        contact=bool(data["contact"]),
+        regularisations=tuple(float(value) for value in data["regularisations"]),
         mesh=dict(data["mesh"]),
         problem=str(data["problem"]),
         **numbers,

@@ -24,14 +24,15 @@ from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parallel import on_root
-from contact_locking.solution import OPEN, Solution
+from contact_locking.penalty import Penalty
+from contact_locking.results.contact_points import OPEN
+from contact_locking.solution import Solution
 from contact_locking.solver import SavedState
-from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.multipliers import ContactForces, Multipliers
 
 FloatArray = npt.NDArray[np.float64]
 
 _BODY = ("displacement", "locking_stress")
-_CONTACT = ("contact_pressure", "tangential_traction", "contact_state", "friction_bound")
 _PLACES = "places"
 _DEGREE = 1
 # How far a node may be from where it was, as a share of the extent of the body: the same mesh made
@@ -45,14 +46,14 @@ _NOTES = 65_536
 class Checkpoint:
     """A saved state on the present mesh.
 
-    ``multipliers`` and the friction bound (k,) are None where the state knows nothing of the
-    present Gamma_C.  ``is_solution`` says that it was saved as the solution for the same mesh,
-    material, loads, contact, friction and penalty.
+    ``multipliers`` are None, and ``bounds``, the friction bound (k,) of each contact, are empty
+    where the state knows nothing of the present Gamma_C.  ``is_solution`` says that it was saved as
+    the solution for the same mesh, material, loads, contact, friction and penalty.
     """
 
     state: SavedState
     multipliers: Multipliers | None
-    bound: FloatArray | None
+    bounds: tuple[FloatArray, ...]
     is_solution: bool
 
 
@@ -104,12 +105,14 @@ def write(solution: Solution, folder: Path) -> None:
             converged=solution.converged,
             n=penalties["n"],
             epsilon=penalties["epsilon"],
-            regularisation=penalties["regularisation"],
+            regularisations=tuple(
+                float(fields.contact.regularisation.value) for fields in solution.contacts
+            ),
             dimension=domain.dim,
             degree=_DEGREE,
             cells=domain.num_cells,
             nodes=int(nodes),
-            contact=bool(parameters.contact.on),
+            contacts=len(solution.contacts),
             mesh=study_file.mesh_identity(parameters),
             problem=study_file.problem_fingerprint(parameters),
         )
@@ -147,41 +150,59 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     difference = difference or _difference_in_places(load(_PLACES, space))
     if difference:
         raise InputError(_another_mesh(directory, difference, record, identity))
-    multipliers = bound = pressure = None
-    if problem.bound is None or record.contact:
-        multipliers, bound = _load_multipliers(load, problem)
-    if problem.bound is not None and multipliers is not None:
-        pressure = multipliers.pressure
+    multipliers: Multipliers | None = None
+    bounds: tuple[FloatArray, ...] = ()
+    if record.contacts == len(problem.contacts) or not problem.contacts:
+        multipliers, bounds = _load_multipliers(load, problem)
+    pressures = () if multipliers is None else tuple(c.pressure for c in multipliers.contacts)
     displacement = load("displacement", space).x.array
-    state = SavedState(displacement, pressure, record.n, record.epsilon, record.regularisation)
+    penalty = Penalty(record.n, record.epsilon, record.regularisations)
+    state = SavedState(displacement, pressures, penalty)
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
-    return Checkpoint(state, multipliers, bound, record.converged and same)
+    return Checkpoint(state, multipliers, bounds, record.converged and same)
 
 
 def _load_multipliers(
     load: Callable[[str, fem.FunctionSpace], fem.Function], problem: Problem
-) -> tuple[Multipliers, FloatArray | None]:
-    """The multipliers and, with contact, the friction bound (k,); collective."""
+) -> tuple[Multipliers, tuple[FloatArray, ...]]:
+    """The multipliers and the friction bound (k,) of each contact; collective."""
     dim = problem.domain.dim
     stress = load("locking_stress", fem.functionspace(problem.domain.mesh, ("DG", 0, (dim, dim))))
-    if problem.bound is None:
-        none = np.zeros(0)
-        return Multipliers(stress, none, none, none.astype(bool)), None
-    surface = problem.bound.surface
-    pressure, contact_state, bound = (
-        load(name, surface.scalar_space).x.array[surface.nodes]
-        for name in ("contact_pressure", "contact_state", "friction_bound")
-    )
-    traction = load("tangential_traction", surface.vector_space).x.array.reshape(-1, dim)
-    friction = 0.0 - traction[surface.blocks]
-    return Multipliers(stress, pressure, friction, contact_state != OPEN), bound
+    forces, bounds = [], []
+    for number, contact in enumerate(problem.contacts):
+        surface = contact.surface
+        pressure, state, bound = (
+            load(_of(name, number), surface.scalar_space).x.array[surface.nodes]
+            for name in ("contact_pressure", "contact_state", "friction_bound")
+        )
+        traction = load(_of("tangential_traction", number), surface.vector_space).x.array
+        friction = 0.0 - traction.reshape(-1, dim)[surface.blocks]
+        forces.append(ContactForces(pressure, friction, state != OPEN))
+        bounds.append(bound)
+    return Multipliers(stress, tuple(forces)), tuple(bounds)
+
+
+def _of(name: str, number: int) -> str:
+    """The name under which the field of a contact is stored."""
+    return f"{name}_{number}"
 
 
 def _fields(solution: Solution) -> dict[str, fem.Function]:
     """What is stored, by name; collective."""
-    names = _BODY + _CONTACT if solution.parameters.contact.on else _BODY
-    places = _places(solution.displacement.function_space)
-    return {name: getattr(solution, name) for name in names} | {_PLACES: places}
+    found = {name: getattr(solution, name) for name in _BODY}
+    found[_PLACES] = _places(solution.displacement.function_space)
+    for number, contact in enumerate(solution.contacts):
+        surface = contact.surface
+        scalars = {
+            "contact_pressure": contact.pressure,
+            "contact_state": contact.state.astype(float),
+            "friction_bound": contact.bound,
+        }
+        for name, values in scalars.items():
+            found[_of(name, number)] = surface.scalar_function(values)
+        traction = surface.vector_function(contact.traction)
+        found[_of("tangential_traction", number)] = traction
+    return found
 
 
 def _plain(error: RuntimeError) -> str:

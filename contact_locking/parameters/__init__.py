@@ -1,39 +1,35 @@
-"""What a study file may say: sections with defaults, units, descriptions, and their checks.
+"""The sections of a study file: keys with defaults, units, descriptions and checks.
 
-Nothing here needs a mesh, MPI or DOLFINx, so a file is checked before anything is computed.
+The checks need no mesh, MPI or DOLFINx, so that a file is checked before anything is computed.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from pydantic import BaseModel, model_validator
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, nearest, parse
+from contact_locking.expressions import POSITION, parse
+from contact_locking.plain_text import nearest
 
-from .base import Fault, FaultsError, Place, Section, Text, entry, marks, refuse_if
-from .boundary import (
-    ContactParameters,
-    Cylinder,
-    Displacement,
-    Foundation,
-    FrictionParameters,
-    HalfSpace,
-    LoadParameters,
-    Smoothing,
-    Sphere,
-    Traction,
-)
+from .base import Fault, FaultsError, Place, Section, entry, marks, refuse_if
+from .boundary import Displacement, LoadParameters, Traction
+from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
+from .coulomb import FrictionParameters, OwnFriction, OwnSmoothing, Smoothing
 from .material import Elasticity, MaterialParameters, Region
 from .mesh import MeshParameters
 from .numerics import CertificateParameters, OutputParameters, PenaltyParameters, SolverParameters
+from .rigid_body import Cylinder, Foundation, HalfSpace, Sphere
 from .study import StudyParameters
+from .values import Text
 
 __all__ = [
     "CertificateParameters",
     "ContactParameters",
+    "ContactSection",
     "Cylinder",
     "Displacement",
     "Elasticity",
@@ -46,6 +42,8 @@ __all__ = [
     "MaterialParameters",
     "MeshParameters",
     "OutputParameters",
+    "OwnFriction",
+    "OwnSmoothing",
     "Parameters",
     "PenaltyParameters",
     "Region",
@@ -58,19 +56,23 @@ __all__ = [
 
 
 class Parameters(Section):
-    """A study file: everything that defines one solve."""
+    """A study file: the problem, the solver, the results, and the study of many cases if any."""
 
     title: Text = entry("", "what the study is about, for headings")
     mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
     material: MaterialParameters = entry(MaterialParameters(), "the material (1)")
     loads: LoadParameters = entry(LoadParameters(), "loads and supports")
-    contact: ContactParameters = entry(ContactParameters(), "unilateral contact (5)")
+    contact: OneOrSeveral = entry(
+        ContactSection(),
+        "unilateral contact (5): one section, or a list of sections, which have the keys "
+        "contact.INDEX.on and so on",
+    )
     friction: FrictionParameters = entry(FrictionParameters(), "Coulomb's friction (6)")
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
-    study: StudyParameters | None = entry(None, "makes a sweep of it", optional=True)
+    study: StudyParameters | None = entry(None, "many cases with other values", optional=True)
     certificate: CertificateParameters = entry(
-        CertificateParameters(), "what the results are judged by"
+        CertificateParameters(), "checks of the results that are made on demand"
     )
     output: OutputParameters = entry(OutputParameters(), "the results")
 
@@ -79,6 +81,38 @@ class Parameters(Section):
         refuse_if(self._faults())
         return self
 
+    @property
+    def contacts(self) -> tuple[ContactParameters, ...]:
+        """The parts of Gamma_C, each with its complete law of friction; empty without contact."""
+        return tuple(
+            section.resolved(".".join(map(str, place)), self.friction)
+            for place, section in self._contact_sections()
+            if section.on
+        )
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """The names of all parts of Gamma_C, each once."""
+        return tuple(dict.fromkeys(name for contact in self.contacts for name in contact.on))
+
+    def limit(self) -> Parameters:
+        """The variational inequality on the same mesh: n = .inf, and no regularisation."""
+
+        def exact(section: ContactSection) -> ContactSection:
+            own = section.friction
+            friction = None if own is None else own.model_copy(update={"regularisation": None})
+            return section.model_copy(update={"friction": friction})
+
+        given = self.contact
+        return self.model_copy(
+            update={
+                "penalty": PenaltyParameters(n=math.inf, epsilon=None),
+                "friction": self.friction.model_copy(update={"regularisation": None}),
+                "contact": tuple(map(exact, given)) if isinstance(given, tuple) else exact(given),
+                "solver": self.solver.model_copy(update={"method": "auto"}),
+            }
+        )
+
     def check_dimension(self, dim: int) -> None:
         """Raise InputError for the first value that does not fit a body of ``dim`` dimensions."""
         for fault in self._dimension_faults(dim):
@@ -86,17 +120,19 @@ class Parameters(Section):
             raise InputError(fault.message, key)
 
     def _faults(self) -> Iterator[Fault]:
-        if self.penalty.n == float("inf") and self.solver.method == "newton":
+        if self.penalty.n == math.inf and self.solver.method == "newton":
             yield Fault(
                 ("penalty", "n"),
                 ".inf cannot be solved by Newton's method; "
                 "take solver.method: interior_point (or auto), or a finite n such as 1e6",
             )
+        keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for index, displacement in enumerate(self.loads.displacements):
-            if both := [name for name in displacement.on if name in self.contact.on]:
+            if both := [name for name in displacement.on if name in keys]:
                 yield Fault(
                     ("loads", "displacements", index, "on"),
-                    f"'{both[0]}' is in contact.on as well; Gamma_D and Gamma_C must not overlap",
+                    f"'{both[0]}' is in {keys[both[0]]}.on as well; "
+                    "Gamma_D and Gamma_C must not overlap",
                 )
         if self.study is not None:
             for fault in self.study.key_faults(type(self)):
@@ -105,8 +141,14 @@ class Parameters(Section):
             yield from self._dimension_faults(self.mesh.dim)
             yield from self._name_faults()
 
+    def _contact_sections(self) -> list[tuple[Place, ContactSection]]:
+        """The sections of contact with their places in the file."""
+        if isinstance(self.contact, tuple):
+            return [(("contact", index), entry) for index, entry in enumerate(self.contact)]
+        return [(("contact",), self.contact)]
+
     def _name_faults(self) -> Iterator[Fault]:
-        """Names that the builder does not give; those of a file are known when it is read."""
+        """Names that the builder does not give; names of a mesh file are checked with the mesh."""
         cells, facets = self.mesh.geometry.cell_names, self.mesh.geometry.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
@@ -115,17 +157,19 @@ class Parameters(Section):
                 for name in load.on:
                     place = ("loads", kind, index, "on")
                     yield from _unknown_name(place, name, facets, "the boundary")
-        for name in self.contact.on:
-            yield from _unknown_name(("contact", "on"), name, facets, "the boundary")
+        for contact, section in self._contact_sections():
+            for name in section.on:
+                yield from _unknown_name((*contact, "on"), name, facets, "the boundary")
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        for name, faults in (
-            ("material", self.material.dimension_faults(dim)),
-            ("loads", self.loads.dimension_faults(dim)),
-            ("contact", self.contact.dimension_faults(dim)),
-        ):
-            for fault in faults:
-                yield Fault((name, *fault.place), fault.message)
+        sections: list[tuple[Place, MaterialParameters | LoadParameters | ContactSection]] = [
+            (("material",), self.material),
+            (("loads",), self.loads),
+            *self._contact_sections(),
+        ]
+        for place, section in sections:
+            for fault in section.dimension_faults(dim):
+                yield Fault((*place, *fault.place), fault.message)
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)
@@ -141,7 +185,7 @@ def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> I
 
 
 def _expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str, str]]:
-    """Place, text and further variables of every expression below a section."""
+    """Place, text and variables beside x, y, z of every expression below a section."""
     for name, field in type(section).model_fields.items():
         here = (*place, field.alias or name)
         scalar = marks(field).get("scalar")
@@ -153,7 +197,7 @@ def _expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str,
 
 
 def _leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:
-    """Everything in nested lists and mappings that is neither."""
+    """The values in nested lists and mappings, with their places."""
     if isinstance(value, tuple | dict):
         items = value.items() if isinstance(value, dict) else enumerate(value)
         for key, item in items:

@@ -25,7 +25,7 @@ def visible_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 
 def section_in(annotation: Any) -> tuple[tuple[str, ...], type[BaseModel] | None]:
-    """The section that a type holds, if any, and the steps to its values: INDEX or NAME."""
+    """The section that a type contains, if any, and the steps to it: INDEX of a list, NAME."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return (), annotation
     origin, arguments = get_origin(annotation), get_args(annotation)
@@ -44,15 +44,26 @@ def section_in(annotation: Any) -> tuple[tuple[str, ...], type[BaseModel] | None
     return step, None
 
 
-def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
-    """The keys that a mapping at ``place`` below ``model`` can have; empty for any other value.
+def may_be_list(annotation: Any) -> bool:
+    """Whether a section of this type may stand in the file once, or in a list."""
+    choices = [section_in(choice)[0] for choice in get_args(annotation)]
+    return () in choices and ("INDEX",) in choices
 
-    Raises KeyError with the number of parts that were understood, if there is no such place.
+
+def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
+    """The keys of a mapping at ``place`` below ``model``; empty if no mapping can be there.
+
+    Raises KeyError with the index of the first part of ``place`` that does not exist.
     """
     current: type[BaseModel] | None = model
     waiting: list[str] = []
+    listed = False
     keys = _keys(model)
     for depth, part in enumerate(place):
+        if listed and str(part).isdecimal():
+            listed = False
+            continue
+        listed = False
         if waiting:
             if waiting.pop(0) == "INDEX" and not str(part).isdecimal():
                 raise KeyError(depth)
@@ -61,8 +72,9 @@ def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
         elif field := visible_fields(current).get(str(part)):
             path, current = section_in(field.annotation)
             waiting = list(path)
+            listed = may_be_list(field.annotation)
         else:
-            # a parameter of a builder
+            # The part is a parameter of a mesh builder.
             current = None
         keys = _keys(current) if current is not None and not waiting else []
     return keys

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from pydantic import model_validator
 
-from .base import Fault, Place, Scalar, ScalarOrInfinite, Section, entry, refuse_if, show
+from .base import Fault, Place, Section, entry, refuse_if
+from .values import PoissonScalar, PositiveScalar, PositiveScalarOrInfinite, Scalar
+from .wording import show
 
 _YOUNG = "Young's modulus E"
 _STIFFNESS = "A as 3x3 (plane strain) or 6x6 matrix in Mandel's notation, symmetric and elliptic"
@@ -18,17 +20,17 @@ _ELASTICITY_CHOICES = (("young", "poisson"), ("lambda", "mu"), ("stiffness",))
 class Elasticity(Section):
     """sigma = A eps(u): A isotropic by (E, nu) or by Lame's (lambda, mu), or any Mandel matrix.
 
-    In 2D the body is in plane strain. Raises for a tensor that is not elliptic, as far as
-    numbers tell; expressions are checked where they are evaluated.
+    In 2D the body is in plane strain. A tensor of numbers must be elliptic; expressions are checked
+    when they are evaluated on the mesh.
     """
 
-    young: Scalar | None = entry(1.0, _YOUNG, "stress", scalar=True, optional=True)
-    poisson: Scalar | None = entry(0.3, "Poisson's ratio", "1", scalar=True, optional=True)
+    young: PositiveScalar | None = entry(1.0, _YOUNG, "stress", scalar=True, optional=True)
+    poisson: PoissonScalar | None = entry(0.3, "Poisson's ratio", "1", scalar=True, optional=True)
     lame_lambda: Scalar | None = entry(
         None, "Lame's first parameter, in place of E and nu",
         "stress", alias="lambda", scalar=True, optional=True,
     )  # fmt: skip
-    lame_mu: Scalar | None = entry(
+    lame_mu: PositiveScalar | None = entry(
         None, "shear modulus, with lambda", "stress", alias="mu", scalar=True, optional=True
     )
     stiffness: tuple[tuple[Scalar, ...], ...] | None = entry(
@@ -55,22 +57,12 @@ class Elasticity(Section):
 
     @model_validator(mode="after")
     def _elliptic(self) -> Elasticity:
-        refuse_if(self._faults())
+        if self.stiffness is not None:
+            refuse_if(_stiffness_faults(self.stiffness))
         return self
 
-    def _faults(self) -> Iterator[Fault]:
-        if isinstance(self.young, float) and self.young <= 0:
-            yield Fault(("young",), f"must be > 0, not {show(self.young)}")
-        if isinstance(self.poisson, float) and not -1 < self.poisson < 0.5:
-            message = f"must be between -1 and 0.5 (both excluded), not {show(self.poisson)}"
-            yield Fault(("poisson",), message)
-        if isinstance(self.lame_mu, float) and self.lame_mu <= 0:
-            yield Fault(("mu",), f"must be > 0, not {show(self.lame_mu)}")
-        if self.stiffness is not None:
-            yield from _stiffness_faults(self.stiffness)
-
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """What cannot be in ``dim`` dimensions: d lambda + 2 mu <= 0, a matrix of another size."""
+        """Faults that depend on the dimension: d lambda + 2 mu <= 0, a matrix of another size."""
         if isinstance(self.lame_lambda, float) and isinstance(self.lame_mu, float):
             bulk = dim * self.lame_lambda + 2 * self.lame_mu
             if bulk <= 0:
@@ -95,7 +87,7 @@ def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fau
         return
     values = np.array([[v if isinstance(v, float) else np.nan for v in row] for row in rows])
     scale = np.nanmax(np.abs(values), initial=0.0)
-    # Not a number where one of the two is an expression: nothing to compare.
+    # A difference is not a number if an expression is in it, and is not compared.
     for i, j in np.argwhere(np.triu(np.abs(values - values.T) > 1e-9 * scale)):
         yield Fault(
             place,
@@ -111,43 +103,28 @@ def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fau
             )
 
 
-def _limit_faults(limit: float | str | None) -> Iterator[Fault]:
-    if isinstance(limit, float) and limit <= 0:
-        yield Fault(("locking_limit",), f"must be > 0 (.inf: plain elasticity), not {show(limit)}")
-
-
 class Region(Section):
-    """A material of its own for a physical group of cells."""
+    """The material of a physical group of cells, as far as it differs from ``material``."""
 
     elasticity: Elasticity | None = entry(
-        None, "as of the material; null: as in the rest", optional=True
+        None, "elasticity tensor A; null: material.elasticity", optional=True
     )
-    locking_limit: ScalarOrInfinite | None = entry(
-        None, "as of the material; null: as in the rest", "1", scalar=True, optional=True
+    locking_limit: PositiveScalarOrInfinite | None = entry(
+        None, "M; null: material.locking_limit", "1", scalar=True, optional=True
     )
-
-    @model_validator(mode="after")
-    def _check(self) -> Region:
-        refuse_if(_limit_faults(self.locking_limit))
-        return self
 
 
 class MaterialParameters(Section):
     """Material (1): sigma in A eps(u) + dI_B(eps(u)), B = {xi : |xi| <= M}."""
 
     elasticity: Elasticity = entry(Elasticity(), "elasticity tensor A")
-    locking_limit: ScalarOrInfinite = entry(
+    locking_limit: PositiveScalarOrInfinite = entry(
         np.inf, "M, largest |eps(u)|; .inf: plain elasticity", "1", scalar=True
     )
     regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
 
-    @model_validator(mode="after")
-    def _check(self) -> MaterialParameters:
-        refuse_if(_limit_faults(self.locking_limit))
-        return self
-
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """As of the elasticities."""
+        """The faults of the elasticity tensors in ``dim`` dimensions."""
         tensors: dict[Place, Elasticity] = {("elasticity",): self.elasticity}
         for name, region in self.regions.items():
             if region.elasticity is not None:

@@ -1,4 +1,4 @@
-"""Where the mesh comes from: a geometry of `contact_locking.meshes`, or a Gmsh file."""
+"""The mesh: a geometry of `contact_locking.meshes` with its parameters, or a Gmsh file."""
 
 from __future__ import annotations
 
@@ -9,23 +9,12 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError, model_serializer, model_validator
 
-from contact_locking.expressions import nearest
 from contact_locking.meshes import BUILDERS
+from contact_locking.plain_text import nearest
 
-from .base import (
-    Fault,
-    FaultsError,
-    Integer,
-    Number,
-    Section,
-    Switch,
-    Text,
-    entry,
-    refuse_if,
-    show,
-    type_message,
-    unknown_key,
-)
+from .base import Fault, FaultsError, Section, entry, refuse_if
+from .values import Integer, Number, Switch, Text
+from .wording import show, unknown_key, value_message
 
 
 class MeshParameters(Section):
@@ -39,7 +28,7 @@ class MeshParameters(Section):
 
     @property
     def dim(self) -> int | None:
-        """Dimension of the body; None for a file, which has not been read yet."""
+        """Dimension of the body; None for a mesh file, which is read later."""
         return None if self.geometry is None else self.geometry.dim
 
     @model_validator(mode="before")
@@ -73,7 +62,7 @@ class MeshParameters(Section):
 
 
 def _geometry(builder: type, values: dict[Any, Any]) -> Any:
-    """The dataclass ``builder`` with these values, or FaultsError with a place for each."""
+    """The geometry with these values. Raises FaultsError with the place of each wrong value."""
     types_ = _adapters(builder)
     faults = []
     checked = {}
@@ -87,13 +76,13 @@ def _geometry(builder: type, values: dict[Any, Any]) -> Any:
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             cause = first.get("ctx", {}).get("error")
-            message = str(cause) if cause else type_message(first)
+            message = str(cause) if cause else value_message(first)
             faults.append(Fault((key, *first["loc"]), message))
     refuse_if(faults)
     try:
         return builder(**checked)
     except (ValueError, TypeError) as error:
-        # Geometries say "name: what is wrong".
+        # The messages of geometries begin with the name of a parameter and a colon.
         name, _, message = str(error).partition(": ")
         known_name = bool(message) and name in types_
         fault = Fault((name,), message) if known_name else Fault((), str(error))
@@ -102,12 +91,12 @@ def _geometry(builder: type, values: dict[Any, Any]) -> Any:
 
 @cache
 def _adapters(builder: type) -> dict[str, TypeAdapter[Any]]:
-    """The checks of each parameter; kept, as a study asks for them once a case."""
+    """The checks of each parameter, cached because every case of a study uses them."""
     return {name: TypeAdapter(kind) for name, kind in builder_types(builder).items()}
 
 
 def builder_types(builder: type) -> dict[str, Any]:
-    """Name and type of each parameter, with the types of `base` in place of Python's."""
+    """Name and type of each parameter, with the types of `values` in place of Python's."""
     hints = get_type_hints(builder)
     return {field.name: _strict(hints[field.name]) for field in fields(builder) if field.init}
 

@@ -1,15 +1,17 @@
-"""How it is solved and what is written: penalty, solver, output."""
+"""Penalty, solver, certificate and output."""
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, field_validator
+from pydantic import BeforeValidator, field_validator
 
-from .base import Count, Positive, PositiveOrInfinite, Section, Switch, Text, entry, show
+from .base import Section, entry
+from .values import Count, Positive, PositiveOrInfinite, Switch, Text, Tolerance
+from .wording import show
 
-# Linux's PATH_MAX is 4096, and the names of the results come after it.
+# Linux's PATH_MAX is 4096, and the names of the files are appended to the folder.
 _LONGEST_PATH = 3900
 
 
@@ -23,11 +25,10 @@ class PenaltyParameters(Section):
         None, "compliance of the foundation, 1/epsilon is the penalty; null: 1/n", "length/stress"
     )
 
-
-def _tolerance(value: float) -> float:
-    if value >= 1:
-        raise ValueError(f"must be between 0 and 1, not {show(value)}")
-    return value
+    @property
+    def compliance(self) -> float:
+        """``epsilon``, which is ``1/n`` unless it is given."""
+        return 1.0 / self.n if self.epsilon is None else self.epsilon
 
 
 def _option(value: Any) -> str | int | float | bool | None:
@@ -38,12 +39,11 @@ def _option(value: Any) -> str | int | float | bool | None:
     return value
 
 
-Tolerance = Annotated[Positive, AfterValidator(_tolerance)]
 Option = Annotated[bool | int | float | str | None, BeforeValidator(_option)]
 
 
 class SolverParameters(Section):
-    """The nonlinear strategy, its criteria and the linear algebra."""
+    """The nonlinear method, its stopping criteria and the linear solver."""
 
     method: Literal["auto", "newton", "interior_point"] = entry(
         "auto", "interior_point, newton (with continuation in n) or auto: interior_point"
@@ -60,7 +60,7 @@ class SolverParameters(Section):
     linear: Literal["auto", "direct", "iterative"] = entry("auto", "auto, direct or iterative")
     petsc: dict[str, Option] = entry(
         {},
-        "further PETSc options, such as {snes_monitor: null}; none that runs code or takes files",
+        "further PETSc options, such as {snes_monitor: null}; none that runs code or names files",
     )
 
     @field_validator("petsc")
@@ -70,7 +70,7 @@ class SolverParameters(Section):
 
 
 class CertificateParameters(Section):
-    """What the certificate holds beyond what every run gives."""
+    """Checks of the results that cost extra solves, in addition to those of every run."""
 
     constants: Switch = entry(
         False, "c_0 by an eigenvalue problem, and whether theory excludes a second solution"
@@ -81,11 +81,13 @@ class CertificateParameters(Section):
 
 
 class OutputParameters(Section):
-    """What is left behind."""
+    """The files with the results."""
 
     directory: Text = entry("results", "folder of the results")
     fields: Switch = entry(True, "whether to write the fields for ParaView")
-    picture: Switch = entry(True, "whether to draw a picture, and save what `view` shows")
+    picture: Switch = entry(
+        True, "whether to draw a picture, and save the snapshot that `view` shows"
+    )
 
     @field_validator("directory")
     @classmethod

@@ -1,4 +1,4 @@
-"""The cases of a study: which keys of the file vary, and how."""
+"""The cases of a study: the keys of the file that vary, and their values."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, model_validator
 
-from contact_locking.expressions import nearest
+from contact_locking.plain_text import nearest
 
-from .base import Fault, Section, entry, refuse_if, show
+from .base import Fault, Section, entry, refuse_if
 from .keys import known_keys
+from .wording import show
 
 MAX_CASES, MAX_KEYS = 10_000, 100
 _RANGES: dict[str, Any] = {"geometric": np.geomspace, "linear": np.linspace}
 
 
 def _values(value: Any) -> Any:
-    """A list, or a mapping of one range to [first, last, number of values]."""
+    """Check a list of values, or a range as {geometric: [first, last, number of values]}."""
     if isinstance(value, list | tuple) and value:
         if any(isinstance(item, float) and math.isnan(item) for item in value):
             raise ValueError("must not contain .nan")
@@ -51,7 +52,7 @@ def _expand(values: Any) -> list[Any]:
     if isinstance(values, list):
         return values
     ((kind, (first, last, count)),) = values.items()
-    # 12 digits: 100 and not 100.00000000000004
+    # Rounded to 12 digits, so that a value is 100 and not 100.00000000000004.
     return [float(f"{value:.12g}") for value in _RANGES[kind](first, last, count)]
 
 
@@ -94,7 +95,7 @@ class StudyParameters(Section):
             yield Fault((), f"has {number} cases; at most {MAX_CASES} are allowed")
 
     def key_faults(self, model: type[BaseModel]) -> Iterator[Fault]:
-        """The keys that ``model`` does not have."""
+        """The keys that ``model`` does not have, and keys that must not vary."""
         for kind, entries in (("vary", self.vary), ("zip", self.zip)):
             for key in entries:
                 parts = key.split(".")

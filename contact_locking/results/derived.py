@@ -15,14 +15,13 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat, compiled, forms
 from contact_locking.coefficients import Material
-from contact_locking.convex import tangential_part
+from contact_locking.contacts import Contact
 from contact_locking.domain import Domain
 from contact_locking.locking import locking_stress
 from contact_locking.material import strain
 from contact_locking.ordering import along_curves, facets_of, lexicographic
-from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, joined
-from contact_locking.solver.multipliers import Multipliers
-from contact_locking.system import FrictionBound
+from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
+from contact_locking.solver.multipliers import ContactForces, Multipliers
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -31,6 +30,14 @@ IntArray = npt.NDArray[np.int64]
 _LOCKED_MARGIN = 1e-6
 # The regularised law approaches its bound but never reaches it; from 99 % on a point slips.
 _SLIP_SHARE = 0.99
+
+# The scalar fields on Gamma_C, and the nodal values that they are made of.
+_SCALAR_FIELDS = {
+    "contact_pressure": "pressure",
+    "smoothed_stress": "smoothed_stress",
+    "contact_state": "state",
+    "friction_bound": "bound",
+}
 
 
 class BodyFields:
@@ -42,18 +49,14 @@ class BodyFields:
         u: fem.Function,
         data: forms.ProblemData,
         m: Material,
-        multipliers: Multipliers | None = None,
+        locking: fem.Function,
     ) -> None:
         eps, tensor = strain(u), (domain.dim, domain.dim)
         stress = data.elastic_stress(eps)
         norm = ufl.sqrt(ufl.inner(eps, eps))
         self.strain_norm = _p0(domain, norm, "strain_norm")
         self.elastic_stress = _p0(domain, stress, "elastic_stress", tensor)
-        if multipliers is None:
-            locking = locking_stress(eps, data.inverse_limit, data.n)
-            self.locking_stress = _p0(domain, locking, "locking_stress", tensor)
-        else:
-            self.locking_stress = multipliers.locking_stress
+        self.locking_stress = locking
         self.locking_limit = m.limit
         self.locked = fem.Function(m.limit.function_space, name="locked")
         threshold = m.limit.x.array * (1.0 - _LOCKED_MARGIN)
@@ -66,34 +69,19 @@ class BodyFields:
 
 
 class ContactFields:
-    """Nodal fields of Gamma_C, as arrays over the owned nodes."""
+    """Nodal fields of a contact, as arrays over the owned nodes of its part of Gamma_C."""
 
-    def __init__(
-        self,
-        bound: FrictionBound,
-        u: fem.Function,
-        data: forms.ProblemData,
-        multipliers: Multipliers | None = None,
-    ) -> None:
-        assert data.contact is not None
-        surface = self.surface = bound.surface
-        self.normal = data.contact.normal.x.array.reshape(-1, surface.domain.dim)[surface.blocks]
-        self.u_normal = surface.average(ufl.inner(u, data.contact.normal))()
-        self.u_tangent = surface.average(tangential_part(u, data.contact.normal))()
-        self.gap = data.contact.gap.x.array[surface.nodes]
-        if multipliers is None:
-            self.pressure = surface.average(forms.pressure(u, data))()
-            self.traction = 0.0 - surface.average(forms.friction(u, data))()
-            touches = self.pressure > 0.0
-        else:
-            self.pressure, traction = multipliers.pressure, 0.0 - multipliers.friction
-            along = np.einsum("ki,ki->k", traction, self.normal)[:, None]
-            self.traction = traction - along * self.normal
-            touches = multipliers.touches
-        self.smoothed_stress = -bound.smoothing.apply(self.pressure)
-        self.bound = bound.values.copy()
+    def __init__(self, contact: Contact, u: fem.Function, forces: ContactForces) -> None:
+        self.contact, self.surface = contact, contact.surface
+        self.normal, self.gap = contact.normals, contact.gaps
+        self.u_normal, self.u_tangent = contact.split(u)
+        self.pressure, traction = forces.pressure, 0.0 - forces.friction
+        along = np.einsum("ki,ki->k", traction, self.normal)[:, None]
+        self.traction = traction - along * self.normal
+        self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
+        self.bound = contact.bounds.copy()
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
-        self.state = np.where(touches, np.where(slips, SLIP, STICK), OPEN)
+        self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
 
     def gather(self) -> tuple[ContactPoints, IntArray] | None:
         """All points and facets on rank 0, in an order that no distribution changes; else None.
@@ -124,7 +112,7 @@ class ContactFields:
         return points, facets_of(points.x, corners)
 
     def summary(self) -> dict[str, Any]:
-        """The keys of summary.json that belong to Gamma_C; collective."""
+        """Resultants and areas of this contact; collective."""
         surface = self.surface
         force = 0.0 - surface.integral(self.pressure[:, None] * self.normal)
         penetration = float(np.max(self.u_normal - self.gap, initial=0.0))
@@ -137,6 +125,38 @@ class ContactFields:
         }
 
 
+def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multipliers:
+    """The stress and the forces that the penalty laws (23), (25), (22) give u; collective."""
+    stress = locking_stress(strain(u), data.inverse_limit, data.n)
+    locking = _p0(domain, stress, "locking_stress", (domain.dim, domain.dim))
+    forces = []
+    for contact in data.contacts:
+        pressure = contact.surface.average(forms.pressure(u, contact, data))()
+        friction = contact.surface.average(forms.friction(u, contact))()
+        forces.append(ContactForces(pressure, friction, pressure > 0.0))
+    return Multipliers(locking, tuple(forces))
+
+
+def contact_summary(contacts: Sequence[ContactFields], dim: int) -> dict[str, Any]:
+    """The keys of summary.json that belong to Gamma_C, of all contacts together; collective."""
+    total: dict[str, Any] = {
+        "penetration_max": 0.0,
+        "contact_force": [0.0] * dim,
+        "friction_force": [0.0] * dim,
+        "contact_area": 0.0,
+        "slip_area": 0.0,
+    }
+    found = [fields.summary() for fields in contacts]
+    for one in found:
+        total["penetration_max"] = max(total["penetration_max"], one["penetration_max"])
+        for key in ("contact_force", "friction_force"):
+            total[key] = np.add(total[key], one[key]).tolist()
+        for key in ("contact_area", "slip_area"):
+            total[key] += one[key]
+    named = zip(contacts, found, strict=True)
+    return total | {"contacts": [{"on": list(c.contact.on), **one} for c, one in named]}
+
+
 def gather_contacts(
     contacts: Sequence[ContactFields], domain: Domain
 ) -> tuple[ContactPoints | None, IntArray | None]:
@@ -147,15 +167,34 @@ def gather_contacts(
     return joined([part for part in gathered if part is not None], domain.dim)
 
 
-def no_contact_summary(dim: int) -> dict[str, Any]:
-    """The same keys for a body without Gamma_C."""
-    return {
-        "penetration_max": 0.0,
-        "contact_force": [0.0] * dim,
-        "friction_force": [0.0] * dim,
-        "contact_area": 0.0,
-        "slip_area": 0.0,
-    }
+def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, fem.Function]:
+    """The fields of all contacts as P1 functions, zero off Gamma_C; collective.
+
+    At a node that several contacts share the value is the mean, weighted by their shares of the
+    area around the node, so that nodal forces add up; the state is the largest.
+    """
+    vectors = u.function_space
+    scalars = _compat.collapse(vectors.sub(0))[0]
+    dim = u.ufl_shape[0]
+    found = {name: fem.Function(scalars, name=name) for name in _SCALAR_FIELDS}
+    found["tangential_traction"] = fem.Function(vectors, name="tangential_traction")
+    area = np.zeros(len(scalars.tabulate_dof_coordinates()))
+    for fields in contacts:
+        np.add.at(area, fields.surface.nodes, fields.surface.weights)
+    for fields in contacts:
+        nodes = fields.surface.nodes
+        share = fields.surface.weights / area[nodes]
+        for name, attribute in _SCALAR_FIELDS.items():
+            values = found[name].x.array
+            if name == "contact_state":
+                values[nodes] = np.maximum(values[nodes], fields.state)
+            else:
+                values[nodes] += share * getattr(fields, attribute)
+        tractions = found["tangential_traction"].x.array.reshape(-1, dim)
+        tractions[fields.surface.blocks] += share[:, None] * fields.traction
+    for function in found.values():
+        function.x.scatter_forward()
+    return found
 
 
 def body_summary(

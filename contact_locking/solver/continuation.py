@@ -5,25 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
 
 from contact_locking.errors import NotConverged
+from contact_locking.penalty import Penalty
 from contact_locking.solver.target import Target
-
-# n, epsilon, and the regularisation of friction.
-Penalties: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class PenaltyPath:
     """``(n, eps, delta)(s)`` for s in [0, 1], all geometric, from a soft ``start`` to the ``end``.
 
-    ``delta`` is the regularisation of friction.  ``decades`` is the longest of the three ways in
-    powers of ten.
+    ``delta`` is the regularisation of friction.  ``decades`` is the longest of the ways in powers
+    of ten.
     """
 
-    start: Penalties
-    end: Penalties
+    start: Penalty
+    end: Penalty
 
     @classmethod
     def towards(cls, target: Target) -> PenaltyPath:
@@ -32,34 +29,38 @@ class PenaltyPath:
         A target that is softer than that is its own start.
         """
         soft = 0.1 * target.length
-        return cls.onwards(10.0 * target.stiffness, soft / target.young, soft, target)
+        count = len(target.penalty.regularisations)
+        start = Penalty(10.0 * target.stiffness, soft / target.young, (soft,) * count)
+        return cls.onwards(start, target)
 
     @classmethod
-    def onwards(
-        cls, n: float, epsilon: float, regularisation: float, target: Target
-    ) -> PenaltyPath:
-        """From the penalties of a known solution, where the target is beyond them."""
-        end = target.n, target.epsilon, target.regularisation
-        return cls((min(n, end[0]), max(epsilon, end[1]), max(regularisation, end[2])), end)
+    def onwards(cls, known: Penalty, target: Target) -> PenaltyPath:
+        """From the penalty parameters of a known solution, where the target is beyond them."""
+        end = target.penalty
+        pairs = zip(known.regularisations, end.regularisations, strict=True)
+        n, epsilon = min(known.n, end.n), max(known.epsilon, end.epsilon)
+        return cls(Penalty(n, epsilon, tuple(max(pair) for pair in pairs)), end)
 
     @property
     def decades(self) -> float:
-        pairs = zip(self.start, self.end, strict=True)
-        return max(abs(math.log10(end / start)) for start, end in pairs)
+        return max(abs(math.log10(end / start)) for start, end in self._ways())
 
-    def at(self, s: float) -> Penalties:
+    def at(self, s: float) -> Penalty:
         if s >= 1.0:
             return self.end
-        n, epsilon, regularisation = (
-            start * (end / start) ** s for start, end in zip(self.start, self.end, strict=True)
-        )
-        return n, epsilon, regularisation
+        n, epsilon, *regularisations = (start * (end / start) ** s for start, end in self._ways())
+        return Penalty(n, epsilon, tuple(regularisations))
+
+    def _ways(self) -> list[tuple[float, float]]:
+        """Start and end of each parameter."""
+        sides = ((p.n, p.epsilon, *p.regularisations) for p in (self.start, self.end))
+        return list(zip(*sides, strict=True))
 
 
 def follow(
-    path: PenaltyPath, stage: Callable[[Penalties, bool], None], smallest: float = 0.05
+    path: PenaltyPath, stage: Callable[[Penalty, bool], None], smallest: float = 0.05
 ) -> None:
-    """Call ``stage(penalties, last)`` along the path, a decade at a time, halving after a failure.
+    """Call ``stage(penalty, last)`` along the path, a decade at a time, halving after a failure.
 
     A stage fails by raising NotConverged and must leave the state it started from.  The failure
     is passed on once the step has shrunk to ``smallest`` decades.  A path of no length has one
@@ -74,14 +75,14 @@ def follow(
     while True:
         # A remainder of less than a fifth of a step is not worth a stage of its own.
         target = 1.0 if target > 1.0 - 0.2 * step else target
-        penalties = path.at(target)
+        penalty = path.at(target)
         try:
-            stage(penalties, target >= 1.0)
+            stage(penalty, target >= 1.0)
         except NotConverged as failure:
             step = 0.5 * (target - done)
             if step < limit:
-                n, epsilon, _ = penalties
-                raise NotConverged(f"{failure} at n = {n:.3g}, epsilon = {epsilon:.3g}") from None
+                where = f"n = {penalty.n:.3g}, epsilon = {penalty.epsilon:.3g}"
+                raise NotConverged(f"{failure} at {where}") from None
             target = done + step
             continue
         if target >= 1.0:

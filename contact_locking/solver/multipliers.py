@@ -12,14 +12,26 @@ FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Multipliers:
-    """Z as a P0 function, and at the owned nodes of Gamma_C pressure (k,) and -sigma_tau (k, d).
+class ContactForces:
+    """Pressure (k,) and ``-sigma_tau`` (k, d) at the owned nodes of one part of Gamma_C.
 
     ``touches`` (k,) says where the body is in contact; elsewhere the pressure vanishes up to the
     solver's tolerance only.
     """
 
-    locking_stress: fem.Function
     pressure: FloatArray
     friction: FloatArray
     touches: npt.NDArray[np.bool_]
+
+    @classmethod
+    def none(cls, nodes: int, dim: int) -> ContactForces:
+        """No forces at so many nodes."""
+        return cls(np.zeros(nodes), np.zeros((nodes, dim)), np.zeros(nodes, dtype=bool))
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Z as a P0 function, and the forces on each part of Gamma_C."""
+
+    locking_stress: fem.Function
+    contacts: tuple[ContactForces, ...]

@@ -14,11 +14,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
-from contact_locking.progress import Monitor
 from contact_locking.solver.linear import LINEAR_FAILURE, configure, default_options
 from contact_locking.solver.options import PREFIX
-from contact_locking.solver.report import Settings, SolverReport
-from contact_locking.system import PenalisedSystem
+from contact_locking.solver.task import Task
 
 ConvergedReason = PETSc.SNES.ConvergedReason
 
@@ -103,7 +101,7 @@ class CriticalPointStep:
 
 
 class NewtonSolver:
-    """SNES over a :class:`PenalisedSystem`; keeps the matrix and its symbolic factorisation.
+    """SNES over the system of a task; keeps the matrix and its symbolic factorisation.
 
     Where the start is ``near`` the solution, cells and nodes that are at the edge of locking and
     contact change sides at once: a line search would stop at every kink, while two full steps put
@@ -114,19 +112,12 @@ class NewtonSolver:
     symbolic factorisation.
     """
 
-    def __init__(
-        self,
-        system: PenalisedSystem,
-        settings: Settings,
-        monitor: Monitor,
-        near: bool = False,
-        direct: PETSc.KSP | None = None,
-    ) -> None:
-        self._system, self._settings, self._monitor = system, settings, monitor
-        self._near = near
+    def __init__(self, task: Task, near: bool = False, direct: PETSc.KSP | None = None) -> None:
+        self._task, self._near = task, near
+        system, settings = task.system, task.settings
+        self._system = system
         self._matrix = system.create_matrix() if direct is None else direct.getOperators()[0]
         self._x, self._f = self._matrix.createVecRight(), self._matrix.createVecLeft()
-        self._report = SolverReport()
         self._tolerance, self._last, self._least_steps = settings.tolerance, np.inf, 0
         self._raised: BaseException | None = None
         self._snes = snes = PETSc.SNES().create(system.comm)
@@ -146,13 +137,13 @@ class NewtonSolver:
         snes.setTolerances(max_it=settings.max_iterations)
         snes.setConvergenceTest(self._kept(self._test))
 
-    def solve(self, tolerance: float, report: SolverReport, least_steps: int = 0) -> None:
+    def solve(self, tolerance: float, least_steps: int = 0) -> None:
         """Solve from the system's displacement to ``|F| <= tolerance max(|f|, |a(u, .)|)``.
 
         ``least_steps`` are taken even if the start is good enough.  Raises NotConverged, with the
         displacement left as it was, if that is not reached.
         """
-        self._report, self._tolerance, self._least_steps = report, tolerance, least_steps
+        self._tolerance, self._least_steps = tolerance, least_steps
         self._raised = None
         self._system.displacement(self._x)
         start = self._x.copy()
@@ -199,8 +190,8 @@ class NewtonSolver:
         return str(self._raised or LINEAR_FAILURE)
 
     def _count(self, tangents: int, iterations: int) -> None:
-        self._report.tangents += tangents
-        self._report.linear += iterations
+        self._task.report.tangents += tangents
+        self._task.report.linear += iterations
 
     def _assemble(self, _: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat) -> None:
         self._system.tangent(x, matrix)
@@ -215,8 +206,8 @@ class NewtonSolver:
         if not np.isfinite(residual):
             raise NotConverged("the residual is not finite")
         self._system.set_displacement(snes.getSolution())
-        scale = self._system.force_scale(self._settings.tolerance)
-        self._monitor.iteration(iteration, residual / scale if scale > 0.0 else residual)
+        scale = self._system.force_scale(self._task.settings.tolerance)
+        self._task.monitor.iteration(iteration, residual / scale if scale > 0.0 else residual)
         stalls = self._last < 2.0 * residual <= _SMALL * scale
         self._last = residual if iteration else np.inf
         if residual <= self._tolerance * scale or (stalls and residual <= self._rounding(snes)):

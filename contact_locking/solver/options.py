@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 from contact_locking import _compat
 from contact_locking.errors import InputError
-from contact_locking.expressions import nearest
+from contact_locking.plain_text import nearest
 
 PREFIX = "contact_locking_"
 

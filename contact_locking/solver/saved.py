@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from contact_locking.penalty import Penalty
 from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
@@ -14,18 +15,16 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SavedState:
-    """What solved some problem on this mesh with the penalties that it names.
+    """What solved some problem on this mesh with the penalty parameters ``penalty``.
 
-    ``displacement`` holds local values, ghosts included, ``pressure`` (k,) those at the owned nodes
-    of Gamma_C, None where nothing is known of it.
+    ``displacement`` holds local values, ghosts included, ``pressures`` those (k,) at the owned
+    nodes of each contact; without any, nothing is known of them.
     """
 
     displacement: FloatArray
-    pressure: FloatArray | None
-    n: float
-    epsilon: float
-    regularisation: float
+    pressures: tuple[FloatArray, ...]
+    penalty: Penalty
 
     def enter(self, system: PenalisedSystem) -> None:
         """Put displacement and friction bound into ``system``; collective."""
-        system.take_over(self.displacement, self.pressure)
+        system.take_over(self.displacement, self.pressures)

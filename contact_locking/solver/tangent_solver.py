@@ -17,7 +17,7 @@ from contact_locking.solver.linear import (
     direct_options,
     preconditioner,
 )
-from contact_locking.solver.report import Settings
+from contact_locking.solver.settings import Settings
 from contact_locking.solver.storage import Unblocked
 
 # CG with the filtered multigrid.  The norm is that of the equilibrium residual, which is what is

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
+from contact_locking.penalty import Penalty
 from contact_locking.system import ROUNDING
 
 
@@ -13,28 +14,20 @@ from contact_locking.system import ROUNDING
 class Target:
     """The penalty parameters, and the scales of the problem that starting values are made from.
 
-    ``n`` may be infinite and ``epsilon`` and ``regularisation`` zero: the variational inequality
-    itself.  ``stiffness`` and ``ellipticity`` are the largest and the smallest eigenvalue of A,
+    ``stiffness`` and ``ellipticity`` are the largest and the smallest eigenvalue of A,
     ``young`` its Young's modulus, ``length`` the extent of the body and ``volume`` its measure.
     """
 
-    n: float
-    epsilon: float
-    regularisation: float
+    penalty: Penalty
     stiffness: float
     ellipticity: float
     young: float
     length: float
     volume: float
 
-    def inequality(self) -> Target:
-        """The same problem without penalties."""
-        return dataclasses.replace(self, n=math.inf, epsilon=0.0, regularisation=0.0)
-
-    @property
-    def is_inequality(self) -> bool:
-        """Whether neither penalty is left."""
-        return math.isinf(self.n) and self.epsilon == 0.0 and self.regularisation == 0.0
+    def with_penalty(self, penalty: Penalty) -> Target:
+        """The same problem with other penalty parameters."""
+        return dataclasses.replace(self, penalty=penalty)
 
     def mean_strain(self, energy: float, displacement: float, tolerance: float) -> float:
         """``sqrt(a(u, u)/(alpha |Omega|))``, or what rounding in ``u`` leaves, if that is larger.

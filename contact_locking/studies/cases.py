@@ -11,7 +11,7 @@ from typing import Any
 from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
-from contact_locking.parameters.base import show
+from contact_locking.parameters.wording import show
 from contact_locking.study_file import StudyFile
 
 

@@ -16,7 +16,7 @@ from contact_locking.parameters.base import marks
 def dump(parameters: Parameters) -> str:
     """A study file that loads back to equal parameters."""
     yaml = YAML(pure=True)
-    # ruamel.yaml changes blanks where it folds long text, and unusual line ends if not escaped.
+    # ruamel.yaml changes blanks when it folds long text, and unusual line ends unless escaped.
     yaml.width = 2**20
     yaml.allow_unicode = False
     yaml.representer.add_representer(

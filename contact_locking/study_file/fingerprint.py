@@ -1,4 +1,4 @@
-"""A short name for what a run computes: equal for equal results, whatever the file looks like."""
+"""Fingerprints of parameters: equal for study files that define equal results."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from contact_locking.parameters import Parameters
 
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
-# The sections that define a solution.
-_PROBLEM = ("mesh", "material", "loads", "contact", "friction", "penalty")
+# The sections that define a solution, beside contact and friction.
+_PROBLEM = ("mesh", "material", "loads", "penalty")
 
 
 def file_digest(path: str) -> str:
@@ -23,21 +23,44 @@ def file_digest(path: str) -> str:
 
 
 def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_digest) -> str:
-    """16 hexadecimal digits of the parameters that matter to the results.
+    """16 hexadecimal digits of the parameters that define the results.
 
-    Those are all but the title, the study around a case and the folder of the results.  A mesh
-    file counts with its content, by ``digest``, and not with its place.  Raises OSError if it
-    cannot be read.
+    All parameters count except the title, the study and the folder of the results.  A mesh file
+    counts by the ``digest`` of its content and not by its path.  Raises OSError if it cannot be
+    read.
     """
-    data = parameters.model_dump(by_alias=True, exclude={"title": True, "study": True})
+    data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
-    return _short({**data, "mesh": mesh_identity(parameters, digest)})
+    return _short({**data, **_contact(parameters), "mesh": mesh_identity(parameters, digest)})
 
 
 def problem_fingerprint(parameters: Parameters) -> str:
-    """The same of what defines the solution alone, however it is found.  Raises OSError."""
+    """16 hexadecimal digits of the parameters that define the solution.  Raises OSError.
+
+    The solver and the output do not count.
+    """
     data = parameters.model_dump(by_alias=True, include=set(_PROBLEM))
-    return _short({**data, "mesh": mesh_identity(parameters)})
+    return _short({**data, **_contact(parameters), "mesh": mesh_identity(parameters)})
+
+
+def _contact(parameters: Parameters) -> dict[str, Any]:
+    """Every part of Gamma_C with its complete law of friction, wherever the file defines it."""
+    if isinstance(parameters.contact, tuple):
+        contacts = parameters.contacts
+    else:
+        contacts = (parameters.contact.resolved("contact", parameters.friction),)
+    parts: list[dict[str, Any]] = [
+        {
+            "contact": {
+                "on": part.on,
+                "gap": part.gap,
+                "foundation": part.foundation and part.foundation.model_dump(),
+            },
+            "friction": part.friction.model_dump(),
+        }
+        for part in contacts
+    ]
+    return parts[0] if len(parts) == 1 else {"contacts": parts}
 
 
 def mesh_identity(

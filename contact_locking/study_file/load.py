@@ -1,4 +1,4 @@
-"""A study file as checked parameters."""
+"""Load a study file: read it, override values, check it and all cases of its study."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from pydantic import ValidationError
 
 from contact_locking.errors import InputError
 from contact_locking.parameters import Fault, Parameters
-from contact_locking.parameters.base import MOST_FAULTS, show
+from contact_locking.parameters.base import MOST_FAULTS
+from contact_locking.parameters.wording import show
 
 from .dump import dump
 from .messages import faults_of
 from .source import MAX_BYTES, Source, assign, read, tell
 
-# Some 20 s; a file of the demos has 50 values.
+# To check as many takes some 20 s; a file of the demos has 50 values.
 _MOST_VALUES = 2_000_000
-# With every default written out, a shorter file stays below the size that can be read again.
+# The dump of a shorter file, with every default, stays below the size that can be read again.
 _SHORT = MAX_BYTES // 20
 _MORE = f"there may be more that is wrong; these are the first {MOST_FAULTS} faults"
 
 
 @dataclass(frozen=True)
 class StudyFile:
-    """The parameters of a file, and the file's lines for what is found wrong with them later."""
+    """The parameters of a file, and its lines for the messages of errors that are found later."""
 
     parameters: Parameters
     source: Source
@@ -40,7 +41,8 @@ class StudyFile:
     def case(self, values: Mapping[str, Any]) -> Parameters:
         """The parameters of a case: the file without its study, with ``values`` by dotted key.
 
-        Raises InputError for values that do not fit, which `load` has found out for all cases.
+        Raises InputError for values that do not fit. `load` has checked those of the file's
+        own study.
         """
         return from_mapping(_with_values(self.source.data, values), Path(self.source.name).parent)
 
@@ -48,8 +50,8 @@ class StudyFile:
 def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
     """Read and check a study file, with ``overrides`` such as ``penalty.n=1e6`` applied to it.
 
-    Paths in the file are relative to it. Raises InputError that lists all that is wrong, a line
-    each: ``FILE:LINE: key: what was given, what is allowed``.
+    Paths in the file are relative to its folder. Raises InputError with one line for each fault:
+    ``FILE:LINE: key: what was given, what is allowed``.
     """
     source = read(path)
     for override in overrides:
@@ -68,9 +70,9 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> StudyFile:
 
 
 def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameters:
-    """Parameters from what a study file would hold, for Python scripts.
+    """The parameters of a study file that is given as a mapping, for Python scripts.
 
-    Raises InputError that lists all that is wrong, a line each: ``key: what, what is allowed``.
+    Raises InputError with one line for each fault: ``key: what was given, what is allowed``.
     """
     parameters, faults = _check(dict(data), Path(folder))
     if parameters is None:
@@ -84,7 +86,7 @@ def _key(fault: Fault) -> str:
 
 
 def _listed(lines: list[str], more: str) -> str:
-    """The faults, and after very many that there may be more: no others were sought."""
+    """One line for each fault, and after `MOST_FAULTS` of them that there may be more."""
     return "\n".join(lines if len(lines) < MOST_FAULTS else [*lines[:MOST_FAULTS], more])
 
 
@@ -93,7 +95,7 @@ def _line(origin: int | str | None) -> int:
 
 
 def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:
-    """The parameters, or what is wrong; also with any case of a study."""
+    """The parameters, or the faults of the file and of the first wrong case of its study."""
     parameters, faults = _validate(data, folder)
     if parameters is None or parameters.study is None:
         return parameters, faults
@@ -114,7 +116,7 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
 
 
 def _too_much(data: dict[str, Any], cases: Sequence[Mapping[str, Any]]) -> Fault | None:
-    """Refuses what would take minutes to check: each case is a copy of the file."""
+    """The fault of a study that would take minutes to check, as each case is a copy of the file."""
     size = sum(_size(value) for key, value in data.items() if key != "study")
     size += max((_size(value) for case in cases for value in case.values()), default=0)
     if len(cases) * size <= _MOST_VALUES:

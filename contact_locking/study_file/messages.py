@@ -1,4 +1,4 @@
-"""What pydantic finds wrong, in the words of the study file."""
+"""The errors of pydantic as faults, in the words of the study file."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from contact_locking.expressions import nearest
 from contact_locking.parameters import Fault, FaultsError, Parameters
-from contact_locking.parameters.base import MOST_FAULTS, show, type_message, unknown_key
+from contact_locking.parameters.base import MOST_FAULTS
 from contact_locking.parameters.keys import known_keys
+from contact_locking.parameters.values import CHOICES
+from contact_locking.parameters.wording import show, unknown_key, value_message
+from contact_locking.plain_text import nearest
 
 from .schema import rows
 
-# As the formulas have them.
+# The symbols of the formulas, which users may take for keys.
 _SYMBOLS = {
     "M": "material.locking_limit",
     "E": "material.elasticity.young",
@@ -27,10 +29,10 @@ _SYMBOLS = {
 
 
 def faults_of(error: ValidationError) -> list[Fault]:
-    """Every fault with its place from the top of the file; the first of very many."""
+    """The faults with their places in the file; at most some 20 of them."""
     found: list[Fault] = []
     for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
-        place = tuple(details["loc"])
+        place = tuple(part for part in details["loc"] if part not in CHOICES)
         cause = details.get("ctx", {}).get("error")
         if isinstance(cause, FaultsError):
             found += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
@@ -42,26 +44,28 @@ def faults_of(error: ValidationError) -> list[Fault]:
 def _message(details: Any, place: tuple[str | int, ...]) -> str:
     given = show(details["input"])
     match details["type"]:
+        case "extra_forbidden" if place[:-1] == ("contact",) and str(place[-1]).isdecimal():
+            return "contact is one section and not a list: leave the number out of the key"
         case "extra_forbidden":
             known = known_keys(Parameters, place[:-1])
             return unknown_key(str(place[-1]), known, _elsewhere(str(place[-1])))
-        case "missing":
-            return "is missing"
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = ", ".join(known_keys(Parameters, place))
-            return f"must be a mapping{f' with keys among {keys}' if keys else ''}, not {given}"
+            several = ", or a list of such mappings" if place == ("contact",) else ""
+            with_keys = f" with keys among {keys}" if keys else ""
+            return f"must be a mapping{with_keys}{several}, not {given}"
         case "literal_error":
             allowed = details["ctx"]["expected"].replace("'", "")
             guess = nearest(str(details["input"]), allowed.replace(" or ", ", ").split(", "))
             return f"must be {allowed}, not {given}{guess}"
-    return type_message(details)
+    return value_message(details)
 
 
 def _elsewhere(name: str) -> str:
-    """A hint at the key of another section that has this name, or that stands for this symbol."""
+    """The hint at a key of another section with this name, or for this symbol."""
     if name in _SYMBOLS:
         return f" (did you mean '{_SYMBOLS[name]}'?)"
-    # An entry of a list or a mapping has no place that could be told.
+    # A key in an entry of a list or a mapping is no single key of the file.
     keys = [row.key for row in rows() if "INDEX" not in row.key and "NAME" not in row.key]
     matches = [key for key in keys if key.rpartition(".")[2] == name]
     return f" (did you mean '{matches[0]}'?)" if matches else ""

@@ -11,11 +11,12 @@ from pydantic import BaseModel, TypeAdapter
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.parameters import MeshParameters, Parameters
-from contact_locking.parameters.base import marks, show
+from contact_locking.parameters.base import marks
 from contact_locking.parameters.keys import section_in, visible_fields
 from contact_locking.parameters.mesh import builder_types
+from contact_locking.parameters.wording import show
 
-#: What `contact_locking.parameters.base.entry` keeps for this package only.
+#: Marks of `contact_locking.parameters.base.entry` that are not part of the schema.
 _INTERNAL = ("scalar", "optional", "hidden")
 
 
@@ -29,7 +30,7 @@ class Row(NamedTuple):
 
 
 def rows(model: type[BaseModel] = Parameters, prefix: str = "") -> Iterator[Row]:
-    """All keys below a section, sections before what is in them."""
+    """All keys below a section; a section stands before its own keys."""
     for name, field in visible_fields(model).items():
         key = f"{prefix}{name}"
         path, section = section_in(field.annotation)
@@ -42,7 +43,7 @@ def rows(model: type[BaseModel] = Parameters, prefix: str = "") -> Iterator[Row]
 
 
 def _builder_rows(prefix: str) -> Iterator[Row]:
-    """Parameters of the geometries; one that several share is listed once."""
+    """Parameters of the geometries. A parameter of several geometries is listed once."""
     having: dict[Row, list[str]] = {}
     for builder, cls in BUILDERS.items():
         for entry in fields(cls):

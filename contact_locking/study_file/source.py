@@ -1,7 +1,7 @@
-"""YAML text as plain data that remembers the line of every key.
+"""YAML text as plain data, with the line of every key.
 
-The reader takes YAML 1.2 without tags, anchors and repeated keys: nothing that a study needs,
-and nothing that lets a small text become large or do anything.
+The reader takes YAML 1.2 without tags, anchors and repeated keys. A study needs none of them, and
+without them a small text cannot become large data or create objects.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from contact_locking.errors import InputError
 from contact_locking.plain_text import printable
 
-# A sweep of 10 000 cases over several keys stays below it, and what is made to take long takes 4 s.
+# A sweep of 10 000 cases over several keys is smaller. Text that is made to take long takes 4 s.
 MAX_BYTES = 300_000
 MAX_DEPTH = 50
-# Of a message and of the key before it.
+# Lengths of a message and of the key before it.
 _MAX_MESSAGE, _MAX_KEY = 1000, 200
 _TAG = "tag:yaml.org,2002:"
 _SPECIAL = {".inf": float("inf"), ".nan": float("nan")}
@@ -32,17 +32,17 @@ _SPECIAL = {".inf": float("inf"), ".nan": float("nan")}
 
 @dataclass
 class Source:
-    """What a file and the overrides say, and where each key comes from."""
+    """The data of a file with its overrides, and the origin of each key."""
 
     name: str
     data: Any = field(default_factory=dict)
-    #: By dotted key: its line in the file, or the key of the override that set it.
+    #: By dotted key: the line in the file, or the key of the override that set the value.
     origins: dict[str, int | str] = field(default_factory=dict)
-    #: Of the file, in bytes.
+    #: Size of the file in bytes.
     size: int = 0
 
     def explain(self, message: str, key: str) -> str:
-        """The message, in one line, with the place of the key as near as the file has it."""
+        """The message in one line, with the line of the key or of the nearest section above it."""
         match self.origin(key):
             case int(line):
                 return f"{self.name}:{line}: {tell(message, key)}"
@@ -53,7 +53,7 @@ class Source:
         return f"{self.name}: {tell(message, key)}"
 
     def origin(self, key: str) -> int | str | None:
-        """Where a key, or the nearest section above it, comes from."""
+        """The origin of a key, or of the nearest section above it."""
         while key and key not in self.origins:
             key = key.rpartition(".")[0]
         return self.origins.get(key)
@@ -76,7 +76,7 @@ class Source:
 
 
 def tell(message: str, key: str) -> str:
-    """``key: message`` in one line of a length that one can read, whatever is in the two."""
+    """``key: message`` in one line, with long parts shortened and control characters escaped."""
     text = _short(printable(" ".join(message.split())), _MAX_MESSAGE)
     shown = _short(key if key.isprintable() else ascii(key), _MAX_KEY)
     return f"{shown}: {text}" if key else text
@@ -120,9 +120,9 @@ def read(path: str | Path) -> Source:
 
 
 def assign(data: Any, key: str, value: Any) -> list[str]:
-    """Put a value at a dotted key, and return the sections that had to be made for it.
+    """Put a value at a dotted key, and return the sections that were created for it.
 
-    Raises KeyError with a message where the path leads through something that is no section.
+    Raises KeyError with a message if a part of the key stands for a value that has no keys.
     """
     *above, last = key.split(".")
     created = []
@@ -142,7 +142,7 @@ def _short(text: str, length: int) -> str:
 
 
 def _reason(error: MarkedYAMLError) -> str:
-    """What the reader found, and where the part began in which it did; of tabs in plain words."""
+    """The error of the reader, with the line where the faulty part of the file begins."""
     if error.problem is not None and "'\\t'" in error.problem:
         return "a line is indented by blanks, not by tabs"
     began = error.context_mark
@@ -162,7 +162,7 @@ def _index(data: Any, part: str, place: str) -> Any:
 
 
 class _Reader:
-    """Builds plain data from the nodes of ruamel.yaml, so that nothing else can be built."""
+    """Builds plain data from the nodes of ruamel.yaml, so that no other objects are built."""
 
     def __init__(self, name: str, *, lines: bool) -> None:
         self.name = name
@@ -182,7 +182,7 @@ class _Reader:
             self.refuse(f"is not valid YAML: {_reason(error)}", line)
         except RecursionError:
             self.refuse(f"is nested more than {MAX_DEPTH} levels deep")
-        except Exception as error:  # whatever a third-party parser does with arbitrary text
+        except Exception as error:  # The parser may raise any exception for arbitrary text.
             reason = str(error) or repr(error)
             self.refuse(f"is not valid YAML: {reason.splitlines()[0]}")
         return None if root is None else self.data(root, "", 0)
@@ -218,7 +218,7 @@ class _Reader:
                 self.refuse("a key must be a name", line)
             if name_node.tag == f"{_TAG}merge":
                 self.refuse("merging (<<) is not supported; write it out", line)
-            # As it is written: also where it looks like a number or a truth value.
+            # The name as it is written, also if it looks like a number or a truth value.
             name = self.text(name_node, line)
             below = f"{key}.{name}" if key else name
             if name in entries:

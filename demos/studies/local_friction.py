@@ -44,7 +44,7 @@ def main() -> None:
     parser.add_argument("--divisions", type=int, default=128, help="squares along each side")
     divisions = parser.parse_args().divisions
     local = solved(divisions, "{kernel: none}")
-    size = norms(local.displacement, local.domain, local.parameters.contact.on)
+    size = norms(local.displacement, local.domain, local.parameters.contact_names)
     rows: list[dict[str, Any]] = []
     for kernel, width in (("convolution", 1.0), ("helmholtz", 0.5 / math.sqrt(3.0))):
         errors = []

@@ -62,7 +62,7 @@ def main() -> None:
         parser.error(f"--finest must be a multiple of {DIVISIONS[-1]}, to nest the grids")
     began = time.perf_counter()
     reference = solved(finest, math.inf)
-    size = norms(reference.displacement, reference.domain, reference.parameters.contact.on)
+    size = norms(reference.displacement, reference.domain, reference.parameters.contact_names)
     rows: list[dict[str, Any]] = []
     for coupling, penalties in couplings().items():
         in_v = []

@@ -201,15 +201,16 @@ def _stiffness(given: Elasticity, x: FloatArray) -> FloatArray:
 def _contact(
     parameters: Parameters, geometry: Geometry, body: Body, free: npt.NDArray[np.bool_]
 ) -> Contact | None:
-    if not parameters.contact.on:
+    if not parameters.contacts:
         return None
-    facets = geometry.facets(parameters.contact.on)
+    (part,) = parameters.contacts
+    facets = geometry.facets(part.on)
     weights = body.nodal_areas(facets)
     nodes = np.flatnonzero(weights)
     x, dim = geometry.x[nodes], geometry.x.shape[1]
-    given = parameters.contact.foundation
+    given = part.foundation
     if given is None:
-        gap = at(parameters.contact.gap, x)
+        gap = at(part.gap, x)
         normals = np.zeros_like(geometry.x)
         np.add.at(normals, facets, geometry.normals(facets)[:, None, :])
         normals = normals[nodes]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from contact_locking.solver.report import Settings
+from contact_locking.solver.settings import Settings
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -1,30 +1,10 @@
-"""What a solver is told and what it reports; the same for every strategy."""
+"""What a solver reports, the same for every strategy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from contact_locking.solver.multipliers import Multipliers
-from contact_locking.solver.options import UserOptions
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Tolerances and limits.
-
-    ``tolerance`` bounds the equilibrium residual relative to the forces, ``friction_tolerance``
-    the last change of the friction bound relative to it; ``nested`` asks for the fixed point on
-    the bound around whole solves; ``linear`` is auto, direct or iterative; ``petsc`` holds options
-    that override every default, without prefix.
-    """
-
-    tolerance: float = 1e-8
-    max_iterations: int = 100
-    friction_tolerance: float = 1e-8
-    max_friction_updates: int = 100
-    nested: bool = False
-    linear: str = "auto"
-    petsc: UserOptions = field(default_factory=UserOptions)
 
 
 @dataclass

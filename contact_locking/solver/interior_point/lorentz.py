@@ -5,8 +5,8 @@ contiguous rows.  ``J = diag(1, -1, ..., -1)``, ``det x = x^T J x``, and
 ``x o z = (x . z, x_0 z_1 + z_0 x_1)`` is the Jordan product with unit ``e = (1, 0)``.  Formulae of
 the scaling: Nesterov and Todd (1997), doi:10.1287/moor.22.1.1.
 
-What is needed several times per iteration is compiled from cones.c: one pass over the data instead
-of one for each operation of NumPy, which took a seventh of a solve in 2D.
+What is needed several times per iteration is compiled from lorentz.c: one pass over the data
+instead of one for each operation of NumPy, which took a seventh of a solve in 2D.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Lorentz:
     """The compiled algebra; collective to make."""
 
     def __init__(self, comm: MPI.Intracomm) -> None:
-        self._library, self._ffi = compiled.library_of(__package__, "cones", comm)
+        self._library, self._ffi = compiled.library_of(__package__, "lorentz", comm)
 
     def size(self, x: FloatArray) -> FloatArray:
         """``sqrt(det x)`` (k,) of points inside the cone."""
@@ -58,7 +58,7 @@ class Lorentz:
         return float(self.call("lorentz_total", *pair[0].shape, t, weights, *pair, *step))
 
     def call(self, name: str, rows: int, count: int, *arguments: FloatArray | float | None) -> Any:
-        """A function of cones.c for points (rows, count); None is NULL.
+        """A function of lorentz.c for points (rows, count); None is NULL.
 
         Raises ValueError for an array that is none of such points, since C would read beyond it.
         """

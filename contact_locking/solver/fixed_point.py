@@ -12,47 +12,44 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from contact_locking.contacts import joint_norm
 from contact_locking.errors import NotConverged
-from contact_locking.progress import Monitor
-from contact_locking.solver.report import Settings, SolverReport
-from contact_locking.system import FrictionBound
+from contact_locking.solver.task import Task
 
 FloatArray = npt.NDArray[np.float64]
 
 
 def fixed_point(
-    bound: FrictionBound,
+    task: Task,
     solve: Callable[[], None],
-    settings: Settings,
-    report: SolverReport,
-    monitor: Monitor,
-    least: Callable[[], float],
-    evaluate: Callable[[], FloatArray] | None = None,
+    evaluate: Callable[[], list[FloatArray]],
 ) -> None:
     """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
 
-    ``solve`` solves for the displacement under the present bound, and ``evaluate`` gives the bound
-    of a solution, that of the penalty law by default; changes count relative to the bound's norm,
-    or to ``least()`` if that is larger.  Afterwards the forms hold a
-    bound that agrees with the displacement to the tolerance, and ``report.contraction`` is the
-    geometric mean of the ratios of successive changes.  Raises NotConverged after
-    ``max_friction_updates``.
+    ``solve`` solves for the displacement under the present bounds of ``task``, one for each part of
+    Gamma_C with friction, and ``evaluate`` gives those of a solution.  Changes count relative to
+    the norm of the bound over all parts, or to ``task.least_bound()`` if that is larger.
+    Afterwards the forms hold a bound that agrees with the displacement to the tolerance, and
+    ``report.contraction`` is the geometric mean of the ratios of successive changes.  Raises
+    NotConverged after ``max_friction_updates``.
     """
-    evaluate = evaluate or bound.evaluate
+    settings, report, rubbing = task.settings, task.report, task.system.rubbing
     changes: list[float] = []
     for update in range(1, settings.max_friction_updates + 1):
         solve()
         new = evaluate()
-        size = max(bound.norm(new), least())
-        change = bound.norm(new - bound.values)
+        size = max(joint_norm(rubbing, new), task.least_bound())
+        used = [contact.bounds for contact in rubbing]
+        change = joint_norm(rubbing, [b - a for a, b in zip(used, new, strict=True)])
         relative = change / size if size > 0.0 else change
-        bound.values = new
+        for contact, values in zip(rubbing, new, strict=True):
+            contact.bounds = values
         changes.append(relative)
         report.friction += 1
         report.friction_change = relative
         observed = contraction_factor(changes, settings.friction_tolerance)
         report.contraction = report.contraction if observed is None else observed
-        monitor.friction_update(update, relative, report.contraction)
+        task.monitor.friction_update(update, relative, report.contraction)
         if relative <= settings.friction_tolerance:
             return
     factor = "" if report.contraction is None else f", contraction factor {report.contraction:.2f}"

@@ -1,5 +1,5 @@
 /* Lorentz cones by the batch: points are [rows][count], one value for each cone is [count].
-   cones.py says what the names mean. */
+   lorentz.py says what the names mean. */
 
 /* size = sqrt(det x) */
 void lorentz_size(int rows, long count, const double *x, double *size);

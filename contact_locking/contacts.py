@@ -1,0 +1,142 @@
+"""A part of Gamma_C with the rigid foundation that it meets and the friction there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+
+from contact_locking.friction_law import Coefficient, FrictionLaw
+from contact_locking.smoothing import Smoothing
+from contact_locking.surface import ContactSurface
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# Differences of mu are taken over this share of the slip.
+_DIFFERENCE = 1e-3
+
+
+class FrictionBound:
+    """``G(p, s) = mu(x, s) |R p|`` (6): the most that the friction traction can be, at nodes.
+
+    ``law`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,): a
+    :class:`~contact_locking.friction_law.FrictionLaw`, or any function, whose constants the
+    certificate samples.  ``smoothing`` is R.  ``frictionless`` says that mu is zero everywhere.
+    A bound of the user's own is a subclass with its own :meth:`evaluate`.
+    """
+
+    def __init__(
+        self,
+        surface: ContactSurface,
+        smoothing: Smoothing,
+        law: FrictionLaw | Coefficient,
+        frictionless: bool = False,
+    ) -> None:
+        self.surface, self.smoothing, self.frictionless = surface, smoothing, frictionless
+        self.law = law if isinstance(law, FrictionLaw) else FrictionLaw(law)
+        #: The share of mu that counts; solvers lower it to find how much friction has a solution.
+        self.share = 1.0
+
+    def evaluate(self, pressure: FloatArray, slip: FloatArray) -> FloatArray:
+        """The bound (k,) of nodal pressures (k,) and slips (k,) on a rank's own nodes; collective.
+
+        The pressure is ``-sigma_nu``.
+        """
+        return self.coefficient(slip) * np.abs(self.smoothing.apply(pressure))
+
+    def coefficient(self, slip: FloatArray) -> FloatArray:
+        """``mu(x, s)`` (k,) at the nodes; collective."""
+        return self.share * self.law(self.surface.points, slip)
+
+    def slope(self, slip: FloatArray) -> FloatArray:
+        """``d mu/ds`` (k,) at the nodes, by central differences; collective."""
+        largest = float(np.max(slip, initial=0.0))
+        largest = self.surface.domain.comm.allreduce(largest, op=MPI.MAX)
+        if largest == 0.0:
+            return np.zeros_like(slip)
+        width = _DIFFERENCE * slip + _DIFFERENCE**2 * largest
+        low, high = np.maximum(slip - width, 0.0), slip + width
+        return (self.coefficient(high) - self.coefficient(low)) / (high - low)
+
+    @property
+    def is_coulomb(self) -> bool:
+        """Whether the bound is that of (6), and not the user's own."""
+        return type(self).evaluate is FrictionBound.evaluate
+
+
+@dataclass(eq=False)
+class Contact:
+    """Signorini's conditions (5) and Coulomb's law (6) on one part of Gamma_C.
+
+    ``key`` is the place of the contact in the study file, ``on`` names its boundary parts.
+    ``normal`` and ``gap`` are P1 functions.  ``friction`` says which bound belongs to pressures and
+    slips; ``bound`` is the P1 function of the friction bound that the forms use at present.
+    ``regularisation`` is the length that smooths friction.  ``free`` (k,) marks the nodes whose
+    normal displacement is not prescribed: at the others there is neither pressure nor friction.
+    """
+
+    key: str
+    on: tuple[str, ...]
+    surface: ContactSurface
+    normal: fem.Function
+    gap: fem.Function
+    friction: FrictionBound
+    regularisation: fem.Constant
+    free: BoolArray
+    bound: fem.Function = field(init=False)
+
+    def __post_init__(self) -> None:
+        count = len(self.surface.nodes)
+        self.bound = self.surface.scalar_function(np.zeros(count), "friction_bound")
+
+    @property
+    def normals(self) -> FloatArray:
+        """The contact normal (k, d) at the nodes."""
+        dim = self.surface.domain.dim
+        return np.asarray(self.normal.x.array.reshape(-1, dim)[self.surface.blocks])
+
+    @property
+    def gaps(self) -> FloatArray:
+        """The gap (k,) at the nodes."""
+        return np.asarray(self.gap.x.array[self.surface.nodes])
+
+    def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
+        """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes."""
+        normals = self.normals
+        values = u.x.array.reshape(-1, normals.shape[1])[self.surface.blocks]
+        along = np.einsum("ki,ki->k", values, normals)
+        return along, values - along[:, None] * normals
+
+    def friction_bound(self, u: fem.Function, pressure: FloatArray) -> FloatArray:
+        """The bound (k,) that belongs to a displacement and a pressure (k,); collective."""
+        return self.friction.evaluate(pressure, self.slips(u))
+
+    def slips(self, u: fem.Function) -> FloatArray:
+        """``|u_tau|`` (k,) at the nodes."""
+        return np.linalg.norm(self.split(u)[1], axis=1)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """The friction bound (k,) that the forms use at present."""
+        return np.asarray(self.bound.x.array[self.surface.nodes])
+
+    @bounds.setter
+    def bounds(self, values: FloatArray) -> None:
+        self.bound.x.array[self.surface.nodes] = values
+        self.bound.x.scatter_forward()
+
+    def norm(self, values: FloatArray) -> float:
+        """The L2 norm on this part of Gamma_C by the vertex rule; collective."""
+        local = float(np.sum(self.surface.weights * values**2))
+        return float(np.sqrt(self.surface.domain.comm.allreduce(local)))
+
+
+def joint_norm(contacts: Sequence[Contact], values: Sequence[FloatArray]) -> float:
+    """The L2 norm over the parts of Gamma_C of values (k,) on each of them; collective."""
+    norms = [contact.norm(part) for contact, part in zip(contacts, values, strict=True)]
+    return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)

@@ -1,0 +1,83 @@
+"""Rigid bodies that may stand in place of the gap: half spaces, spheres and cylinders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pydantic import model_validator
+
+from .base import Fault, Section, entry, refuse_if, vector_faults
+from .values import Number, Positive
+from .wording import show
+
+
+class HalfSpace(Section):
+    """(x - point) . normal <= 0."""
+
+    point: tuple[Number, ...] = entry(..., "a point of its surface", "length")
+    normal: tuple[Number, ...] = entry(
+        ..., "normal of its surface, towards the body; of any length", "1"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> HalfSpace:
+        refuse_if(_zero_faults("normal", self.normal))
+        return self
+
+
+class Sphere(Section):
+    """|x - centre| <= radius; a disc in 2D."""
+
+    centre: tuple[Number, ...] = entry(..., "its centre", "length")
+    radius: Positive = entry(..., "its radius", "length")
+
+
+class Cylinder(Section):
+    """Distance of x from the line through ``centre`` along ``axis`` <= radius; a disc in 2D."""
+
+    centre: tuple[Number, ...] = entry(..., "a point of its axis", "length")
+    radius: Positive = entry(..., "its radius", "length")
+    axis: tuple[Number, ...] | None = entry(
+        None, "its direction, in 3D only; null: [0, 1, 0]", "1", optional=True
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Cylinder:
+        refuse_if(_zero_faults("axis", self.axis))
+        return self
+
+
+def _zero_faults(key: str, direction: tuple[float, ...] | None) -> Iterator[Fault]:
+    if direction is not None and not any(direction):
+        yield Fault((key,), f"must not be the zero vector, as in {show(direction)}")
+
+
+class Foundation(Section):
+    """A rigid body that the deformed body does not enter; exactly one of its keys."""
+
+    half_space: HalfSpace | None = entry(None, "a half space", optional=True)
+    sphere: Sphere | None = entry(None, "a sphere, in 2D a disc", optional=True)
+    cylinder: Cylinder | None = entry(None, "a cylinder, in 2D a disc", optional=True)
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Foundation:
+        names = list(type(self).model_fields)
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) != 1:
+            message = f"give exactly one of {', '.join(names)}, not {' and '.join(given) or 'none'}"
+            refuse_if([Fault((), message)])
+        return self
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        """The vectors that do not have ``dim`` components, and an axis in 2D."""
+        if self.half_space is not None:
+            yield from vector_faults(("half_space", "point"), self.half_space.point, dim)
+            yield from vector_faults(("half_space", "normal"), self.half_space.normal, dim)
+        if self.sphere is not None:
+            yield from vector_faults(("sphere", "centre"), self.sphere.centre, dim)
+        if self.cylinder is not None:
+            yield from vector_faults(("cylinder", "centre"), self.cylinder.centre, dim)
+            if dim == 3:
+                yield from vector_faults(("cylinder", "axis"), self.cylinder.axis, dim)
+            elif self.cylinder.axis is not None:
+                yield Fault(("cylinder", "axis"), "must be left out in 2D")

@@ -1,0 +1,140 @@
+"""The types of the values in a study file: numbers, expressions, names and text.
+
+The bounds of numbers are pydantic's, so that the JSON schema has them; `wording` has the messages.
+"""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+from collections import Counter
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    WithJsonSchema,
+)
+
+from contact_locking.errors import InputError
+from contact_locking.expressions import POSITION, SMALLEST, parse
+
+from .wording import show
+
+#: Tags of the choices that a value has. Pydantic adds them to the place of an error.
+CHOICES = SECTION, LIST, NUMBER, TEXT = "<section>", "<list>", "<number>", "<text>"
+
+_NAME_SCHEMA = {"type": "string", "minLength": 1}
+_NAMES_SCHEMA = {"anyOf": [_NAME_SCHEMA, {"type": "array", "items": _NAME_SCHEMA}]}
+
+
+def _number(value: Any, infinite: bool) -> float:
+    """The number, also if it is written as a constant expression such as "1/3"."""
+    wanted = "must be a number" if infinite else "must be a finite number"
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{wanted}, not {show(value)}")
+    try:
+        return float(parse(value, (), allow_infinite=infinite).numpy())
+    except InputError as error:
+        raise ValueError(f"{wanted}, not {show(value)}{_reason(value, error)}") from None
+
+
+def _reason(value: Any, error: InputError) -> str:
+    """Why a value is refused, in parentheses, unless the value itself shows it."""
+    shown = isinstance(value, float) and not math.isfinite(value)
+    return "" if shown else f" ({error})"
+
+
+def _finite(value: Any) -> float:
+    return _number(value, infinite=False)
+
+
+def _extended(value: Any) -> float:
+    return _number(value, infinite=True)
+
+
+def _not_tiny(value: float) -> float:
+    if value < SMALLEST:
+        raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
+    return value
+
+
+def _whole(value: Any) -> Any:
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _harmless(text: str) -> str:
+    """Refuse lone surrogates, and control characters, which terminals would obey."""
+    kinds = {unicodedata.category(letter) for letter in text if letter not in "\n\t"}
+    if "Cs" in kinds:
+        raise ValueError(f"contains an escape that is no character: {ascii(text)[:60]}")
+    if "Cc" in kinds:
+        raise ValueError(f"contains a control character: {ascii(text)[:60]}")
+    return text
+
+
+def _names(value: Any) -> tuple[str, ...]:
+    names = (value,) if isinstance(value, str) else value
+    if not isinstance(names, list | tuple) or not all(isinstance(n, str) and n for n in names):
+        raise ValueError(f"must be a name or a list of names, not {show(value)}")
+    if twice := [name for name, number in Counter(names).items() if number > 1]:
+        raise ValueError(f"names {', '.join(sorted(twice))} more than once")
+    return tuple(names)
+
+
+class _ScalarRule(NamedTuple):
+    variables: tuple[str, ...]
+    infinite: bool = False
+
+    def __call__(self, value: Any) -> float | str:
+        """The number, also if it is written as an expression, or the expression's text."""
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError(f"must be a number or an expression, not {show(value)}")
+        try:
+            expression = parse(value, self.variables, allow_infinite=self.infinite)
+            return float(expression.numpy()) if expression.is_constant else expression.text
+        except InputError as error:
+            if isinstance(value, str):
+                raise ValueError(str(error)) from None
+            raise ValueError(
+                f"must be a finite number, not {show(value)}{_reason(value, error)}"
+            ) from None
+
+
+def _number_or_text(value: Any) -> str:
+    return TEXT if isinstance(value, str) else NUMBER
+
+
+_IN_SPACE, _OR_INFINITE = _ScalarRule(POSITION), _ScalarRule(POSITION, infinite=True)
+_OF_SLIP = _ScalarRule((*POSITION, "s"))
+_Text = Annotated[str, Tag(TEXT)]
+_PositiveOrText = Annotated[
+    Annotated[float, Field(gt=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
+]
+_NonNegativeOrText = Annotated[
+    Annotated[float, Field(ge=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
+]
+_PoissonOrText = Annotated[
+    Annotated[float, Field(gt=-1, lt=0.5), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
+]
+
+# A bound stands before the BeforeValidator, so that it applies to the number that was read.
+Number = Annotated[float, BeforeValidator(_finite)]
+Positive = Annotated[float, Field(gt=0), BeforeValidator(_finite), AfterValidator(_not_tiny)]
+PositiveOrInfinite = Annotated[
+    float, Field(gt=0), BeforeValidator(_extended), AfterValidator(_not_tiny)
+]
+Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
+Integer = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
+Count = Annotated[int, Field(strict=True, ge=1, le=10**9), BeforeValidator(_whole)]
+Switch = Annotated[bool, Field(strict=True)]
+Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
+Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
+PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
+PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
+PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]
+NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_OF_SLIP)]

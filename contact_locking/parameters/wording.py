@@ -1,0 +1,73 @@
+"""Values, and errors of pydantic about them, in the words of the study file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from contact_locking.plain_text import nearest
+
+#: By pydantic's name of an error; the words in braces are from the error's context.
+_MESSAGES = {
+    "greater_than": "must be > {gt}, not {given}",
+    "greater_than_equal": "must be >= {ge}, not {given}",
+    "less_than": "must be < {lt}, not {given}",
+    "less_than_equal": "must be <= {le}, not {given}",
+    "too_long": "has {actual_length} entries; at most {max_length} are allowed",
+    "bool_type": "must be true or false, not {given}",
+    "int_type": "must be an integer, not {given}",
+    "string_type": "must be text (in quotes, if it looks like a number), not {given}",
+    "list_type": "must be a list{how_to_list}, not {given}",
+    "tuple_type": "must be a list{how_to_list}, not {given}",
+    "missing": "is missing",
+}
+
+
+def show(value: Any) -> str:
+    """A value as a message repeats it: in YAML's words and not too long."""
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case float() if math.isnan(value):
+            return ".nan"
+        case float() if math.isinf(value):
+            return ".inf" if value > 0 else "-.inf"
+        case int() | float():
+            huge = isinstance(value, int) and abs(value) >= 10**20
+            text = "a huge integer" if huge else str(value).removesuffix(".0")
+        case list() | tuple():
+            text = f"[{', '.join(show(item) for item in value[:10])}{', ...' * (len(value) > 10)}]"
+        case dict() if value:
+            text = f"a mapping with the keys {', '.join(map(str, list(value)[:10]))}"
+        case _:
+            text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def value_message(details: Any) -> str:
+    """The message for an error of pydantic about one value."""
+    given = details["input"]
+    in_a_mapping = ", or of entries that begin with '- '" if isinstance(given, dict) else ""
+    template = _MESSAGES.get(details["type"])
+    if template is None:
+        return f"cannot be {show(given)}: {details['msg'][:1].lower()}{details['msg'][1:]}"
+    context = {name: show(bound) for name, bound in details.get("ctx", {}).items()}
+    return template.format(given=show(given), how_to_list=f" in [ ]{in_a_mapping}", **context)
+
+
+def unknown_key(key: str, known: Sequence[str], elsewhere: str = "") -> str:
+    """The message for an unknown key, with the nearest known key and all known keys.
+
+    ``elsewhere`` is a hint at a key of another section.
+    """
+    name, colon, value = key.partition(":")
+    if colon and name in known:
+        hint = f" (a blank is missing after the colon: '{name}: {value}')"
+    elif key.isdecimal():
+        hint = " (numbers take a decimal point, not a comma)"
+    else:
+        hint = nearest(key, known) or elsewhere
+    return f"unknown key{hint}; known here: {', '.join(known)}"

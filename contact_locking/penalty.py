@@ -1,0 +1,34 @@
+"""The penalty parameters of the discrete problem, in one object."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """``n`` penalises locking, ``epsilon`` contact; a regularisation smooths friction.
+
+    ``n`` is a stiffness in (0, inf], ``epsilon >= 0`` a length over a stress, and
+    ``regularisations`` holds one length >= 0 for each contact.  With n infinite and the others
+    zero nothing is penalised: the variational inequality itself.
+    """
+
+    n: float
+    epsilon: float
+    regularisations: tuple[float, ...]
+
+    def inequality(self) -> Penalty:
+        """The parameters that penalise nothing."""
+        return Penalty(math.inf, 0.0, (0.0,) * len(self.regularisations))
+
+    @property
+    def is_inequality(self) -> bool:
+        """Whether nothing is penalised."""
+        return self == self.inequality()
+
+    @property
+    def compliance(self) -> float:
+        """``1/(2n)``: what the locking limit gives way by for a unit of locking stress."""
+        return 0.5 / self.n

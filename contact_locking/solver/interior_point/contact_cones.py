@@ -1,0 +1,152 @@
+"""The cones of contact: half lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from contact_locking.convex import normal_part
+from contact_locking.solver.interior_point.contact_nodes import ContactNodes
+from contact_locking.solver.interior_point.family import Family, IntArray, Step
+from contact_locking.solver.interior_point.measures import relative_rms
+from contact_locking.solver.multipliers import Multipliers
+from contact_locking.system import ROUNDING
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class ContactCones(Family):
+    """``c = gap + eps p - u_nu >= 0``, ``p >= 0``, ``c p = 0``, node by node: ``x = c``, ``z = p``.
+
+    ``compliance`` is the penalty parameter eps, 0 for the inequality itself, ``length`` the extent
+    of the body.
+    """
+
+    def __init__(self, nodes: ContactNodes, compliance: float, length: float) -> None:
+        self.nodes, self.compliance, self.scale = nodes, compliance, length
+        self.comm, self.weights = nodes.comm, nodes.weights
+        self.x, self.z = np.zeros((2, len(nodes.weights)))
+
+    # The displacement and the forces.
+
+    def see(self, displacement: FloatArray) -> FloatArray:
+        return self.nodes.normal_displacements(displacement)
+
+    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
+        self.nodes.add_pressure(reactions, forces)
+
+    @property
+    def reactions(self) -> FloatArray:
+        return self.z
+
+    # The iterate.
+
+    def start(self, level: float, least: float) -> None:
+        self.x = np.maximum(self.nodes.gap - self.seen, least)
+        self.z = np.asarray(level * self.scale / self.x)
+
+    def total(self, t: float = 0.0, step: Step | None = None) -> float:
+        x, z = self.x, self.z
+        if step is not None:
+            x, z = x + t * step.primal, z + t * step.dual
+        return float(self.weights @ (x * z))
+
+    def longest_step(self, step: Step) -> float:
+        speed = np.max([-step.primal / self.x, -step.dual / self.z], initial=0.0)
+        # NaN is no direction to go in.
+        return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
+
+    def primal_residual(self, deformation: float) -> float:
+        residual = self._primal_gap()
+        size = np.full_like(residual, deformation)
+        return relative_rms(self.comm, self.weights, residual, size)
+
+    def _primal_gap(self) -> FloatArray:
+        """``gap + eps p - u_nu - c``."""
+        return (self.nodes.gap - self.seen) + self.compliance * self.z - self.x
+
+    def write(self, multipliers: Multipliers, stiffness: float) -> None:
+        forces = multipliers.contacts[self.nodes.number]
+        self.nodes.enter(self.z, forces.pressure)
+        # On the central path opening times pressure is constant; the larger one, in comparable
+        # units, is the one that does not vanish.
+        self.nodes.enter(self.z > self.x * stiffness / self.scale, forces.touches)
+
+    # The Newton step.
+
+    def linearise(self) -> None:
+        self._gap = self._primal_gap()
+        self.stiffness = self.z / (self.x + self.compliance * self.z)
+
+    def hold(self, stiffness: float) -> None:
+        self.stiffness = np.full(len(self.weights), stiffness)
+
+    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
+        self._wanted = target - self.x * self.z
+        if correction is not None:
+            self._wanted -= correction
+        return self.z + self._dual_step(self._gap)
+
+    def step(self, seen: FloatArray) -> Step:
+        dz = self._dual_step(self._gap - seen)
+        return Step(self.compliance * dz - seen + self._gap, dz)
+
+    def _dual_step(self, d_rest: FloatArray) -> FloatArray:
+        return (self._wanted - self.z * d_rest) / (self.x + self.compliance * self.z)
+
+    def response(self, seen: FloatArray) -> FloatArray:
+        """The change of the pressure (k,) with the normal displacement."""
+        return self.z * seen / (self.x + self.compliance * self.z)
+
+    def correction(self, step: Step) -> FloatArray:
+        return step.primal * step.dual
+
+    def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
+        products = (self.x + t * step.primal) * (self.z + t * step.dual)
+        return np.maximum(np.clip(products, *band) - products, -band[1])
+
+    # The tangent.
+
+    def tangent_term(self, v: Expr, du: Expr) -> Expr:
+        """``int k du_nu v_nu``."""
+        self._k, nu = self.nodes.scalar(), self.nodes.contact.normal
+        return self._k * normal_part(du, nu) * normal_part(v, nu) * self.nodes.ds
+
+    def write_block(self) -> None:
+        self.nodes.set_values(self._k, self.stiffness)
+
+    def stiff_nodes(self, factor: float, material: float) -> IntArray:
+        return self.nodes.stiffer_than(factor * material, self.stiffness)
+
+    # The start, and whether anything is admissible.
+
+    def pull(self, stiffness: float) -> FloatArray:
+        """Springs rest on the foundation itself inside the body, and on the nearest of it outside.
+
+        So the body comes to rest there.
+        """
+        gap = self.nodes.gap
+        nearest = float(np.min(gap, initial=np.inf))
+        nearest = max(self.comm.allreduce(nearest, op=MPI.MIN), 0.0)
+        return -stiffness * np.minimum(gap, nearest)
+
+    def is_kept(self, margin: float, displacement: float) -> bool:
+        gap = self.nodes.gap
+        size = margin * np.abs(self.seen) + ROUNDING * displacement
+        size += ROUNDING * np.abs(gap)
+        return bool(np.all(self.seen - gap <= size))
+
+    def penetration(self) -> float:
+        return float(np.max(self.seen - self.nodes.gap, initial=0.0))
+
+    def largest_multiplier(self) -> float:
+        return float(self.z.max(initial=0.0))
+
+    def resistance(self, reactions: FloatArray) -> float:
+        """``int gap p`` for ``p >= 0``."""
+        if np.any(reactions < 0.0):
+            return np.inf
+        return float(self.weights @ (self.nodes.gap * reactions))

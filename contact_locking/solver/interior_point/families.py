@@ -1,0 +1,70 @@
+"""The families of cones of a system."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.contact_nodes import ContactNodes
+from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.locking_cones import LockingCones
+from contact_locking.solver.interior_point.lorentz import Lorentz
+from contact_locking.solver.interior_point.moving_bound import MovingBound
+from contact_locking.solver.interior_point.strain_operator import StrainOperator
+from contact_locking.solver.target import Target
+from contact_locking.system import PenalisedSystem
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Families:
+    """All families of a system, and what ties friction to the pressure of its contact.
+
+    A family of cones of another kind is one more entry of the list that :func:`families_of` makes.
+    """
+
+    every: list[Family]
+    bounds: list[MovingBound]
+    strains: StrainOperator
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        self.strains.destroy()
+
+
+def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> Families:
+    """Locking, and for each part of Gamma_C contact and, where there is any, friction; collective.
+
+    ``least_bound`` is the share of the largest friction bound that no bound is smaller than.
+    """
+    lorentz, penalty = Lorentz(system.comm), target.penalty
+    strains, limit = _strains(system)
+    families: list[Family] = [LockingCones(lorentz, strains, limit, penalty.compliance)]
+    bounds = []
+    for number, contact in enumerate(system.contacts):
+        nodes = ContactNodes(contact, number, system)
+        pressing = ContactCones(nodes, penalty.epsilon, target.length)
+        families.append(pressing)
+        if not contact.friction.frictionless:
+            regularisation = penalty.regularisations[number]
+            rubbing = FrictionCones(lorentz, nodes, regularisation, target.length)
+            families.append(rubbing)
+            bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound))
+    return Families(families, bounds, strains)
+
+
+def _strains(system: PenalisedSystem) -> tuple[StrainOperator, FloatArray]:
+    """The strains at the points that can lock, one for each cell, and M (k,) there; collective."""
+    data, space = system.data, system.u.function_space
+    topology = space.mesh.topology
+    owned = topology.index_map(topology.dim).size_local
+    # Degrees of freedom of P0 spaces, in which cells need not be numbered as in the mesh.
+    dofs = data.inverse_limit.function_space.dofmap.list.reshape(-1)[:owned]
+    inverse_limit = data.inverse_limit.x.array[dofs]
+    cells = np.flatnonzero(inverse_limit > 0.0).astype(np.int32)
+    return StrainOperator(space, data.dx, dofs[cells], cells), 1.0 / inverse_limit[cells]

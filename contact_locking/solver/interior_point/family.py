@@ -1,0 +1,227 @@
+"""What the method asks of a family of cones.
+
+Every family pairs a primal point with a multiplier at each of its points in space and eliminates
+both from the Newton system, so that only the displacement is left.  With ``lin`` the part of the
+displacement that the family sees (the strain at a point of a cell, u_nu or u_tau of a node), the
+step of its reactions is ``c + D lin(du)``: ``D`` goes into the tangent, ``c`` into the right-hand
+side.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from contact_locking.solver.multipliers import Multipliers
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Step:
+    """The step of the primal points of a family and of their multipliers."""
+
+    primal: FloatArray
+    dual: FloatArray
+
+
+class Family(ABC):
+    """Cones of one kind at k points with weights: everything that the method needs of them.
+
+    ``x`` and ``z`` are the primal points and their multipliers, ``seen`` is what the family sees of
+    the displacement that :meth:`look` was given last.  ``scale`` is 1 where products are per
+    volume, and the length of the body where they are per area: means and targets are per volume.
+    Arrays of vectors have one column for each point, so (m, k).
+    """
+
+    #: Whether the cones limit the displacement by themselves, and not through a friction bound.
+    limits_displacement: ClassVar[bool] = True
+    #: Whether the cones can stop a rigid motion.
+    stops_rigid_motions: ClassVar[bool] = True
+
+    comm: MPI.Intracomm
+    weights: FloatArray
+    scale: float
+    x: FloatArray
+    z: FloatArray
+    seen: FloatArray
+    #: Whether the iterate has points in these cones; where it has none, the family keeps the
+    #: springs that :meth:`hold` has put into the tangent.
+    takes_part: bool = True
+
+    # The displacement and the forces.
+
+    @abstractmethod
+    def see(self, displacement: FloatArray) -> FloatArray:
+        """``lin`` of a displacement (owned values): (m, k), or (k,) of a scalar; collective."""
+
+    @abstractmethod
+    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
+        """``forces += int reactions . lin(.)``, the adjoint of :meth:`see`; collective."""
+
+    @property
+    @abstractmethod
+    def reactions(self) -> FloatArray:
+        """What acts on the body: the locking stress, the pressure, or ``-sigma_tau``."""
+
+    def look(self, displacement: FloatArray) -> None:
+        """Everything from now on is about this displacement (owned values); collective."""
+        self.seen = self.see(displacement)
+
+    # The iterate.
+
+    @abstractmethod
+    def start(self, level: float, least: float) -> None:
+        """Points inside the cones near what was seen, on the central path or near it.
+
+        ``level`` is the complementarity product per volume, ``least`` the least opening of contact.
+        """
+
+    @abstractmethod
+    def total(self, t: float = 0.0, step: Step | None = None) -> float:
+        """The complementarity products after a step of length t, weighted, of this rank."""
+
+    @abstractmethod
+    def longest_step(self, step: Step) -> float:
+        """The largest t that leads out of no cone of this rank, inf without a limit."""
+
+    def advance(self, t: float, step: Step) -> None:
+        """Take a step of length t."""
+        self.x += t * step.primal
+        self.z += t * step.dual
+
+    def primal_residual(self, deformation: float) -> float:
+        """How far the points are from what was seen, relative, lengths to ``deformation``.
+
+        Zero where nothing depends on it; collective.
+        """
+        return 0.0
+
+    @abstractmethod
+    def write(self, multipliers: Multipliers, stiffness: float) -> None:
+        """Enter the reactions; ``stiffness`` compares pressures with openings.  Collective."""
+
+    # The Newton step.
+
+    @abstractmethod
+    def linearise(self) -> None:
+        """Make the block D of the present points and of what was seen."""
+
+    @abstractmethod
+    def hold(self, stiffness: float) -> None:
+        """Put springs ``D = stiffness`` in place of the cones' block."""
+
+    @abstractmethod
+    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
+        """The reactions that the step leads to if the displacement stands still.
+
+        ``target`` is what the complementarity products are driven to; ``correction`` is Mehrotra's
+        second-order term of the predictor, with that of recentrings.
+        """
+
+    @abstractmethod
+    def step(self, seen: FloatArray) -> Step:
+        """The step that belongs to ``lin(du)``, towards the target that was aimed at."""
+
+    @abstractmethod
+    def correction(self, step: Step) -> FloatArray:
+        """The second-order term of a step."""
+
+    @abstractmethod
+    def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
+        """What brings the products after a step of length t back into a band, roughly."""
+
+    # The tangent.
+
+    @abstractmethod
+    def tangent_term(self, v: Expr, du: Expr) -> Expr:
+        """``int D lin(du) . lin(v)`` in UFL, with coefficients that belong to this family."""
+
+    @abstractmethod
+    def write_block(self) -> None:
+        """Put the block D into the coefficients of the tangent's term; collective."""
+
+    def soften(self, factor: float, material: float) -> None:
+        """Write the block without the stiffness of what the filter takes out of a body; collective.
+
+        A family on the surface leaves its block as it is.
+        """
+        self.write_block()
+
+    @abstractmethod
+    def stiff_nodes(self, factor: float, material: float) -> IntArray:
+        """The owned nodes of what is stiffer than the material by a factor; collective."""
+
+    # The start, and whether anything is admissible.
+
+    def pull(self, stiffness: float) -> FloatArray:
+        """The reactions of springs that rest where the body would come to rest; collective."""
+        return np.zeros_like(self.seen)
+
+    def is_kept(self, margin: float, displacement: float) -> bool:
+        """Whether what was seen keeps its limits, but for a share ``margin``, on this rank.
+
+        ``displacement`` is the largest in the body, which rounding is judged by.
+        """
+        return True
+
+    def penetration(self) -> float:
+        """How far what was seen enters a foundation, a length, on this rank."""
+        return 0.0
+
+    def body_work(self) -> float:
+        """The work of reactions inside the body, on this rank."""
+        return 0.0
+
+    def largest_multiplier(self) -> float:
+        """The largest multiplier of a limit on the displacement, on this rank."""
+        return 0.0
+
+    def power(self, reactions: FloatArray, seen: FloatArray) -> float:
+        """``int reactions . lin(u)`` of given reactions and ``lin(u)``, on this rank."""
+        return float(self.weights @ np.sum(np.atleast_2d(reactions * seen), axis=0))
+
+    def resistance(self, reactions: FloatArray) -> float:
+        """The most that :meth:`power` can be where the displacement is admissible, on this rank.
+
+        Infinite for reactions that the limit has not; zero for cones that do not limit it.
+        """
+        return 0.0
+
+    def describe_excess(self) -> str:
+        """Where what was seen exceeds its limit the most, "" for no limit to name; collective."""
+        return ""
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A step of the displacement (owned values), and of every family that takes part."""
+
+    displacement: FloatArray
+    steps: Mapping[Family, Step]
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """Reactions of a family that act on the body."""
+
+    family: Family
+    values: FloatArray
+
+    @classmethod
+    def of(cls, families: Iterable[Family]) -> list[Reaction]:
+        """The present ones."""
+        return [cls(family, family.reactions) for family in families]
+
+    def add_to(self, forces: PETSc.Vec) -> None:
+        """Add the forces; collective."""
+        self.family.add_forces(self.values, forces)

@@ -1,0 +1,105 @@
+"""A proof by Farkas's lemma that no displacement of the mesh is admissible."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from contact_locking import compiled
+from contact_locking.material import strain
+from contact_locking.solver.interior_point.family import Reaction
+from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.target import Target
+from contact_locking.system import PenalisedSystem
+
+FloatArray = npt.NDArray[np.float64]
+
+# Multipliers are balanced by a stress this many times stiffer than the material.
+_STIFFER = 1e6
+# Cells without a limit are taken to strain no more than this: small strains are the model's.
+_SMALL_STRAIN = 1.0
+# What rounding may add to either side, relative to it.
+_ROUNDING = 1e-6
+# The linear solve of an iterative solver leaves this share of the imbalance.
+_ACCURACY = 1e-8
+
+
+def excluded_factor(iterate: Iterate, target: Target) -> float | None:
+    """The least factor on the prescribed values u_D that the multipliers prove impossible.
+
+    Let ``B(v) = int Z : eps(v) + int p v_nu`` for any Z and ``p >= 0``.  If B vanishes for every v
+    that is zero where displacements are prescribed, then ``P = B(u)`` is the same for every field
+    that follows u_D, and s P for those that follow s u_D; but it is ``R = int M |Z| + int p gap``
+    at most where ``|eps| <= M`` and ``u_nu <= gap``.  So no admissible field on this mesh follows
+    s u_D with ``s > R/P``.
+
+    The multipliers of ``iterate`` hardly balance each other.  With
+
+        int (A + k) eps(rho) : eps(v) + int (k/L) rho_nu v_nu = B(v)
+
+    ``Z - k eps(rho)`` and ``p - (k/L) rho_nu`` do, but for ``a(rho, v)``, which adds at most
+    ``int c |eps(rho)| (M + |eps(u)|)`` to R, c being the largest eigenvalue of A.  Where nothing
+    limits the strain 1 takes the place of M.
+
+    None without a proof that ``P > R``, and where friction alone holds the body, so that rho is not
+    determined.  Infinite if R is negative: then the gap alone is in the way, and to scale u_D is
+    no way out.  Collective.
+    """
+    tangent = iterate.tangent
+    system = tangent.system
+    limits = [family for family in iterate.families if family.limits_displacement]
+    reactions = Reaction.of(limits)
+    if system.held_by_friction or not _resistance(iterate, reactions) < _power(iterate, reactions):
+        return None
+    springs = dict.fromkeys(tangent.families, 0.0)
+    for family in limits:
+        if system.held_by_contact or not family.stops_rigid_motions:
+            springs[family] = _STIFFER * target.stiffness / family.scale
+    for family, stiffness in springs.items():
+        family.hold(stiffness)
+    tangent.refresh()
+    rho = tangent.balance(reactions, _ACCURACY)
+    reactions = [
+        Reaction(item.family, item.values - springs[item.family] * item.family.see(rho))
+        for item in reactions
+    ]
+    power, resistance = _power(iterate, reactions), _resistance(iterate, reactions)
+    resistance += _work_beyond(system, rho, _SMALL_STRAIN)
+    # An infinite resistance is that of a foundation that would have to pull.
+    if not power - resistance > _ROUNDING * (abs(power) + abs(resistance)):
+        return None
+    return resistance / power if resistance > 0.0 else math.inf
+
+
+def _power(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
+    """``B(u)`` of the displacement visited last; collective."""
+    local = sum(item.family.power(item.values, item.family.seen) for item in reactions)
+    return float(iterate.comm.allreduce(local))
+
+
+def _resistance(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
+    """R, infinite for a pressure that is negative somewhere; collective."""
+    local = sum(item.family.resistance(item.values) for item in reactions)
+    return float(iterate.comm.allreduce(local))
+
+
+def _work_beyond(system: PenalisedSystem, displacement: FloatArray, unlimited: float) -> float:
+    """``int c |eps(v)| (M + |eps(u)|)`` of ``v`` (owned values), u being the system's.
+
+    c is the largest eigenvalue of A, and ``unlimited`` takes the place of an infinite M;
+    collective.
+    """
+    v = fem.Function(system.u.function_space)
+    v.x.array[: len(displacement)] = displacement
+    v.x.scatter_forward()
+    data = system.data
+    limit = 1.0 / ufl.max_value(data.inverse_limit, 1e-300)
+    limit = ufl.conditional(ufl.gt(data.inverse_limit, 0.0), limit, unlimited)
+    sizes = [ufl.sqrt(ufl.inner(strain(w), strain(w))) for w in (v, system.u)]
+    form = data.largest_eigenvalue * sizes[0] * (limit + sizes[1]) * data.dx
+    return float(system.comm.allreduce(fem.assemble_scalar(compiled.form(form))))

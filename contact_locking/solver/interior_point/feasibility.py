@@ -1,0 +1,213 @@
+"""Whether anything can follow the prescribed displacements, and with how much friction it does."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from contact_locking.errors import Infeasible, NotConverged
+from contact_locking.penalty import Penalty
+from contact_locking.solver.interior_point.method import InteriorPoint
+from contact_locking.solver.solver_report import SolverReport
+from contact_locking.solver.target import Target
+from contact_locking.solver.task import Task
+from contact_locking.system import PenalisedSystem
+
+# How close the factor that works and the one that does not have to be.
+_PRECISION = 0.01
+# The penalty that stands for an infinite one, over the stiffness.
+_STIFF = 1e6
+_ROUNDS = 8
+# The share of the friction coefficient that stands for none, and how often the share is halved in
+# on.
+_LITTLE = 1e-3
+_HALVINGS = 4
+
+_INFEASIBLE_WAY_OUT = (
+    "Refine the mesh, lower the prescribed displacements, raise material.locking_limit or move the "
+    "foundation away; a soft penalty.n has a solution that exceeds the limit."
+)
+_FRICTION_WAY_OUT = (
+    "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "
+    "a bound, and there may be no equilibrium."
+)
+
+
+def explain_failure(task: Task) -> None:
+    """Say why the problem was not solved, if nothing is admissible or friction is too large.
+
+    Collective.
+    """
+    report, verdict = task.report, judge(task)
+    if verdict is None:
+        share = None if task.settings.nested else share_of_friction(task)
+        if share is not None:
+            report.reason += f"; {share}"
+            report.suggestion = _FRICTION_WAY_OUT
+        return
+    report.reason, report.admissible_factor = verdict.reason, verdict.factor
+    report.suggestion = _INFEASIBLE_WAY_OUT
+    if verdict.factor is not None:
+        low, high = (f"{100.0 * share:.3g}" for share in verdict.factor)
+        share = f"{low} to {high}" if verdict.factor[0] else f"less than {high}"
+        report.reason += f"; {share} % of the prescribed displacements can be followed on this mesh"
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """No field in ``K cap K'`` on this mesh has the prescribed values u_D; ``reason`` says where.
+
+    ``factor`` brackets the largest s such that s u_D can be followed: the first number works (0 if
+    none was found), the second does not; None where scaling u_D is not the way out.
+    """
+
+    reason: str
+    factor: tuple[float, float] | None
+
+
+def judge(task: Task) -> Verdict | None:
+    """The verdict on a problem that was not solved, None without a proof; collective.
+
+    Friction and penalties have no say in it, so the problem is solved without them, unless friction
+    alone holds the body.  Displacement and friction bounds of the system are left as they are; what
+    it took is added to the report.
+    """
+    system = task.system
+    prescribed = system.u.x.array * (1.0 - system.free_dofs())
+    if system.held_by_friction or _rest_is_admissible(system, prescribed):
+        return None
+    with _tries(task) as tries:
+        limit = task.target.with_penalty(task.target.penalty.inequality())
+        exact, penalised = (
+            InteriorPoint(task.aside(tries, target), bound_moves=False)
+            for target in (limit, _stiff(limit))
+        )
+
+        def fails(factor: float) -> Infeasible | None:
+            system.u.x.array[:] = factor * prescribed
+            try:
+                exact.solve()
+                return None
+            except Infeasible as failure:
+                return failure
+            except NotConverged as failure:
+                unsolved = failure
+            system.u.x.array[:] = factor * prescribed
+            try:
+                penalised.solve()
+                penalised.require_feasible()
+            except Infeasible as failure:
+                return failure
+            raise unsolved
+
+        try:
+            for contact in system.contacts:
+                contact.bounds = np.zeros_like(contact.bounds)
+            failure = fails(1.0)
+            if failure is None:
+                return None
+            scales = 0.0 < failure.factor < math.inf
+            works = _largest(fails, failure.factor) if scales else None
+            return Verdict(str(failure), works)
+        except NotConverged:
+            return None
+        finally:
+            exact.destroy()
+            penalised.destroy()
+
+
+def share_of_friction(task: Task) -> str | None:
+    """Up to which share of the friction coefficient a solution was found, in words; collective.
+
+    None where friction is nothing, or where the problem is not solved without it either.  This is
+    a search, and proves nothing.  Displacement and friction bounds of the system are left as they
+    are; what it took is added to the report.
+    """
+    system, rubbing = task.system, task.system.rubbing
+    if not rubbing or system.held_by_friction:
+        return None
+    prescribed = system.u.x.array * (1.0 - system.free_dofs())
+    with _tries(task) as tries:
+        solver = InteriorPoint(task.aside(tries))
+
+        def contact_force(share: float) -> float | None:
+            """The sum of all pressures with this share of the coefficient, None if not solved."""
+            system.u.x.array[:] = prescribed
+            for contact in rubbing:
+                contact.friction.share = share
+            try:
+                found = solver.solve().contacts
+            except NotConverged:
+                return None
+            pairs = zip(system.contacts, found, strict=True)
+            return sum(float(item.surface.integral(forces.pressure)) for item, forces in pairs)
+
+        try:
+            low, high, last = 0.0, 1.0, contact_force(_LITTLE)
+            if last is None:
+                return None
+            first = last
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (low + high)
+                found = contact_force(middle)
+                if found is None:
+                    high = middle
+                else:
+                    low, last = middle, found
+        finally:
+            for contact in rubbing:
+                contact.friction.share = 1.0
+            solver.destroy()
+    growth = f" (and {last / first:.3g} times the contact force of none)" if first else ""
+    return (
+        f"a solution was found with {100.0 * low:.0f} % of friction.coefficient{growth}, but "
+        f"not with {100.0 * high:.0f} %"
+    )
+
+
+@contextlib.contextmanager
+def _tries(task: Task) -> Iterator[SolverReport]:
+    """Solve other problems with the system and a report of their own; count what they take."""
+    tries = SolverReport()
+    with task.system.preserved():
+        try:
+            yield tries
+        finally:
+            task.report.tangents += tries.tangents
+            task.report.linear += tries.linear
+
+
+def _stiff(target: Target) -> Target:
+    """A penalised problem, the multipliers of which balance where nothing is admissible.
+
+    They grow with the penalty there.
+    """
+    epsilon = target.length / (_STIFF * target.stiffness)
+    regularisations = target.penalty.regularisations
+    return target.with_penalty(Penalty(_STIFF * target.stiffness, epsilon, regularisations))
+
+
+def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tuple[float, float]:
+    """Every try just below what is excluded either works or excludes more."""
+    for _ in range(_ROUNDS):
+        trial = (1.0 - 0.5 * _PRECISION) * excluded
+        try:
+            failure = fails(trial)
+        except NotConverged:
+            break
+        if failure is None:
+            return trial, excluded
+        excluded = trial * min(1.0, failure.factor)
+    return 0.0, excluded
+
+
+def _rest_is_admissible(system: PenalisedSystem, prescribed: npt.NDArray[np.float64]) -> bool:
+    """Whether u = 0 is within the limit and the gaps and has the prescribed values; collective."""
+    moves = bool(np.any(prescribed != 0.0))
+    overlaps = any(bool(np.any(contact.gaps < 0.0)) for contact in system.contacts)
+    return not system.comm.allreduce(moves or overlaps)

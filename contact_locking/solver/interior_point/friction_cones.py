@@ -1,0 +1,138 @@
+"""The cones of friction under a known bound."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from contact_locking.convex import tangential_part
+from contact_locking.solver.interior_point.contact_nodes import ContactNodes
+from contact_locking.solver.interior_point.family import IntArray, Step
+from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, dot
+from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
+from contact_locking.solver.multipliers import Multipliers
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class FrictionCones(LorentzCones):
+    """``x = (t, u_tau, eps) in L`` with cost ``G t``, node by node; ``z = (G, sigma_tau, .)``.
+
+    The last entry of the primal point is the regularisation eps, absent where it is 0.  The bound G
+    follows the pressure outside of the cones; ``bound_step`` (k,) is how far a step is to move it.
+    ``length`` is the extent of the body.
+    """
+
+    limits_displacement = False
+
+    def __init__(
+        self, lorentz: Lorentz, nodes: ContactNodes, regularisation: float, length: float
+    ) -> None:
+        self._lorentz, self.nodes = lorentz, nodes
+        self.regularisation, self.scale = regularisation, length
+        self.comm, self.weights = nodes.comm, nodes.weights
+        rows = 1 + nodes.dim + (regularisation > 0.0)
+        self.x, self.z = np.zeros((2, rows, len(nodes.weights)))
+        self.bound_step = np.zeros(len(nodes.weights))
+
+    # The displacement and the forces.
+
+    def see(self, displacement: FloatArray) -> FloatArray:
+        return self.nodes.slips(displacement)
+
+    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
+        self.nodes.add_traction(reactions, forces)
+
+    @property
+    def reactions(self) -> FloatArray:
+        return -self.z[1 : 1 + self.nodes.dim]
+
+    @property
+    def bound(self) -> FloatArray:
+        """G (k,)."""
+        return self.z[0]
+
+    def set_bound(self, bound: FloatArray) -> None:
+        """Scale the multipliers to a bound (k,) > 0, which keeps them inside their cones."""
+        self.z *= bound / self.z[0]
+
+    # The iterate.
+
+    def start(self, level: float, least: float) -> None:
+        """Without a traction, under a bound of 1 that :meth:`set_bound` replaces."""
+        rest, least = self._fixed_rows(), max(least, self.regularisation)
+        self.x = np.vstack([np.sqrt(dot(rest, rest) + least**2), rest])
+        self.z = np.zeros_like(self.x)
+        self.z[0] = 1.0
+
+    def write(self, multipliers: Multipliers, stiffness: float) -> None:
+        self.nodes.enter(self.reactions, multipliers.contacts[self.nodes.number].friction)
+
+    def _fixed_rows(self) -> FloatArray:
+        """``(u_tau, eps)`` as seen."""
+        if self.regularisation == 0.0:
+            return self.seen.copy()
+        return np.vstack([self.seen, np.full(self.seen.shape[1], self.regularisation)])
+
+    # The Newton step.
+
+    def linearise(self) -> None:
+        self.bound_step = np.zeros(len(self.weights))
+        self._gap = self._fixed_rows() - self.x[1:]
+        scaling = self._scaling = Scaling.of(self._lorentz, self.x, self.z)
+        square, w_0 = scaling.eta**2, scaling.w[0]
+        self.a = np.reciprocal(square)
+        self.b = -2.0 * np.reciprocal((2.0 * w_0**2 - 1.0) * square)
+        self.w = scaling.w[1 : 1 + self.nodes.dim]
+
+    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
+        self._aim = self._scaling.aim(target, correction)
+        step = self._step(self._gap)
+        return -(self.z + step.dual)[1 : 1 + self.nodes.dim]
+
+    def step(self, seen: FloatArray) -> Step:
+        d_rest = self._gap.copy()
+        d_rest[: self.nodes.dim] += seen
+        return self._step(d_rest)
+
+    def slip_step(self, step: Step) -> FloatArray:
+        """The part (d, k) of a step that is the slip's."""
+        return step.primal[1 : 1 + self.nodes.dim]
+
+    def response(self, bound_step: FloatArray) -> FloatArray:
+        """The change of ``-sigma_tau`` (d, k) with the bound where nothing moves."""
+        w = self._scaling.w
+        share = 2.0 * w[0] / (2.0 * w[0] ** 2 - 1.0) * bound_step
+        return np.asarray(share * w[1 : 1 + self.nodes.dim])
+
+    def _step(self, d_rest: FloatArray) -> Step:
+        """``dz = b - W^-2 dx`` with ``dz_0 = bound_step`` solved for ``dx_0``."""
+        square, w = self._scaling.eta**2, self._scaling.w
+        w_0, w_1 = w[0], w[1:]
+        w_rest = dot(w_1, d_rest)
+        h_00 = (2.0 * w_0**2 - 1.0) / square
+        d_t = (self._aim[0] - self.bound_step + 2.0 * w_0 * w_rest / square) / h_00
+        dz = np.empty_like(self.z)
+        dz[0] = self.bound_step
+        dz[1:] = self._aim[1:] - (d_rest + 2.0 * (w_rest - w_0 * d_t) * w_1) / square
+        return Step(np.vstack([d_t, d_rest]), dz)
+
+    # The tangent.
+
+    def tangent_term(self, v: Expr, du: Expr) -> Expr:
+        """``int a du_tau . v_tau + b (w . du_tau) (w . v_tau)``."""
+        nodes = self.nodes
+        self._a, self._b, self._w = nodes.scalar(), nodes.scalar(), nodes.vector()
+        slip, slip_v = (tangential_part(field, nodes.contact.normal) for field in (du, v))
+        along = self._b * ufl.inner(self._w, slip) * ufl.inner(self._w, slip_v)
+        return self._a * ufl.inner(slip, slip_v) * nodes.ds + along * nodes.ds
+
+    def write_block(self) -> None:
+        for function, values in ((self._a, self.a), (self._b, self.b), (self._w, self.w)):
+            self.nodes.set_values(function, values)
+
+    def stiff_nodes(self, factor: float, material: float) -> IntArray:
+        return self.nodes.stiffer_than(factor * material, self.a)

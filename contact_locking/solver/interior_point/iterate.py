@@ -1,0 +1,122 @@
+"""The iterate of the interior point method: a displacement, and a point in every cone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from contact_locking.solver.interior_point.family import Direction, Family, Reaction
+from contact_locking.solver.interior_point.tangent import Tangent
+
+FloatArray = npt.NDArray[np.float64]
+
+# Mehrotra's second-order terms, with those of recentrings, of each family.
+Corrections = Mapping[Family, FloatArray]
+_NONE: Corrections = {}
+
+
+class Iterate:
+    """The system's displacement, and the points of the families that take part, together.
+
+    Products on Gamma_C are per area; means and targets are per volume, so that the scale of the
+    family goes between.
+    """
+
+    def __init__(self, tangent: Tangent, band: tuple[float, float]) -> None:
+        self.tangent, self.comm, self._band = tangent, tangent.comm, band
+        self.families = [family for family in tangent.families if family.takes_part]
+        local = sum(family.scale * float(family.weights.sum()) for family in self.families)
+        self._measure = float(self.comm.allreduce(local)) or 1.0
+
+    def visit(self) -> None:
+        """Look at the system's displacement: everything below is about it; collective."""
+        self.tangent.visit()
+        for family in self.families:
+            family.look(self.tangent.system.u.x.array)
+
+    def linearise(self) -> None:
+        """Assemble the tangent of the point visited last; collective."""
+        for family in self.families:
+            family.linearise()
+        self.tangent.refresh()
+
+    def direction(
+        self, target: float, accuracy: float, corrections: Corrections = _NONE
+    ) -> Direction:
+        """The steps of displacement and families towards products of ``target``; collective."""
+        aims = [
+            Reaction(family, family.aim(target * family.scale, corrections.get(family)))
+            for family in self.families
+        ]
+        du = self.tangent.solve_step(aims, accuracy)
+        return Direction(du, {family: family.step(family.see(du)) for family in self.families})
+
+    def corrections(self, direction: Direction, weight: float) -> Corrections:
+        """Mehrotra's second-order terms of a direction, times ``weight``."""
+        steps = direction.steps
+        return {family: weight * family.correction(steps[family]) for family in self.families}
+
+    def recentred(
+        self, corrections: Corrections, reach: float, direction: Direction, target: float
+    ) -> Corrections:
+        """The corrections that lead products after a step of ``reach`` nearer to ``target``."""
+        low, high = self._band
+        changed = {}
+        for family in self.families:
+            scaled = target * family.scale
+            band = low * scaled, high * scaled
+            change = family.recentring(reach, direction.steps[family], band)
+            changed[family] = corrections[family] - change
+        return changed
+
+    def longest_step(self, direction: Direction) -> float:
+        """How far a direction leads before a cone ends; collective."""
+        local = min(family.longest_step(direction.steps[family]) for family in self.families)
+        return float(self.comm.allreduce(local, op=MPI.MIN))
+
+    def advance(self, t: float, direction: Direction) -> None:
+        """Take a step of length t; collective."""
+        self.tangent.move(t, direction.displacement)
+        for family in self.families:
+            family.advance(t, direction.steps[family])
+
+    def total_product(self) -> float:
+        """The duality gap: all complementarity products, integrated; collective."""
+        return float(self.comm.allreduce(sum(family.total() for family in self.families)))
+
+    def mean_product(self) -> float:
+        """The mean over all cones; collective."""
+        return self.total_product() / self._measure
+
+    def mean_product_after(self, t: float, direction: Direction) -> float:
+        """The mean after a step of length t; collective."""
+        local = sum(family.total(t, direction.steps[family]) for family in self.families)
+        return float(self.comm.allreduce(local)) / self._measure
+
+    def body_work(self) -> float:
+        """``|int Z : eps(u)|`` at the displacement visited last; collective."""
+        return abs(float(self.comm.allreduce(sum(f.body_work() for f in self.families))))
+
+    def primal_residual(self, deformation: float) -> float:
+        """How far strains and openings are from the points of their cones, relative; collective.
+
+        ``deformation`` is the length that openings are judged against.
+        """
+        return max(family.primal_residual(deformation) for family in self.families)
+
+    def equilibrium_residual(self) -> float:
+        """The norm of the forces that displacement and multipliers leave unbalanced; collective."""
+        return self.tangent.residual_norm(Reaction.of(self.families))
+
+    def largest_multiplier(self) -> float:
+        """The largest multiplier of a limit on the displacement; collective."""
+        local = max(family.largest_multiplier() for family in self.families)
+        return float(self.comm.allreduce(local, op=MPI.MAX))
+
+    def describe_excess(self) -> str:
+        """Which limit the displacement visited last exceeds, and where; collective."""
+        reasons = [family.describe_excess() for family in self.families]
+        return next(filter(None, reasons), "the foundation is in the way")

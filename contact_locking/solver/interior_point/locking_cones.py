@@ -1,0 +1,167 @@
+"""The cones of the locking limit."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from contact_locking.material import strain
+from contact_locking.solver.interior_point.family import IntArray, Step
+from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, norm
+from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
+from contact_locking.solver.interior_point.measures import relative_rms
+from contact_locking.solver.interior_point.strain_operator import StrainOperator
+from contact_locking.solver.multipliers import Multipliers
+from contact_locking.system import ROUNDING
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class LockingCones(LorentzCones):
+    """``x = (M + q, eps) in L`` with cost ``n q^2`` at every point; multiplier ``z = (z_0, -Z)``.
+
+    ``q = z_0/(2n)`` holds throughout; ``compliance = 1/(2n)`` is 0 for n = inf.  Strains and the
+    locking stress Z are Mandel vectors (m, k) at the points of ``strains``, ``limit`` is M (k,).
+    """
+
+    stops_rigid_motions = False
+    scale = 1.0
+
+    def __init__(
+        self, lorentz: Lorentz, strains: StrainOperator, limit: FloatArray, compliance: float
+    ) -> None:
+        self._lorentz, self._strains = lorentz, strains
+        self.comm, self.weights = strains.comm, strains.weights
+        self.limit, self.compliance = limit, compliance
+        self.x, self.z = np.zeros((2, 1 + strains.rows, len(limit)))
+
+    # The displacement and the forces.
+
+    def see(self, displacement: FloatArray) -> FloatArray:
+        return self._strains.strains(displacement)
+
+    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
+        self._strains.add_forces(reactions, forces)
+
+    @property
+    def reactions(self) -> FloatArray:
+        return -self.z[1:]
+
+    # The iterate.
+
+    def start(self, level: float, least: float) -> None:
+        radius = np.maximum(self.limit, 1.5 * norm(self.seen))
+        self.x = np.vstack([radius, self.seen])
+        self.z = level * self._lorentz.inverse(self.x)
+
+    def primal_residual(self, deformation: float) -> float:
+        return relative_rms(self.comm, self.weights, self._primal_gap(), self.x)
+
+    def _primal_gap(self) -> FloatArray:
+        """``(M + q, eps) - x``."""
+        return np.vstack([self.limit + self.compliance * self.z[0], self.seen]) - self.x
+
+    def write(self, multipliers: Multipliers, stiffness: float) -> None:
+        self._strains.set_tensors(multipliers.locking_stress, self.reactions)
+
+    # The Newton step.
+
+    def linearise(self) -> None:
+        self._gap = self._primal_gap()
+        scaling = self._scaling = Scaling.of(self._lorentz, self.x, self.z)
+        square, w_0, kappa = scaling.eta**2, scaling.w[0], self.compliance
+        self.a = np.reciprocal(square)
+        share = np.reciprocal(1.0 + kappa * (2.0 * w_0**2 - 1.0) * self.a)
+        self.b = 2.0 * (square - kappa) * self.a**2 * share
+        self.w = scaling.w[1:]
+
+    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
+        self._aim = self._scaling.aim(target, correction)
+        return -(self.z[1:] + self._step(None).dual[1:])
+
+    def step(self, seen: FloatArray) -> Step:
+        return self._step(seen)
+
+    def _step(self, seen: FloatArray | None) -> Step:
+        """The step for the step of the strain (m, k), None for none.
+
+        ``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated.
+        """
+        dx, dz = np.empty_like(self.x), np.empty_like(self.x)
+        scaling, given = self._scaling, (self._aim, self._gap, seen)
+        self._lorentz.call(
+            "locking_step", *dx.shape, self.compliance, scaling.eta, scaling.w, *given, dx, dz
+        )
+        return Step(dx, dz)
+
+    # The tangent.
+
+    def tangent_term(self, v: Expr, du: Expr) -> Expr:
+        """``int a eps(du) : eps(v) + b (W : eps(du)) (W : eps(v))``."""
+        places = self._strains
+        self._a, self._b = fem.Function(places.scalars), fem.Function(places.scalars)
+        self._w = fem.Function(places.tensors)
+        eps, eps_v = strain(du), strain(v)
+        isotropic = self._a * ufl.inner(eps, eps_v) * places.dx
+        along = self._b * ufl.inner(self._w, eps) * ufl.inner(self._w, eps_v)
+        return isotropic + along * places.dx
+
+    def write_block(self) -> None:
+        self._strains.set_tensors(self._w, self.w)
+        self._write_stiffness(self.a, self.b)
+
+    def soften(self, factor: float, material: float) -> None:
+        is_stiff = self._relative_stiffness(material) > factor
+        self._write_stiffness(*(np.where(is_stiff, 0.0, values) for values in (self.a, self.b)))
+
+    def stiff_nodes(self, factor: float, material: float) -> IntArray:
+        return self._strains.nodes_at(self._relative_stiffness(material) > factor)
+
+    def _write_stiffness(self, a: FloatArray, b: FloatArray) -> None:
+        for function, values in ((self._a, a), (self._b, b)):
+            function.x.array[self._strains.dofs] = values
+            function.x.scatter_forward()
+
+    def _relative_stiffness(self, material: float) -> FloatArray:
+        """How much stiffer points are than the material, and than the softest; collective."""
+        stiffness = self.a + np.maximum(self.b, 0.0) * np.sum(self.w**2, axis=0)
+        least = self.comm.allreduce(float(np.min(stiffness, initial=np.inf)), op=MPI.MIN)
+        return np.asarray(stiffness / max(material, least))
+
+    # The start, and whether anything is admissible.
+
+    def is_kept(self, margin: float, displacement: float) -> bool:
+        size = np.linalg.norm(self.seen, axis=0)
+        return bool(np.all(size <= self.limit * (1.0 + margin + ROUNDING)))
+
+    def body_work(self) -> float:
+        return self.power(self.reactions, self.seen)
+
+    def largest_multiplier(self) -> float:
+        return float(self.z[0].max(initial=0.0))
+
+    def resistance(self, reactions: FloatArray) -> float:
+        """``int M |Z|``."""
+        return float(self.weights @ (self.limit * np.linalg.norm(reactions, axis=0)))
+
+    def describe_excess(self) -> str:
+        ratio = np.linalg.norm(self.seen, axis=0) / self.limit
+        found: tuple[float, list[float]] = (0.0, [])
+        if len(ratio):
+            worst = int(np.argmax(ratio))
+            mesh = self._strains.space.mesh
+            dim = mesh.topology.dim
+            cell = self._strains.cells[worst : worst + 1]
+            place = dmesh.compute_midpoints(mesh, dim, cell)[0, :dim]
+            found = float(ratio[worst]), place.tolist()
+        largest, place = max(self.comm.allgather(found))
+        if largest <= 1.0:
+            return ""
+        at = ", ".join(f"{x:.3g}" for x in place)
+        return f"the strain is forced to {largest:.2g} times its limit near ({at})"

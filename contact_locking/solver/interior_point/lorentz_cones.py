@@ -1,0 +1,43 @@
+"""What families of Lorentz cones of any dimension share."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from contact_locking.solver.interior_point.family import Family, Step
+from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class LorentzCones(Family):
+    """Pairs (x, z) of points in Lorentz cones, and the block ``D = a I + b w w^T``.
+
+    ``a`` and ``b`` are (k,), ``w`` is (m, k).
+    """
+
+    a: FloatArray
+    b: FloatArray
+    w: FloatArray
+    _lorentz: Lorentz
+    _scaling: Scaling
+    _aim: FloatArray
+
+    def total(self, t: float = 0.0, step: Step | None = None) -> float:
+        pair = self.x, self.z
+        taken = pair if step is None else (step.primal, step.dual)
+        return self._lorentz.total(self.weights, pair, t, taken)
+
+    def correction(self, step: Step) -> FloatArray:
+        return self._scaling.correction(step.primal, step.dual)
+
+    def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
+        return self._scaling.recentring(t, step.primal, step.dual, band)
+
+    def longest_step(self, step: Step) -> float:
+        return self._scaling.longest_step(step.primal, step.dual)
+
+    def hold(self, stiffness: float) -> None:
+        self.a = np.full(len(self.weights), stiffness)
+        self.b, self.w = np.zeros_like(self.a), np.zeros_like(self.seen)

@@ -1,0 +1,256 @@
+"""A primal-dual interior point method for the contact problem, for any n up to infinity.
+
+For given friction bounds the problem is a second-order cone programme.  Its cones are small and
+many, one per point of a cell and two per node of Gamma_C, so each is eliminated where it stands
+and what is left is an elasticity system in the displacement.  The friction bounds take part in
+every step by Newton's method (:mod:`bound_step`), so that the non-local problem costs few
+back-substitutions more than one with known bounds.
+
+1. Start: the elastic displacement (:mod:`start`).  If it is admissible and rubs nowhere, it is the
+   solution.  Else each family of cones puts its points near the central path around it.
+2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`measures`); stop at
+   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).
+3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
+   assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
+4. Predictor: the direction towards products of zero.
+5. Corrector: the direction towards the products that the predictor makes likely, with its
+   second-order terms (Mehrotra, doi:10.1137/0802028).
+6. Friction bound: its step that agrees with the direction, and the direction with that.
+7. Recentring: while a step is short, correct the products that it would drive out of their band
+   (Gondzio, doi:10.1007/BF00249643); after that 6 once more.
+8. Step towards the boundary of the cones.
+9. Follow the friction bound: if the step hardly brought it closer to ``mu |R p|``, set it to that.
+   Go on with 2.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from dolfinx import fem
+from petsc4py import PETSc
+
+from contact_locking.contacts import joint_norm
+from contact_locking.errors import Infeasible, NotConverged
+from contact_locking.solver.interior_point.families import families_of
+from contact_locking.solver.interior_point.farkas import excluded_factor
+from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.search import Search
+from contact_locking.solver.interior_point.start import ElasticStart
+from contact_locking.solver.interior_point.tangent import Tangent
+from contact_locking.solver.interior_point.tuning import Approach, Tuning
+from contact_locking.solver.linear import LINEAR_FAILURE
+from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.task import Task
+
+
+class InteriorPoint:
+    """Solves from a cold start: a previous case, on the boundary of its cones, is no better.
+
+    At most 2 of some 20 tangents are saved by the displacement of the next smaller n or mu.
+    ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
+    """
+
+    def __init__(self, task: Task, bound_moves: bool = True, tuning: Tuning | None = None) -> None:
+        self._task, self._bound_moves = task, bound_moves
+        self._tuning = tuning = tuning or Tuning()
+        self.approach = tuning.approaches[0]
+        self._families = families_of(task.system, task.target, tuning.least_bound)
+        self._tangent = Tangent(task, self._families.every, tuning)
+        self._iterate = Iterate(self._tangent, tuning.band)
+        self._search = Search(self._iterate, [], tuning, task.settings)
+        self._friction_change = 0.0
+        #: Whether the elastic displacement alone is the solution.
+        self.is_elastic = False
+        self._first: tuple[float, float] | None = None
+
+    def solve(self) -> Multipliers:
+        """Iterate to the tolerances; raises NotConverged, the best iterate left in place."""
+        # What is no number is found where steps and residuals are judged.
+        with np.errstate(all="ignore"):
+            try:
+                return self._iterate_to_the_end()
+            finally:
+                self._task.report.friction_change = self._friction_change
+
+    def multipliers(self) -> Multipliers:
+        """Those of the present iterate; collective."""
+        system = self._task.system
+        field = fem.Function(self._families.strains.tensors, name="locking_stress")
+        contacts = (
+            ContactForces.none(len(contact.surface.nodes), system.dim)
+            for contact in system.contacts
+        )
+        found = Multipliers(field, tuple(contacts))
+        if not self.is_elastic:
+            for family in self._iterate.families:
+                family.write(found, self._task.target.young)
+        return found
+
+    def require_feasible(self) -> None:
+        """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""
+        factor = excluded_factor(self._iterate, self._task.target)
+        if factor is not None:
+            raise Infeasible(
+                "infeasible: no displacement of this mesh within the locking limit and the gap "
+                "follows the prescribed values; " + self._iterate.describe_excess(),
+                factor,
+            )
+
+    @property
+    def approaches(self) -> tuple[Approach, ...]:
+        """Those that differ for this problem; without a moving friction bound all are one."""
+        moves = self._bound_moves and self._families.bounds
+        return self._tuning.approaches if moves else self._tuning.approaches[:1]
+
+    @property
+    def direct(self) -> PETSc.KSP | None:
+        """What factorised the tangents, for those of Newton's method, until this is destroyed."""
+        return self._tangent.direct
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        self._tangent.destroy()
+        self._families.destroy()
+
+    def _iterate_to_the_end(self) -> Multipliers:
+        task, settings = self._task, self._task.settings
+        self._friction_change, self._first = 0.0, None
+        try:
+            self._start()
+        except PETSc.Error as error:
+            raise NotConverged(LINEAR_FAILURE) from error
+        finally:
+            task.report.linear += self._tangent.take_iterations()
+        if self.is_elastic:
+            unbalanced = self._tangent.residual_norm([])
+            task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
+            task.report.duality_gap = 0.0
+            return self.multipliers()
+        limit = settings.max_iterations
+        for iteration in range(limit + 1):
+            measures = self._measure()
+            task.monitor.iteration(iteration, measures.worst())
+            if not np.isfinite(measures.equilibrium + measures.gap):
+                raise NotConverged("the interior point iteration lost its digits")
+            if measures.reached(settings, self._tuning.gap_tolerance):
+                break
+            self._stop_if_infeasible(measures)
+            if iteration == limit:
+                self.require_feasible()
+                raise NotConverged(
+                    f"{limit} interior point iterations did not suffice ({measures})"
+                )
+            if not self._step(measures):
+                self.require_feasible()
+                raise NotConverged(f"the interior point step vanished ({measures})")
+        task.report.duality_gap = measures.gap
+        return self.multipliers()
+
+    # 1. The start.
+
+    def _start(self) -> None:
+        """Elastic displacements are the solution, or give the place to start around."""
+        task, target, tuning = self._task, self._task.target, self._tuning
+        tangent, bounds = self._tangent, self._families.bounds
+        elastic = ElasticStart(task, tangent, tuning)
+        task.report.tangents += 1
+        is_admissible = elastic.solve()
+        # A bound that stands still holds what it holds without any pressure, too.
+        self.is_elastic = is_admissible and (
+            self._bound_moves or all(bound.is_zero() for bound in bounds)
+        )
+        energy = target.ellipticity * elastic.strain**2
+        self._least_energy = tuning.least_energy * energy * target.volume
+        self._least_force = self._least_energy / ((elastic.strain or 1.0) * target.length)
+        if self.is_elastic:
+            for contact in task.system.contacts:
+                contact.bounds = np.zeros_like(contact.bounds)
+            return
+        least = self.approach.opening * elastic.retreat() * target.length
+        for family in tangent.families:
+            family.start(tuning.start_level * energy, least)
+        for bound in bounds:
+            bound.start(self._bound_moves)
+        self._iterate = Iterate(tangent, tuning.band)
+        self._moving = [
+            bound for bound in bounds if self._bound_moves and bound.friction.takes_part
+        ]
+        self._search = Search(self._iterate, self._moving, tuning, task.settings)
+
+    # 2. The stopping rule.
+
+    def _measure(self) -> Measures:
+        """Look at the iterate and judge it; collective."""
+        iterate, tangent, target = self._iterate, self._tangent, self._task.target
+        iterate.visit()
+        tolerance = self._task.settings.tolerance
+        strain = target.mean_strain(tangent.energy, tangent.largest_displacement(), tolerance)
+        energy = 0.5 * target.ellipticity * strain**2 * target.volume
+        energy = max(energy, self._tuning.locking_share * iterate.body_work())
+        return Measures(
+            iterate.equilibrium_residual() / max(tangent.force_scale, self._least_force),
+            iterate.primal_residual(strain * target.length),
+            iterate.total_product() / max(energy, self._least_energy),
+            self._friction_change,
+        )
+
+    def _stop_if_infeasible(self, measures: Measures) -> None:
+        """Raise Infeasible if multipliers that grow, while laws stay violated, prove it."""
+        penalty, tuning = self._task.target.penalty, self._tuning
+        if penalty.epsilon > 0.0 and math.isfinite(penalty.n):
+            return
+        size = self._iterate.largest_multiplier()
+        if self._first is None:
+            self._first = size, measures.primal
+        first_size, first_primal = self._first
+        has_grown = size > tuning.diverged * first_size
+        if has_grown and measures.primal > tuning.violated * first_primal:
+            self._first = size, first_primal
+            self.require_feasible()
+
+    # 3 to 9. One iteration.
+
+    def _step(self, measures: Measures) -> bool:
+        """Take a step; False if there is none to take; collective."""
+        report, iterate = self._task.report, self._iterate
+        try:
+            iterate.linearise()
+            report.tangents += 1
+            direction, t = self._search.step(measures)
+        except PETSc.Error as error:
+            raise NotConverged(LINEAR_FAILURE) from error
+        finally:
+            report.linear += self._tangent.take_iterations()
+        if not t > self._tuning.shortest:
+            return False
+        iterate.advance(t, direction)
+        if self._moving:
+            self._follow()
+            report.friction += 1
+        return True
+
+    def _follow(self) -> None:
+        """Note how far the step left the friction bounds from ``mu |R p|``; collective.
+
+        Where it came hardly closer the bounds are set to that: the linearisation fails where slips
+        stop, start or turn round.
+        """
+        tangent, tuning, moving = self._tangent, self._tuning, self._moving
+        contacts = [item.contact for item in moving]
+        wanted = [item.wanted() for item in moving]
+        used = [item.used(values) for item, values in zip(moving, wanted, strict=True)]
+        left = [a - b for a, b in zip(wanted, used, strict=True)]
+        least = self._task.target.least_bound(tangent.energy, self._task.system.dim)
+        size = max(joint_norm(contacts, wanted), least)
+        before = self._friction_change
+        self._friction_change = joint_norm(contacts, left) / size if size > 0.0 else 0.0
+        close_enough = max(tuning.bound_closer * before, tuning.bound_close)
+        came_closer = self._friction_change <= close_enough
+        for contact, values in zip(contacts, used, strict=True):
+            contact.bounds = values
+        if not (came_closer and self.approach.trusts_newton):
+            for item, values in zip(moving, wanted, strict=True):
+                item.set_wanted(values)

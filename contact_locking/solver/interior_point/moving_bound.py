@@ -1,0 +1,64 @@
+"""The friction bound of one part of Gamma_C, which follows the pressure of its contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from mpi4py import MPI
+
+from contact_locking.contacts import Contact
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MovingBound:
+    """``G = mu(|u_tau|) |R p|`` of ``contact``, from the pressure p of the cones ``pressing``.
+
+    The cones ``friction`` use the bound.  No bound is smaller than the share ``least`` of the
+    largest, so that the friction cones have an inside.
+    """
+
+    u: fem.Function
+    contact: Contact
+    pressing: ContactCones
+    friction: FrictionCones
+    least: float
+
+    def start(self, moves: bool) -> None:
+        """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
+
+        Where it is zero, there is no friction to account for; collective.
+        """
+        if moves:
+            self.contact.bounds = self.wanted()
+        self.friction.takes_part = not self.is_zero()
+        if self.friction.takes_part:
+            self.friction.set_bound(self.friction.nodes.of_all(self.contact.bounds))
+
+    def is_zero(self) -> bool:
+        """Whether the bound is zero everywhere; collective."""
+        return self.contact.norm(self.contact.bounds) == 0.0
+
+    def wanted(self) -> FloatArray:
+        """``mu |R p|`` at all nodes of the contact; collective."""
+        new = self.contact.friction_bound(self.u, self.pressing.nodes.at_all(self.pressing.z))
+        largest = float(np.max(new, initial=0.0))
+        largest = self.pressing.comm.allreduce(largest, op=MPI.MAX)
+        return np.maximum(new, self.least * largest)
+
+    def used(self, elsewhere: FloatArray) -> FloatArray:
+        """The bound at all nodes of the contact: of the cones, or ``elsewhere`` without cones."""
+        used = elsewhere.copy()
+        self.friction.nodes.enter(self.friction.bound, used)
+        return used
+
+    def set_wanted(self, wanted: FloatArray) -> None:
+        """Take the bound that the pressure asks for; collective."""
+        self.contact.bounds = wanted
+        self.friction.set_bound(self.friction.nodes.of_all(wanted))

@@ -1,0 +1,95 @@
+"""The direction and the length of a step: predictor, corrector, friction bound, recentring."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from contact_locking.solver.interior_point.bound_step import BoundStep
+from contact_locking.solver.interior_point.family import Direction
+from contact_locking.solver.interior_point.iterate import Corrections, Iterate
+from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.moving_bound import MovingBound
+from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.solver.settings import Settings
+
+
+class Search:
+    """Finds the steps of an iterate whose tangent is assembled.
+
+    The numbers are those of the steps of the algorithm in :mod:`method`.
+    """
+
+    def __init__(
+        self,
+        iterate: Iterate,
+        bounds: Sequence[MovingBound],
+        tuning: Tuning,
+        settings: Settings,
+    ) -> None:
+        self._iterate, self._bounds = iterate, bounds
+        self._tuning, self._tolerance = tuning, settings.tolerance
+
+    def step(self, measures: Measures) -> tuple[Direction, float]:
+        """The step to take and its length; collective."""
+        iterate, tuning = self._iterate, self._tuning
+        self._accuracy = self._linear_accuracy(measures)
+        # 4. The predictor, and from its length the products to aim at.
+        affine = iterate.direction(0.0, self._accuracy)
+        t = min(1.0, iterate.longest_step(affine))
+        before = iterate.mean_product()
+        after = iterate.mean_product_after(t, affine)
+        centring = min(1.0, max(after / before, 0.0)) ** 3
+        target = self._limited(centring, measures) * before
+        # 5. The corrector.
+        corrections = iterate.corrections(affine, min(1.0, t / tuning.trusted_length))
+        bound_step = BoundStep(self._bounds, iterate.tangent, tuning)
+        best = iterate.direction(target, self._accuracy, corrections)
+        # 6. The friction bound.
+        best = self._adapted(bound_step, best, target, corrections)
+        t = self._length(best)
+        # 7. Recentring.
+        recentred = False
+        for _ in range(tuning.recentrings):
+            if t >= tuning.long_enough:
+                break
+            trial = iterate.recentred(corrections, min(1.0, t + tuning.reach), best, target)
+            candidate = iterate.direction(target, self._accuracy, trial)
+            longer = self._length(candidate)
+            if longer < tuning.gain * t:
+                break
+            best, corrections, t, recentred = candidate, trial, longer, True
+        if recentred:
+            best = self._adapted(bound_step, best, target, corrections)
+            t = self._length(best)
+        return best, t
+
+    def _adapted(
+        self, bound_step: BoundStep, direction: Direction, target: float, corrections: Corrections
+    ) -> Direction:
+        """The direction with the steps of the friction bounds that agree with it; collective."""
+        if not self._bounds:
+            return direction
+        bound_step.adapt(direction)
+        return self._iterate.direction(target, self._accuracy, corrections)
+
+    def _length(self, direction: Direction) -> float:
+        # 8. Towards the boundary.
+        return min(1.0, self._tuning.to_boundary * self._iterate.longest_step(direction))
+
+    def _linear_accuracy(self, measures: Measures) -> float:
+        """A linear solve may leave a share of what the iteration has not yet achieved."""
+        tuning = self._tuning
+        sharpest = tuning.linear_sharpest * self._tolerance
+        return min(max(tuning.linear_share * measures.gap, sharpest), tuning.linear_loosest)
+
+    def _limited(self, centring: float, measures: Measures) -> float:
+        """Keep the complementarity from running ahead of equilibrium, and from vanishing.
+
+        Products that are much smaller than the residuals block every step, and products below the
+        tolerance only lose digits.
+        """
+        tuning = self._tuning
+        if measures.gap < tuning.gap_ahead * measures.equilibrium:
+            return 1.0
+        least = tuning.gap_aim * tuning.gap_tolerance / measures.gap
+        return max(centring, min(tuning.gap_growth, least))

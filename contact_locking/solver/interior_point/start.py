@@ -1,0 +1,80 @@
+"""Where the interior point method starts: elastic displacements, from one factorisation."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from contact_locking.solver.interior_point.family import Reaction
+from contact_locking.solver.interior_point.tangent import Tangent
+from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.solver.task import Task
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class ElasticStart:
+    """The displacement without multipliers, ``a(u, v) = (f, v)``, and a start made of it.
+
+    Where contact alone holds a rigid motion, springs take the place of the foundation; where there
+    is friction they act along it, too.
+    """
+
+    def __init__(self, task: Task, tangent: Tangent, tuning: Tuning) -> None:
+        self._system, self._target, self._tangent = task.system, task.target, tangent
+        self._tolerance, self._tuning = task.settings.tolerance, tuning
+        #: The strain of the elastic displacement, which others are compared with.
+        self.strain = 0.0
+
+    def solve(self) -> bool:
+        """Put the elastic displacement into the system; True if it is the solution; collective."""
+        tangent, tuning = self._tangent, self._tuning
+        self._look()
+        push = self._set_springs()
+        self._moved, self._loaded = tangent.elastic_parts(tuning.start_accuracy, push)
+        tangent.move(1.0, self._moved + self._loaded)
+        self._look()
+        is_solution = not self._system.held_by_contact and self._is_admissible(tuning.start_margin)
+        if is_solution:
+            tangent.move(1.0, tangent.solve_step([], tuning.start_sharpness * self._tolerance))
+            self._look()
+            is_solution = self._is_admissible(0.0)
+        self.strain = self._size()
+        return is_solution
+
+    def retreat(self) -> float:
+        """Take back most of what the loads do; returns the strain of the rest; collective."""
+        kept = self._tuning.start_load
+        self._tangent.move(kept - 1.0, self._loaded)
+        self._look()
+        return max(self._size(), kept * self.strain)
+
+    def _look(self) -> None:
+        self._tangent.visit()
+        for family in self._tangent.families:
+            family.look(self._system.u.x.array)
+
+    def _size(self) -> float:
+        """The mean strain, or that which takes back how far the body enters the foundation."""
+        strain = self._target.mean_strain(self._tangent.energy, 0.0, self._tolerance)
+        local = max(family.penetration() for family in self._tangent.families)
+        deepest = float(self._tangent.comm.allreduce(local, op=MPI.MAX))
+        return max(strain, deepest / self._target.length)
+
+    def _set_springs(self) -> list[Reaction]:
+        """Assemble the tangent of the springs; what they do to the body at rest; collective."""
+        springs, reactions = self._target.ellipticity / self._target.length, []
+        for family in self._tangent.families:
+            holds = family.stops_rigid_motions and self._system.held_by_contact
+            family.hold(springs if holds else 0.0)
+            if holds:
+                reactions.append(Reaction(family, family.pull(springs)))
+        self._tangent.refresh()
+        return reactions
+
+    def _is_admissible(self, margin: float) -> bool:
+        """Whether all limits are kept, but for a share of them; collective."""
+        displacement = self._tangent.largest_displacement()
+        keeps = all(family.is_kept(margin, displacement) for family in self._tangent.families)
+        return bool(self._tangent.comm.allreduce(keeps, op=MPI.LAND))

@@ -1,0 +1,103 @@
+"""Strains of a displacement and forces of stresses, as one sparse matrix and its transpose."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, la
+from dolfinx.fem import petsc
+from petsc4py import PETSc
+
+from contact_locking import compiled
+from contact_locking.material import MANDEL_PAIRS, mandel_factor, mandel_vector, strain
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+class StrainOperator:
+    """``v -> eps(v)`` at points with weights, and ``Z -> int Z : eps(.)`` for Z at these points.
+
+    Strains and stresses are Mandel vectors (m, k), m being ``rows``, at k points of cells of this
+    rank.  A strain at a point is the mean over what the point stands for; ``weights`` (k,) are the
+    volumes of that.  The points are the degrees of freedom ``dofs`` (k,) of the spaces ``scalars``
+    and ``tensors``, and lie in the cells ``cells`` (k,).  Today these are the P0 spaces, with one
+    point in each cell.
+    """
+
+    def __init__(
+        self,
+        space: fem.FunctionSpace,
+        dx: ufl.Measure,
+        dofs: npt.NDArray[np.int32],
+        cells: npt.NDArray[np.int32],
+    ) -> None:
+        mesh = space.mesh
+        self.space, self.dx, self.dofs, self.cells = space, dx, dofs, cells
+        self.comm, self.dim = mesh.comm, mesh.topology.dim
+        self.rows = len(MANDEL_PAIRS[self.dim])
+        self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        vectors = fem.functionspace(mesh, ("DG", 0, (self.rows,)))
+        form = compiled.form(
+            ufl.inner(mandel_vector(strain(ufl.TrialFunction(space))), ufl.TestFunction(vectors))
+            * dx
+        )
+        by_cell = petsc.create_matrix(form)
+        # Half of the entries, at least, are zero: a normal strain knows one component only.
+        by_cell.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)
+        petsc.assemble_matrix(by_cell, form)
+        by_cell.assemble()
+        self._matrix = self._by_component(by_cell)
+        by_cell.destroy()
+        self.scalars = fem.functionspace(mesh, ("DG", 0))
+        self.tensors = fem.functionspace(mesh, ("DG", 0, (self.dim, self.dim)))
+        self.weights: FloatArray = fem.assemble_vector(
+            compiled.form(ufl.TestFunction(self.scalars) * dx)
+        ).array[dofs]
+        self._displacement, self._integrals = self._matrix.createVecs()
+
+    def strains(self, displacement: FloatArray) -> FloatArray:
+        """The strains (m, k) of a displacement (owned values, others are ignored); collective."""
+        self._displacement.array_w[:] = displacement[: self._owned]
+        self._matrix.mult(self._displacement, self._integrals)
+        return self._integrals.array_r.reshape(self.rows, -1) / self.weights
+
+    def add_forces(self, stress: FloatArray, forces: PETSc.Vec) -> None:
+        """``forces += int Z : eps(.)``; collective."""
+        self._integrals.array_w[:] = stress.reshape(-1)
+        self._matrix.multTransposeAdd(self._integrals, forces, forces)
+
+    def set_tensors(self, function: fem.Function, mandel: FloatArray) -> None:
+        """Give a function of ``tensors`` Mandel vectors (m, k) as values; collective."""
+        tensors = function.x.array.reshape(-1, self.dim, self.dim)
+        for row, (i, j) in zip(mandel, MANDEL_PAIRS[self.dim], strict=True):
+            tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
+        function.x.scatter_forward()
+
+    def nodes_at(self, points: BoolArray) -> npt.NDArray[np.int32]:
+        """The owned nodes of the cells of marked points (k,), of all ranks; collective."""
+        touched = fem.Function(self.space)
+        blocks = self.space.dofmap.list[self.cells[points]]
+        touched.x.array.reshape(-1, self.dim)[blocks.reshape(-1)] = 1.0
+        touched.x.scatter_reverse(la.InsertMode.add)
+        is_touched = touched.x.array[: self._owned].reshape(-1, self.dim)[:, 0] > 0.0
+        return np.flatnonzero(is_touched).astype(np.int32)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        for item in (self._matrix, self._displacement, self._integrals):
+            item.destroy()
+
+    def _by_component(self, by_cell: PETSc.Mat) -> PETSc.Mat:
+        """The rows of the chosen points, those of one component after those of another."""
+        starts, columns, values = by_cell.getValuesCSR()
+        rows = (np.arange(self.rows)[:, None] + self.rows * self.dofs).reshape(-1)
+        counts = np.diff(starts)[rows]
+        ends = np.cumsum(counts)
+        taken = np.arange(counts.sum()) + np.repeat(starts[rows] - ends + counts, counts)
+        return PETSc.Mat().createAIJ(
+            ((len(rows), None), by_cell.getSizes()[1]),
+            csr=(np.append(0, ends).astype(PETSc.IntType), columns[taken], values[taken]),
+            comm=by_cell.getComm(),
+        )

@@ -1,0 +1,128 @@
+"""The tuning constants of the interior point method, in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Approach:
+    """One way to run the method; a solve that fails by one is tried again by the next.
+
+    ``opening`` (> 0) is the least opening of contact at the start, relative to the strain times the
+    length.  ``trusts_newton`` leaves the friction bound where a step brought it, if the step
+    brought it closer to ``mu |R p|``; without it the bound is set to that after every step.
+    """
+
+    opening: float
+    trusts_newton: bool
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """The constants of the method, in the order in which the algorithm uses them.
+
+    The method converges for all values in the ranges that are named; the defaults are fast.
+    """
+
+    #: The ways to run the method, one at least.  The first is faster on fine meshes; the second
+    #: finds solutions where friction changes much with the slip.
+    approaches: tuple[Approach, ...] = (
+        Approach(0.1, trusts_newton=True),
+        Approach(100.0, trusts_newton=False),
+    )
+
+    # The start.
+    #: The complementarity products at the start over the density of the elastic energy, > 0.
+    start_level: float = 0.1
+    #: The share of the loads' displacement that the start keeps, in (0, 1], so that few cells are
+    #: far beyond their limit.
+    start_load: float = 0.001
+    #: The residual of the elastic solve over the forces, in (0, 1), while nobody knows whether its
+    #: displacement is admissible.
+    start_accuracy: float = 0.03
+    #: An elastic displacement that exceeds its limits by this share at most, in [0, 1), is computed
+    #: sharply before it is judged.
+    start_margin: float = 0.1
+    #: The residual of that sharp solve over the tolerance, in (0, 1).
+    start_sharpness: float = 0.3
+    #: The start's bound on friction, relative to the largest, stays above this, in (0, 1), so that
+    #: the friction cones have an inside.
+    least_bound: float = 1e-12
+
+    # The linear solves.
+    #: The residual that a linear solve may leave over the duality gap, in (0, 1).  Sharper solves
+    #: save a tangent or two and cost more than these.
+    linear_share: float = 0.3
+    #: The sharpest residual that a linear solve is asked for over the tolerance, in (0, 1).
+    linear_sharpest: float = 0.03
+    #: The largest residual that a linear solve may leave over the forces, in (0, 1).  At the
+    #: beginning the equilibrium residual is a hundred times as large as the forces; solves that
+    #: left more led to short steps, at n = inf to five tangents more or nowhere.
+    linear_loosest: float = 0.03
+    #: Cells and nodes that are stiffer than the material by this factor, > 1, go into the filter of
+    #: the multigrid, as do nodes of Gamma_C that are held as stiffly.
+    stiff: float = 10.0
+    #: A new filter takes along what is stiffer than the material by this factor, in (0, stiff], as
+    #: most of it gets stiff later.
+    nearly_stiff: float = 0.5
+
+    # Predictor and corrector.
+    #: A predictor that goes this far, in (0, 1], is trusted with Mehrotra's second-order terms in
+    #: full; shorter ones in proportion, as terms of a direction that leads nowhere mislead.
+    trusted_length: float = 1.0 / 3.0
+    #: The products aimed at may grow by this factor, > 1, where the duality gap is below its
+    #: tolerance.
+    gap_growth: float = 10.0
+    #: The share of the gap's tolerance that is aimed at, in (0, 1).
+    gap_aim: float = 0.5
+    #: A duality gap that is a smaller share than this of the equilibrium residual, in (0, 1), is
+    #: kept: products that are much smaller than the residuals block every step.
+    gap_ahead: float = 1e-2
+
+    # The friction bound.
+    #: The residual of the linear system for the step of the bound, relative, in (0, 1).  A smaller
+    #: one saves no tangents.
+    bound_rtol: float = 1e-2
+    #: The most iterations for that step, >= 1.
+    bound_iterations: int = 30
+    #: A step takes away this share of the bound at most, in (0, 1), so that it stays positive.
+    bound_most_taken: float = 0.95
+    #: A step has brought the bound closer to ``mu |R p|`` if it leaves this share of the distance
+    #: at most, in (0, 1).
+    bound_closer: float = 0.5
+    #: A distance of this share of the bound, > 0, is close however it changed.
+    bound_close: float = 1e-6
+
+    # Recentring, by Gondzio's correctors.
+    #: The most recentrings for each tangent, >= 0.
+    recentrings: int = 3
+    #: Steps of this length, in (0, 1], need none.
+    long_enough: float = 0.95
+    #: How much farther than the present step a recentring looks, in (0, 1].
+    reach: float = 0.4
+    #: A recentring that makes the step longer by this factor, > 1, is kept, else it is the last.
+    gain: float = 1.01
+    #: Products between these multiples of the target, below and above 1, are left alone.
+    band: tuple[float, float] = (0.1, 10.0)
+
+    # The step.
+    #: How far a step goes towards the boundary of the cones, in (0, 1).
+    to_boundary: float = 0.97
+    #: Steps that are shorter, in (0, 1), lead nowhere, and the method gives up.
+    shortest: float = 1e-8
+
+    # The stopping rule.
+    #: The duality gap over the energy at which the method stops, > 0.  Rounding in nearly singular
+    #: cones leaves about 1e-9.
+    gap_tolerance: float = 1e-8
+    #: This share of the work of locking, in [0, 1], stands for the energy if that is smaller.
+    locking_share: float = 1e-2
+    #: This share of the elastic energy at the start, in (0, 1), stands for the energy if that is
+    #: smaller.
+    least_energy: float = 1e-10
+    #: Multipliers that have grown by this factor, > 1, while the laws stay violated may prove that
+    #: no displacement is admissible.
+    diverged: float = 1e2
+    #: The laws stay violated as long as their residual is this share of the first, in (0, 1).
+    violated: float = 0.01

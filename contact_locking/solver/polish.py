@@ -1,0 +1,60 @@
+"""Newton's last steps to a solution with its friction bound, from a state that may be near."""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+from contact_locking.errors import NotConverged
+from contact_locking.solver.fixed_point import fixed_point
+from contact_locking.solver.newton import NewtonSolver
+from contact_locking.solver.target import Target
+from contact_locking.solver.task import Task
+
+# The last digits of the friction bound need an equilibrium that is sharper than the bound.
+_INNER_SHARE = 0.1
+# Newton's convergence radius shrinks like n^-1/2: beyond these values of n/stiffness and
+# length/epsilon an interior point solution is too far for it, and where a few steps do not
+# arrive, many do not.
+_POLISHED_UP_TO = 1e7
+
+
+def settle(newton: NewtonSolver, task: Task) -> None:
+    """Solve to the tolerances, with the friction bound's fixed point where there is friction."""
+    tolerance = task.settings.tolerance
+    if task.system.rubbing:
+        fixed_point(
+            task,
+            lambda: newton.solve(_INNER_SHARE * tolerance, least_steps=1),
+            task.system.penalty_bounds,
+        )
+    newton.solve(tolerance)
+
+
+def polish(task: Task, most_steps: int, direct: PETSc.KSP | None = None, near: bool = True) -> bool:
+    """Newton from the present state; where it fails, that stays.  Says whether it arrived."""
+    if not has_digits(task.target):
+        return False
+    report = task.report
+    change, contraction = report.friction_change, report.contraction
+    limit = min(most_steps, task.settings.max_iterations)
+    task.system.set_penalty(task.target.penalty)
+    few = task.with_settings(max_iterations=limit)
+    newton = NewtonSolver(few, near, direct)
+    try:
+        with task.system.preserved(only_on_failure=True):
+            settle(newton, few)
+    except NotConverged:
+        report.friction_change, report.contraction = change, contraction
+        return False
+    finally:
+        newton.destroy()
+    report.multipliers = None
+    return True
+
+
+def has_digits(target: Target) -> bool:
+    """Whether the penalties leave the residual of (26) digits enough for Newton."""
+    penalty = target.penalty
+    shortest = min((penalty.epsilon * target.young, *penalty.regularisations))
+    sharpest = target.length / _POLISHED_UP_TO
+    return penalty.n <= _POLISHED_UP_TO * target.stiffness and shortest >= sharpest
