@@ -21,7 +21,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking import load, solve, write
-from contact_locking.solution import OPEN, SLIP, STICK
+from contact_locking.results.contact_points import OPEN, SLIP, STICK
 
 FILE = Path(__file__).with_suffix(".yml")
 CHANGES = sys.argv[1:]

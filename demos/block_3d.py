@@ -18,7 +18,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking import load, solve, write
-from contact_locking.solution import SLIP
+from contact_locking.results.contact_points import SLIP
 
 comm = MPI.COMM_WORLD
 parameters = load(Path(__file__).with_suffix(".yml"), sys.argv[1:]).parameters

@@ -13,7 +13,8 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking.domain import from_geometry
-from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, Solution, joined
+from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
+from contact_locking.solution import Solution
 
 FloatArray = npt.NDArray[np.float64]
 DIVISIONS = 4

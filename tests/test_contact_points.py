@@ -11,7 +11,12 @@ from solutions import DIVISIONS, of_kind
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.results import contact_table
-from contact_locking.solution import ContactPoints, contact_name, facets_within, joined
+from contact_locking.results.contact_points import (
+    ContactPoints,
+    contact_name,
+    facets_within,
+    joined,
+)
 
 pytestmark = pytest.mark.serial
 

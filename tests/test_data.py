@@ -19,7 +19,8 @@ from verification_table import Row
 from contact_locking import problem, study_file
 from contact_locking.material import isotropic_stiffness, lame_from_young
 from contact_locking.parameters import Parameters
-from contact_locking.solution import SLIP, Solution
+from contact_locking.results.contact_points import SLIP
+from contact_locking.solution import Solution
 
 
 def _solved(parameters: Parameters) -> Solution:
@@ -203,7 +204,7 @@ def test_contact_with_friction_but_without_locking_slides_against_the_pull() -> 
 
 def test_a_body_without_contact_is_an_elastic_locking_body() -> None:
     solution = _solved(block(contact={"on": []}))
-    assert solution.contact_points is None
+    assert solution.contact_points is None or len(solution.contact_points) == 0
     assert solution.summary["contact_force"] == [0.0, 0.0]
     assert solution.summary["locked_fraction"] > 0.0
 

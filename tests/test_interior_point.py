@@ -15,7 +15,7 @@ from problems import block, column, with_changes
 
 from contact_locking import problem
 from contact_locking.parameters import Parameters
-from contact_locking.solution import OPEN
+from contact_locking.results.contact_points import OPEN
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.friction_cones import FrictionCones

@@ -15,12 +15,7 @@ from ufl.core.expr import Expr
 from contact_locking import _compat, compiled, forms
 from contact_locking.assembly import Problem
 from contact_locking.material import strain
-from contact_locking.results.derived import (
-    BodyFields,
-    ContactFields,
-    integral,
-    penalised,
-)
+from contact_locking.results.derived import BodyFields, ContactFields, integral, penalised
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver.target import Target
 from contact_locking.system import PenalisedSystem

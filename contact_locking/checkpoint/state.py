@@ -25,7 +25,8 @@ from contact_locking.checkpoint.record import Record
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parallel import on_root
 from contact_locking.penalty import Penalty
-from contact_locking.solution import OPEN, Solution
+from contact_locking.results.contact_points import OPEN
+from contact_locking.solution import Solution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from contact_locking.arrays import AXES, FloatArray, IntArray
 from contact_locking.plotting import style
 from contact_locking.plotting.snapshot import ContactMap
-from contact_locking.solution import SLIP, ContactPoints
+from contact_locking.results.contact_points import SLIP, ContactPoints
 
 Place = tuple[float, float, float, float]
 

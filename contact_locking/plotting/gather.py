@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
-from contact_locking.solution import Solution, contact_name
+from contact_locking.results.contact_points import contact_name
+from contact_locking.solution import Solution
 
 
 def gather(solution: Solution) -> Snapshot | None:

@@ -15,7 +15,7 @@ from contact_locking.plotting.contact_map import PRESSURE_COLOURS, nearest_parts
 from contact_locking.plotting.ground import foundation, touched
 from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.plotting.views import cut
-from contact_locking.solution import OPEN, STATE_NAMES, STICK
+from contact_locking.results.contact_points import OPEN, STATE_NAMES, STICK
 
 # Faces that meet at a larger angle, in degrees, make an edge of the body.
 _SHARP = 30.0

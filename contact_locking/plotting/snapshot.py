@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.solution import ContactPoints, facets_within
+from contact_locking.results.contact_points import ContactPoints, facets_within
 
 _LONGEST_NAMES = 40
 

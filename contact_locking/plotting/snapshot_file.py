@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from contact_locking.errors import InputError
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
-from contact_locking.solution import STATE_NAMES, ContactPoints
+from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 
 # No snapshot is as large.  A small file that is compressed may fill the memory.
 _MOST_BYTES = 20_000_000_000

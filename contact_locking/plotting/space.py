@@ -23,7 +23,7 @@ from contact_locking.plotting.views import (
     contact_view,
     views,
 )
-from contact_locking.solution import STICK
+from contact_locking.results.contact_points import STICK
 
 # Inches: margins, the head of the sheet, a title, and the scale or the legend below a view.
 _MARGIN, _HEAD, _TITLE, _BELOW = 0.2, 0.8, 0.3, 0.6

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
-from contact_locking.solution import STATE_NAMES
+from contact_locking.results.contact_points import STATE_NAMES
 
 if TYPE_CHECKING:
     from contact_locking.arrays import FloatArray

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.ordering import curves
 from contact_locking.plotting import contact_map, profile, style
+from contact_locking.results.contact_points import ContactPoints, contact_name, facets_within
 from contact_locking.results.read import RunResults
-from contact_locking.solution import ContactPoints, contact_name, facets_within
 
 from .charts import WIDTH, Chart, chart
 

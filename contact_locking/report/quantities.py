@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from contact_locking.solution import contact_name
+from contact_locking.results.contact_points import contact_name
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 from contact_locking.results.read import RunResults
-from contact_locking.solution import STATE_NAMES, ContactPoints
 
 from .certificate import certificate
 from .charts import Chart

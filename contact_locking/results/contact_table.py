@@ -11,7 +11,7 @@ import numpy as np
 
 from contact_locking.arrays import AXES, IntArray
 from contact_locking.errors import InputError
-from contact_locking.solution import STATE_NAMES, ContactPoints
+from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 
 _Row = tuple[int, list[str]]
 

@@ -20,7 +20,7 @@ from contact_locking.domain import Domain
 from contact_locking.locking import locking_stress
 from contact_locking.material import strain
 from contact_locking.ordering import along_curves, facets_of, lexicographic
-from contact_locking.solution import OPEN, SLIP, STICK, ContactPoints, joined
+from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
 FloatArray = npt.NDArray[np.float64]

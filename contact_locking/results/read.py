@@ -13,6 +13,7 @@ from contact_locking._version import __version__
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.results import contact_table
+from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
@@ -21,7 +22,6 @@ from contact_locking.results.names import (
     SUMMARY,
     TABLE_LINES,
 )
-from contact_locking.solution import ContactPoints
 
 Row = dict[str, Any]
 

@@ -1,0 +1,114 @@
+"""The points of Gamma_C as one table, in which contact follows contact."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray, IntArray
+
+OPEN, STICK, SLIP = 0, 1, 2
+STATE_NAMES = ("open", "stick", "slip")
+
+
+@dataclass(frozen=True)
+class ContactPoints:
+    """The k nodes of Gamma_C, contact after contact; a node of two contacts is a point of both.
+
+    The points of a contact follow its curves in 2D and are sorted lexicographically in 3D.
+    Vectors are (k, d), scalars (k,); ``state`` holds OPEN, STICK or SLIP.  ``traction`` is
+    ``sigma_tau``, the friction traction on the body, ``bound`` is ``mu |R sigma_nu|``, and
+    ``contact`` is the number of the contact, which ascends from 0.
+    """
+
+    x: FloatArray
+    normal: FloatArray
+    u_normal: FloatArray
+    u_tangent: FloatArray
+    gap: FloatArray
+    pressure: FloatArray
+    traction: FloatArray
+    bound: FloatArray
+    state: IntArray
+    contact: IntArray
+
+    @classmethod
+    def none(cls, dim: int) -> ContactPoints:
+        """The points of a body without contact."""
+        vector, scalar, number = np.empty((0, dim)), np.empty(0), np.empty(0, dtype=np.int64)
+        return cls(
+            x=vector,
+            normal=vector,
+            u_normal=scalar,
+            u_tangent=vector,
+            gap=scalar,
+            pressure=scalar,
+            traction=vector,
+            bound=scalar,
+            state=number,
+            contact=number,
+        )
+
+    @property
+    def dim(self) -> int:
+        return int(self.x.shape[1])
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def __getitem__(self, rows: slice) -> ContactPoints:
+        return ContactPoints(*(getattr(self, column.name)[rows] for column in fields(self)))
+
+    def rows(self) -> list[slice]:
+        """The rows of each contact."""
+        starts = np.unique(self.contact, return_index=True)[1]
+        ends = itertools.pairwise([*map(int, starts), len(self)])
+        return [slice(start, end) for start, end in ends]
+
+    def parts(self) -> list[ContactPoints]:
+        """The points of each contact."""
+        return [self[rows] for rows in self.rows()]
+
+
+def joined(
+    contacts: Sequence[tuple[ContactPoints, IntArray]], dim: int
+) -> tuple[ContactPoints, IntArray]:
+    """The points and the facets (m, d) of all contacts, which are numbered by their order.
+
+    Given facets are numbers of the contact's own points, those returned of all points.
+    """
+    numbered = [
+        replace(points, contact=np.full(len(points), number))
+        for number, (points, _) in enumerate(contacts)
+    ]
+    tables = [ContactPoints.none(dim), *numbered]
+    points = ContactPoints(
+        *(
+            np.concatenate([getattr(table, column.name) for table in tables])
+            for column in fields(ContactPoints)
+        )
+    )
+    firsts = itertools.accumulate((len(table) for table, _ in contacts), initial=0)
+    facets = [first + own for first, (_, own) in zip(firsts, contacts, strict=False)]
+    return points, np.concatenate([np.empty((0, dim), dtype=np.int64), *facets])
+
+
+def facets_within(facets: IntArray, rows: slice) -> IntArray:
+    """The facets (m, d) of one contact as numbers of its own points, which are these rows."""
+    own = (facets[:, 0] >= rows.start) & (facets[:, 0] < rows.stop)
+    return facets[own] - rows.start
+
+
+def contact_name(summary: Mapping[str, Any], number: int) -> str:
+    """The boundary parts of a contact as the summary names them, otherwise "contact 1", ..."""
+    listed = summary.get("contacts")
+    entry = listed[number] if isinstance(listed, list) and number < len(listed) else None
+    on = entry.get("on") if isinstance(entry, Mapping) else None
+    names = [on] if isinstance(on, str) else on
+    if isinstance(names, list | tuple) and names:
+        return ", ".join(str(name) for name in names)
+    return f"contact {number + 1}"
