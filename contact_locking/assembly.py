@@ -29,6 +29,7 @@ from contact_locking.loads import build_loads
 from contact_locking.parameters import LoadParameters, Parameters
 from contact_locking.parts import Held, check_parts_held
 from contact_locking.penalty import Penalty
+from contact_locking.spaces import displacement_space
 
 
 @dataclass
@@ -93,7 +94,7 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
     material = build_material(domain, parameters.material)
-    space = fem.functionspace(domain.mesh, ("P", 1, (domain.dim,)))
+    space = displacement_space(domain.mesh)
     _check_parts(domain, parameters)
     constraints = constrain(domain, space, _conditions(domain, parameters.loads))
     n, epsilon = parameters.penalty.n, parameters.penalty.compliance

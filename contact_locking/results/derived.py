@@ -22,6 +22,7 @@ from contact_locking.material import strain
 from contact_locking.ordering import along_curves, facets_of, lexicographic
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.spaces import strain_space
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -224,7 +225,7 @@ def integral(domain: Domain, form: Expr) -> float:
 
 
 def _p0(domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()) -> fem.Function:
-    space = fem.functionspace(domain.mesh, ("DG", 0, shape) if shape else ("DG", 0))
+    space = strain_space(domain.mesh, shape)
     function = fem.Function(space, name=name)
     function.interpolate(_compat.interpolation_expression(expr, space))
     function.x.scatter_forward()
