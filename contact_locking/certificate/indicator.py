@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
-from contact_locking.certificate.state import SolvedState
-from contact_locking.material import MANDEL_PAIRS, mandel_factor
-from contact_locking.spaces import nodal_space
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.problem.spaces import nodal_space
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.contacts import Contact
 from contact_locking.errors import Infeasible, InputError, NotConverged
-from contact_locking.penalty import Penalty
+from contact_locking.laws.penalty import Penalty
+from contact_locking.problem.contact import Contact
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint, explain_failure

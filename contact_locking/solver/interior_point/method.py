@@ -31,8 +31,8 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from contact_locking.contacts import joint_norm
 from contact_locking.errors import Infeasible, NotConverged
+from contact_locking.problem.contact import joint_norm
 from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.farkas import excluded_factor
 from contact_locking.solver.interior_point.iterate import Iterate

@@ -9,9 +9,9 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from contact_locking import compiled
-from contact_locking.material import MANDEL_PAIRS, mandel_factor, mandel_vector, strain
-from contact_locking.spaces import strain_space
+from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor, mandel_vector, strain
+from contact_locking.problem import compiled
+from contact_locking.problem.spaces import strain_space
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

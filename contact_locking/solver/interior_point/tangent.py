@@ -12,7 +12,7 @@ from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking import compiled, forms
+from contact_locking.problem import compiled, forms
 from contact_locking.solver.filtered_multigrid import StiffPart
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning

@@ -12,14 +12,15 @@ from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
-from contact_locking import _compat, compiled, forms
-from contact_locking.assembly import Problem
-from contact_locking.material import strain
+from contact_locking import _compat
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem import compiled, forms
+from contact_locking.problem.assembly import Problem
+from contact_locking.problem.spaces import strain_space
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import BodyFields, ContactFields, integral, penalised
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver.target import Target
-from contact_locking.spaces import strain_space
-from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 

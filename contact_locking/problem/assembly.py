@@ -12,24 +12,24 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import domain as domains
-from contact_locking import forms
-from contact_locking.coefficients import Material, build_material, evaluate
-from contact_locking.conditions import (
+from contact_locking.errors import InputError
+from contact_locking.laws.penalty import Penalty
+from contact_locking.parameters import LoadParameters, Parameters
+from contact_locking.problem import domain as domains
+from contact_locking.problem import forms
+from contact_locking.problem.coefficients import Material, build_material, evaluate
+from contact_locking.problem.conditions import (
     ComponentCondition,
     Constraints,
     constrain,
 )
-from contact_locking.contact_boundary import build_contacts
-from contact_locking.contacts import Contact
-from contact_locking.domain import Domain
-from contact_locking.errors import InputError
-from contact_locking.groups import groups
-from contact_locking.loads import build_loads
-from contact_locking.parameters import LoadParameters, Parameters
-from contact_locking.parts import Held, check_parts_held
-from contact_locking.penalty import Penalty
-from contact_locking.spaces import displacement_space
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.contact_boundary import build_contacts
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.groups import groups
+from contact_locking.problem.loads import build_loads
+from contact_locking.problem.parts import Held, check_parts_held
+from contact_locking.problem.spaces import displacement_space
 
 
 @dataclass

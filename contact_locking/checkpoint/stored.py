@@ -19,17 +19,17 @@ from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking._version import __version__
-from contact_locking.assembly import Problem
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import on_root
-from contact_locking.penalty import Penalty
+from contact_locking.problem.assembly import Problem
+from contact_locking.problem.spaces import DEGREE, strain_space
 from contact_locking.results.contact_points import OPEN
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
-from contact_locking.spaces import DEGREE, strain_space
 
 FloatArray = npt.NDArray[np.float64]
 

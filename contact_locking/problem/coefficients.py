@@ -17,13 +17,13 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
-from contact_locking import material as law
-from contact_locking.domain import Domain
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import SMALLEST, parse
+from contact_locking.laws import elasticity as law
 from contact_locking.parallel import agree
 from contact_locking.parameters import Elasticity, MaterialParameters
-from contact_locking.spaces import strain_space
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.spaces import strain_space
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]

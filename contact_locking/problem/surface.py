@@ -13,10 +13,11 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking import _compat, compiled
-from contact_locking.domain import Domain
-from contact_locking.spaces import CONTACT_RULE
-from contact_locking.surface_mesh import SurfaceMesh
+from contact_locking import _compat
+from contact_locking.problem import compiled
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.spaces import CONTACT_RULE
+from contact_locking.problem.surface_mesh import SurfaceMesh
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
