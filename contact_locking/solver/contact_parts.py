@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -40,5 +41,4 @@ def friction_bounds(system: PenalisedSystem) -> list[FrictionBound]:
 
 def joint_norm(bounds: Sequence[FrictionBound], values: Sequence[FloatArray]) -> float:
     """The L2 norm over all parts of Gamma_C of values (k,) on each of them; collective."""
-    norms = [bound.norm(part) for bound, part in zip(bounds, values, strict=True)]
-    return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)
+    return math.hypot(*(bound.norm(part) for bound, part in zip(bounds, values, strict=True)))
