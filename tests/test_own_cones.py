@@ -58,7 +58,7 @@ def _with_shape(system: PenalisedSystem, target: Target, least_bound: float) -> 
 
 def _by_interior_point(problem: Problem, n: float) -> float:
     """Leave the solution in ``problem.u``; the elastic energy; collective."""
-    system = PenalisedSystem(problem.data, problem.u, problem.constraints, problem.bound)
+    system = PenalisedSystem(problem.data, problem.u, problem.constraints)
     material, epsilon = problem.material, 1.0 / n
     scales = material.stiffness, material.ellipticity, material.young
     target = Target(Penalty(n, epsilon, (material.young * epsilon,)), *scales, 1.0, 1.0)
