@@ -34,6 +34,7 @@ from contact_locking import compiled, forms, problem
 from contact_locking.assembly import assemble
 from contact_locking.parameters import Parameters
 from contact_locking.progress import Monitor
+from contact_locking.results.atomic import write_text
 from contact_locking.solution import Solution
 from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
 from contact_locking.system import PenalisedSystem
@@ -328,9 +329,7 @@ def main() -> None:
     if given.huge:
         header = ["block", "dofs", "n", "tangents", "CG iterations", "solver s", "GB", "end"]
         text += ["## The largest case, on two ranks", "", *table(header, [huge()]), ""]
-    partial = RESULTS.with_suffix(".partial")
-    partial.write_text("\n".join(text))
-    os.replace(partial, RESULTS)
+    write_text(RESULTS, "\n".join(text))
     print("\n".join(text))
 
 

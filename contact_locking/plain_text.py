@@ -7,8 +7,7 @@ import re
 import unicodedata
 from collections.abc import Iterable
 
-# A spreadsheet takes such text for a formula, which can start programs; -2*x and the like are no
-# danger and stay as they are.
+# A spreadsheet takes these for formulas, which can start programs; -2*x and the like are texts.
 _FORMULA = re.compile(r"[=@\t\r]|[-+].*[|!]", re.DOTALL)
 
 
@@ -23,7 +22,7 @@ def printable(text: str, keep: str = "\n") -> str:
 
 
 def spreadsheet_cell(text: str) -> str:
-    """The text, behind an apostrophe if a spreadsheet would take the text for a formula."""
+    """The text behind an apostrophe if a spreadsheet would take it for a formula."""
     return f"'{text}" if _FORMULA.match(text) else text
 
 

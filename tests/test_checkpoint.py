@@ -23,6 +23,7 @@ from contact_locking import _compat, checkpoint, meshes, output, problem, save, 
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
+from contact_locking.results import atomic
 from contact_locking.solution import Solution
 
 pytestmark = pytest.mark.skipif(
@@ -263,7 +264,7 @@ def test_a_save_that_fails_leaves_the_earlier_one(
     saved: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solution = problem.solve(parameters(friction__coefficient=0.1))
-    monkeypatch.setattr(output, "_require_room", full)
+    monkeypatch.setattr(atomic, "require_room", full)
     with pytest.raises(ContactLockingError, match="No space left"):
         save(solution, saved)
     comm.Barrier()

@@ -86,7 +86,7 @@ def report(arguments: argparse.Namespace) -> int:
         try:
             print(f"{write(arguments.directory)}: written")
         except ImportError as error:
-            raise ContactLockingError(f"a report takes Matplotlib: {error}") from error
+            raise ContactLockingError(f"a report takes Matplotlib and Jinja2: {error}") from error
     return 0
 
 

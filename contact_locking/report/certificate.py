@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
-
-# Judgements name the number that bounds their value in one of these ways.
-_LIMITS = ("bound", "limit")
+from typing import Any, NamedTuple
 
 
-@dataclass(frozen=True)
-class Judgement:
-    """A value beside its limit; ``holds`` is True or False, or anything else if neither applies."""
-
-    name: str
-    value: Any
-    limit: Any
-    holds: Any
-    reason: Any
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part of the certificate; ``pairs`` are the names and values that are not judged."""
+class Part(NamedTuple):
+    """``judged`` are entries with ``value`` and ``holds``, ``others`` all other values, by name."""
 
     title: str
-    judgements: list[Judgement]
-    pairs: list[tuple[str, Any]]
+    judged: dict[str, Any]
+    others: dict[str, Any]
 
 
 def certificate(summary: Mapping[str, Any]) -> list[Part]:
@@ -35,20 +19,18 @@ def certificate(summary: Mapping[str, Any]) -> list[Part]:
     parts = summary.get("certificate")
     if not isinstance(parts, dict):
         parts = {"bounds": summary.get("bounds")}
-    found = [_part(name, part) for name, part in parts.items() if isinstance(part, dict)]
-    return [part for part in found if part.judgements or part.pairs]
+    found = []
+    for name, part in parts.items():
+        if isinstance(part, dict):
+            judged = {key: entry for key, entry in part.items() if _is_judged(entry)}
+            others = {key: entry for key, entry in part.items() if key not in judged}
+            title = name.replace("_", " ").capitalize()
+            found.append(Part(title, judged, dict(_flat(others))))
+    return [part for part in found if part.judged or part.others]
 
 
-def _part(name: str, part: Mapping[str, Any]) -> Part:
-    judgements, others = [], {}
-    for measure, entry in part.items():
-        if isinstance(entry, dict) and "value" in entry and "holds" in entry:
-            limit = next((entry[word] for word in _LIMITS if word in entry), None)
-            told = (entry["value"], limit, entry["holds"], entry.get("reason"))
-            judgements.append(Judgement(measure, *told))
-        else:
-            others[measure] = entry
-    return Part(name.replace("_", " ").capitalize(), judgements, list(_flat(others)))
+def _is_judged(entry: Any) -> bool:
+    return isinstance(entry, dict) and "value" in entry and "holds" in entry
 
 
 def _flat(value: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 from contact_locking.results.read import Row, number
 
@@ -18,16 +16,7 @@ _NOT_BETWEEN = ("converged", "case")
 _ROW_KIND = {"converged": None, "not run": "waiting"}
 
 
-@dataclass(frozen=True)
-class Column:
-    """``kind`` is the class of its cells: a column of kind ``more`` is seen on demand only."""
-
-    name: str
-    kind: str | None
-
-
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """``order`` is the number that sorts the cell, ``picture`` the case that the cell links to."""
 
     text: str
@@ -36,20 +25,14 @@ class Cell:
     picture: str | None
 
 
-@dataclass(frozen=True)
-class CaseRow:
-    """``kind`` is None for a converged case."""
+class CaseTable(NamedTuple):
+    """The kinds of the columns by name, and the kind and the cells of each row.
 
-    kind: str | None
-    cells: list[Cell]
+    A kind is a class of HTML: columns of kind ``more`` are seen on demand only.
+    """
 
-
-@dataclass(frozen=True)
-class CaseTable:
-    """The columns, and a row for each case."""
-
-    columns: list[Column]
-    rows: list[CaseRow]
+    columns: dict[str, str | None]
+    rows: list[tuple[str | None, list[Cell]]]
 
 
 def cases(rows: Sequence[Row], keys: Sequence[str], linked: Collection[str]) -> CaseTable:
@@ -63,17 +46,9 @@ def cases(rows: Sequence[Row], keys: Sequence[str], linked: Collection[str]) -> 
         kinds["reason"] = "more"
     if any(row.get("warnings") for row in rows):
         kinds["warnings"] = "why"
-    columns = [Column(name, kind) for name, kind in kinds.items()]
-    return CaseTable(
-        columns,
-        [
-            CaseRow(
-                _ROW_KIND.get(row["state"], "failed"),
-                [_cell(row, column, linked) for column in columns],
-            )
-            for row in rows
-        ],
-    )
+    cells = [[_cell(row, name, kind, linked) for name, kind in kinds.items()] for row in rows]
+    row_kinds = [_ROW_KIND.get(row["state"], "failed") for row in rows]
+    return CaseTable(kinds, list(zip(row_kinds, cells, strict=True)))
 
 
 def _kind(name: str, front: Sequence[str]) -> str | None:
@@ -83,18 +58,17 @@ def _kind(name: str, front: Sequence[str]) -> str | None:
     return None if name in front or name == "case" or {name, vector} & _MAIN else "more"
 
 
-def _cell(row: Row, column: Column, linked: Collection[str]) -> Cell:
-    value = row.get(column.name)
+def _cell(row: Row, name: str, kind: str | None, linked: Collection[str]) -> Cell:
+    value = row.get(name)
     text = json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else shown(value)
-    if column.name == "reason" and row["state"] == "converged":
+    if name == "reason" and row["state"] == "converged":
         text = ""
-    is_link = column.name == "case" and isinstance(value, str) and value in linked
-    return Cell(text, column.kind, _order(value), text if is_link else None)
-
-
-def _order(value: Any) -> str | None:
-    """A number as JavaScript reads it; None for anything else."""
-    found = number(value)
-    if found is None or math.isfinite(found):
-        return None if found is None else repr(found)
-    return "Infinity" if found > 0 else "-Infinity"
+    is_link = name == "case" and isinstance(value, str) and value in linked
+    order = number(value)
+    # JavaScript reads numbers as Python writes them, but for infinity.
+    return Cell(
+        text,
+        kind,
+        None if order is None else repr(order).replace("inf", "Infinity"),
+        text if is_link else None,
+    )

@@ -10,6 +10,7 @@ Of what is not right, each problem is left in the folder of the results as a stu
 from __future__ import annotations
 
 import argparse
+import io
 import multiprocessing
 import os
 import statistics
@@ -21,6 +22,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from contact_locking.results.atomic import write_text
 from sweep.solve import BROKEN, INFEASIBLE, NOT_SOLVED, REFUSED, SOLVED, WRONG, Outcome
 
 Task = tuple[str, int, bool]
@@ -148,12 +150,11 @@ def keep(outcome: Outcome, folder: Path) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{outcome.family}_{outcome.seed}.yml"
-    unfinished = path.with_suffix(".partial")
-    with unfinished.open("w", encoding="utf-8") as file:
-        for line in [f"{outcome.kind}:", *outcome.reason.strip().splitlines()]:
-            file.write(f"# {line}\n")
-        YAML().dump(outcome.study, file)
-    unfinished.replace(path)
+    file = io.StringIO()
+    for line in [f"{outcome.kind}:", *outcome.reason.strip().splitlines()]:
+        file.write(f"# {line}\n")
+    YAML().dump(outcome.study, file)
+    write_text(path, file.getvalue())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
