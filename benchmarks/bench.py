@@ -30,14 +30,15 @@ from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking import compiled, forms, problem
-from contact_locking.assembly import assemble
+from contact_locking import solving
+from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.progress import Monitor
+from contact_locking.problem import compiled, forms
+from contact_locking.problem.assembly import assemble
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.atomic import write_text
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
-from contact_locking.system import PenalisedSystem
 
 # The reference problem and the conic solver's form of it belong to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
@@ -93,7 +94,7 @@ def run(dim: int, divisions: int, n: float) -> Run:
     """Solve the case and time it."""
     watch = Stopwatch()
     began = time.process_time()
-    solution = problem.solve(case(dim, divisions, n), monitor=watch)
+    solution = solving.solve(case(dim, divisions, n), monitor=watch)
     result = Run(divisions, n, solution, watch.seconds, time.process_time() - began)
     say(
         f"{dim}D, h = 1/{divisions}, n = {n:g}: {result.tangents} tangents, "

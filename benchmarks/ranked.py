@@ -40,8 +40,8 @@ def main() -> None:
     from mpi4py import MPI
     from problems import block
 
-    from contact_locking import problem
-    from contact_locking.progress import Monitor
+    from contact_locking import solving
+    from contact_locking.monitor import Monitor
 
     class Clock(Monitor):
         """The nonlinear solve alone, by the clock on the wall."""
@@ -60,7 +60,7 @@ def main() -> None:
     def solve(divisions: int, monitor: Monitor) -> Any:
         h = 1.0 / divisions
         changes = {"penalty__n": given.n, "solver__linear": given.linear}
-        return problem.solve(block(given.dim, h, mesh__structured=True, **changes), monitor=monitor)
+        return solving.solve(block(given.dim, h, mesh__structured=True, **changes), monitor=monitor)
 
     solve(4, Monitor())
     clock = Clock()

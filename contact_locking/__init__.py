@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from contact_locking.assembly import assemble
-    from contact_locking.contacts import Contact, FrictionBound
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
-    from contact_locking.output import save, write
     from contact_locking.parameters import Parameters
-    from contact_locking.problem import check, solve, solve_assembled
-    from contact_locking.solution import Solution
+    from contact_locking.problem.assembly import assemble
+    from contact_locking.problem.contact import Contact, FrictionBound
+    from contact_locking.results.solution import Solution
+    from contact_locking.solving import check, solve, solve_assembled
     from contact_locking.study_file import from_mapping, load
+    from contact_locking.writing import save, write
 
 __all__ = [
     "Contact",
@@ -42,21 +42,21 @@ __all__ = [
 ]
 
 _HOME = {
-    "Contact": "contacts",
+    "Contact": "problem.contact",
     "ContactLockingError": "errors",
-    "FrictionBound": "contacts",
+    "FrictionBound": "problem.contact",
     "InputError": "errors",
     "NotConverged": "errors",
     "Parameters": "parameters",
-    "Solution": "solution",
-    "assemble": "assembly",
-    "check": "problem",
+    "Solution": "results.solution",
+    "assemble": "problem.assembly",
+    "check": "solving",
     "from_mapping": "study_file",
     "load": "study_file",
-    "save": "output",
-    "solve": "problem",
-    "solve_assembled": "problem",
-    "write": "output",
+    "save": "writing",
+    "solve": "solving",
+    "solve_assembled": "solving",
+    "write": "writing",
 }
 
 

@@ -15,15 +15,15 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import _compat
-from contact_locking.convex import squared_norm
-from contact_locking.domain import Domain
 from contact_locking.errors import InputError
-from contact_locking.material import strain
+from contact_locking.laws.convex import squared_norm
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem.domain import Domain
 from contact_locking.results.atomic import write_text
 from contact_locking.results.derived import integral
 from contact_locking.results.names import TABLE_LINES
 from contact_locking.results.read import Row, read_rows
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 # A node outside the other mesh by less than this share of the body is there by rounding.
 _PADDING = 1e-8

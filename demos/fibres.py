@@ -37,10 +37,10 @@ from matplotlib.collections import LineCollection, PolyCollection
 from mpi4py import MPI
 
 from contact_locking import Solution, load, solve, write
-from contact_locking.assembly import assemble
-from contact_locking.convex import positive_part
-from contact_locking.material import strain
-from contact_locking.problem import solve_assembled
+from contact_locking.laws.convex import positive_part
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem.assembly import assemble
+from contact_locking.solving import solve_assembled
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -22,9 +22,10 @@ from scipy.spatial import cKDTree
 from sweep.case import Study
 from sweep.transforms import Transform
 
-from contact_locking import compiled, problem
+from contact_locking import solving
 from contact_locking.parameters import Parameters
-from contact_locking.solution import Solution
+from contact_locking.problem import compiled
+from contact_locking.results.solution import Solution
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -157,7 +158,7 @@ def answer_of(
     transform = transform or Transform.of(np.eye(block.points.shape[1]))
     data = copy.deepcopy(transform.study(study))
     data["mesh"] = {"file": str(block.write(path, transform))}
-    return told(problem.solve(Parameters.model_validate(data)), transform)
+    return told(solving.solve(Parameters.model_validate(data)), transform)
 
 
 def told(solution: Solution, transform: Transform) -> Answer:

@@ -6,13 +6,13 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking import problem
+from contact_locking import solving
 from contact_locking.parameters import Parameters
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 
 def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Solution:
-    solution = problem.solve(parameters, comm)
+    solution = solving.solve(parameters, comm)
     assert solution.converged, solution.summary["reason"]
     return solution
 

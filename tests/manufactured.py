@@ -25,10 +25,10 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import with_changes
 
-from contact_locking import problem
-from contact_locking.assembly import Problem, assemble
-from contact_locking.material import lame_from_young
-from contact_locking.solution import Solution
+from contact_locking import solving
+from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.results.solution import Solution
 
 YOUNG, POISSON = 1.0, 0.3
 SYMBOLS = sp.symbols("x y z", real=True)
@@ -142,7 +142,7 @@ class Manufactured:
         return made
 
     def solved(self, h: float, **changes: Any) -> Solution:
-        solution = problem.solve_assembled(self.assembled(h, **changes))
+        solution = solving.solve_assembled(self.assembled(h, **changes))
         assert solution.converged, solution.summary["reason"]
         return solution
 

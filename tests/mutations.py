@@ -52,6 +52,7 @@ LARGE = (
     f"material: {{locking_limit: {'(' * 400}1{')' * 400}}}\n",
     f"material: {{locking_limit: {'1+' * 5000}1}}\n",
     f"loads: {{tractions: [{'{on: top, value: [0, 1]}, ' * 2000}]}}\n",
+    f"contact: [{'{gap: x, friction: {coefficient: s}}, ' * 2000}]\n",
     "".join(f"key_{k}: {k}\n" for k in range(5000)),
     f"study: {{vary: {{{', '.join(f'k{k}: [1, 2]' for k in range(300))}}}}}\n",
     "study: {vary: {penalty.n: {geometric: [1, 1e9, 300]}}}\n",

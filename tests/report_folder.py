@@ -8,7 +8,7 @@ from typing import Any
 
 from solutions import of_kind
 
-from contact_locking import __version__, output, study_file
+from contact_locking import __version__, study_file, writing
 
 TITLE = "<script>document.title = 'run'</script> & \"$x_1\" Käfer"
 STUDY = """\
@@ -34,7 +34,7 @@ def run_folder(
         "warnings": ["R hardly <i>smooths</i>"],
         **summary,
     }
-    output.write(solution, folder)
+    writing.write(solution, folder)
     return folder
 
 

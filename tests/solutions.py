@@ -12,9 +12,9 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import block
 
-from contact_locking.domain import from_geometry
+from contact_locking.problem.domain import from_geometry
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 FloatArray = npt.NDArray[np.float64]
 DIVISIONS = 4

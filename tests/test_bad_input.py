@@ -14,9 +14,9 @@ import pytest
 from mpi4py import MPI
 from ruamel.yaml import YAML
 
-from contact_locking import problem, study_file
-from contact_locking.assembly import assemble
+from contact_locking import solving, study_file
 from contact_locking.command import cli
+from contact_locking.problem.assembly import assemble
 
 pytestmark = pytest.mark.serial
 
@@ -113,6 +113,18 @@ CASES: dict[str, tuple[dict[str, Any], list[str]]] = {
         ["loads.body_force.0"],
     ),
     "expression that is not finite": ({"contact.gap": "log(x - 2)"}, ["contact.gap", "log(x - 2)"]),
+    "gap in a list that is not finite": (
+        {"contact": [{"on": "bottom", "gap": "log(x - 2)"}]},
+        ["contact.0.gap", "log(x - 2)"],
+    ),
+    "coefficient of one part that becomes negative": (
+        {"contact": [{"on": "bottom", "friction": {"coefficient": "0.3 - x"}}]},
+        ["contact.0.friction.coefficient", "negative"],
+    ),
+    "part of a list that is not there": (
+        {"contact": [{"on": "bottom"}, {"on": "wall"}]},
+        ["contact.1.on", "wall", "left"],
+    ),
     "stiffness that is not symmetric": (
         {"material.elasticity": {"stiffness": [[2, 0.5, 0], [0.4, 2, 0], [0, 0, 1]]}},
         ["material.elasticity.stiffness", "symmetric"],
@@ -212,7 +224,7 @@ def test_output_that_is_a_file_is_refused(
 
 def _warnings(folder: Path, changes: dict[str, Any]) -> list[str]:
     """What ``check`` would warn of."""
-    return problem.check(study_file.load(_write(folder, changes)).parameters)["warnings"]
+    return solving.check(study_file.load(_write(folder, changes)).parameters)["warnings"]
 
 
 @pytest.mark.parametrize(
@@ -277,7 +289,7 @@ def test_loads_and_strains_beyond_the_theory_are_warned_of_in_numbers_that_one_c
 
 def test_a_friction_coefficient_below_zero_by_rounding_is_zero(tmp_path: Path) -> None:
     changes = {"friction.coefficient": "0.5*x - 1e-17", "penalty.n": 1e3}
-    solution = problem.solve(study_file.load(_write(tmp_path, changes)).parameters, MPI.COMM_SELF)
+    solution = solving.solve(study_file.load(_write(tmp_path, changes)).parameters, MPI.COMM_SELF)
     assert solution.converged
     assert solution.contact_points is not None
     assert (solution.contact_points.bound >= 0.0).all()
@@ -390,7 +402,7 @@ def test_a_file_that_is_no_mesh_is_refused(
 def test_a_mesh_of_the_users_own_with_named_groups_is_solved(tmp_path: Path) -> None:
     _mesh_file(tmp_path / "body.msh", 2)
     study = study_file.load(_write(tmp_path, {"mesh": {"file": "body.msh"}}))
-    solution = problem.solve(study.parameters, MPI.COMM_SELF)
+    solution = solving.solve(study.parameters, MPI.COMM_SELF)
     assert solution.converged
     assert set(solution.domain.facet_names) == {"bottom", "right", "top", "left"}
     assert solution.summary["contact_force"][1] > 0.0

@@ -12,11 +12,13 @@ from certified import certificate
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import forms, problem, results
+from contact_locking import solving
 from contact_locking.certificate import certify
-from contact_locking.certificate.state import SolvedState
-from contact_locking.convex import positive_part, unit_ball_excess
-from contact_locking.smoothing import Convolution
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.convex import positive_part, unit_ball_excess
+from contact_locking.problem import forms
+from contact_locking.problem.smoothing import Convolution
+from contact_locking.results import derived
 
 Tamper = Callable[[SolvedState], None]
 
@@ -75,8 +77,8 @@ def test_a_tampered_solution_is_not_converged_and_the_reason_names_what_failed(
         tamper(state)
         return certify(state)
 
-    monkeypatch.setattr(problem, "certify", tampered)
-    summary = problem.solve(block(penalty__n=n)).summary
+    monkeypatch.setattr(solving, "certify", tampered)
+    summary = solving.solve(block(penalty__n=n)).summary
     criteria = summary["certificate"]["criteria"]
     failed = {name for name, entry in criteria.items() if not entry["holds"]}
     assert caught <= failed
@@ -109,11 +111,11 @@ def wrong_friction(u_tangential: Any, bound: Any, epsilon: Any) -> Any:
 def test_a_solver_that_solves_with_a_wrong_law_is_caught(
     n: float, law: str, wrong: Any, caught: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (forms, results):
+    for module in (forms, derived):
         if hasattr(module, law):
             monkeypatch.setattr(module, law, wrong)
     parameters = block(penalty={"n": n, "epsilon": 1e-3}, solver={"method": "newton"})
-    summary = problem.solve(parameters).summary
+    summary = solving.solve(parameters).summary
     criteria = summary["certificate"]["criteria"]
     # It is in equilibrium with itself ...
     assert criteria["equilibrium"]["holds"] and criteria["force_balance"]["holds"]
@@ -125,7 +127,7 @@ def test_a_solver_that_solves_with_a_wrong_law_is_caught(
 def test_a_mollifier_that_changes_constants_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     right = Convolution.apply
     monkeypatch.setattr(Convolution, "apply", lambda self, values: 1.001 * right(self, values))
-    summary = problem.solve(block()).summary
+    summary = solving.solve(block()).summary
     failed = [
         name for name, entry in summary["certificate"]["criteria"].items() if not entry["holds"]
     ]
@@ -138,7 +140,7 @@ def test_a_bound_that_does_not_hold_is_caught(monkeypatch: pytest.MonkeyPatch) -
         return 1e-4
 
     monkeypatch.setattr("contact_locking.certificate.bounds.dual_norm", small)
-    summary = problem.solve(block()).summary
+    summary = solving.solve(block()).summary
     assert summary["bounds"]["displacement_norm"]["holds"] is False
     assert "proved bound of displacement norm does not hold" in summary["reason"]
 
@@ -191,7 +193,7 @@ def test_any_number_of_ranks_gives_the_same_certificate(dim: int) -> None:
 
 def test_a_solve_that_was_stopped_early_keeps_its_own_reason() -> None:
     parameters = block(solver={"method": "newton", "max_iterations": 1}, certificate__limit=True)
-    summary = problem.solve(parameters).summary
+    summary = solving.solve(parameters).summary
     assert not summary["converged"] and "too many Newton steps" in summary["reason"]
     assert summary["bounds"]["displacement_norm"]["bound"] > 0.0
     assert summary["certificate"]["errors"]["penalty"]["reason"] == "the solve did not converge"

@@ -12,14 +12,14 @@ from certified import certificate, solved
 from mpi4py import MPI
 from problems import block, column, with_changes
 
-from contact_locking.assembly import assemble
 from contact_locking.certificate import elliptic, indicator
 from contact_locking.certificate.constants import SAMPLED
-from contact_locking.contacts import FrictionBound
-from contact_locking.friction_law import FrictionLaw
+from contact_locking.laws.friction_law import FrictionLaw
 from contact_locking.parameters import Parameters
-from contact_locking.problem import solve_assembled
+from contact_locking.problem.assembly import assemble
+from contact_locking.problem.contact import FrictionBound
 from contact_locking.solver.linear import iterative_options
+from contact_locking.solving import solve_assembled
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -19,12 +19,12 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import _compat, checkpoint, meshes, output, problem, save, study_file
+from contact_locking import _compat, checkpoint, meshes, save, solving, study_file, writing
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
 from contact_locking.results import atomic
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
@@ -81,9 +81,9 @@ def test_a_saved_solution_is_read_as_it_was_and_solves_its_problem(
     dim: int, n: float, folder: Path
 ) -> None:
     given = parameters(dim, penalty__n=n)
-    solution = problem.solve(given)
+    solution = solving.solve(given)
     save(solution, folder)
-    again = problem.solve(given, restart=folder)
+    again = solving.solve(given, restart=folder)
     assert again.converged
     assert again.summary["iterations"] == {"tangents": 0, "linear": 0, "friction": 0}
     assert again.summary["restart"].endswith("nothing was left to do")
@@ -97,14 +97,14 @@ def test_a_saved_solution_is_read_as_it_was_and_solves_its_problem(
 def test_one_rank_reads_what_all_have_saved_and_all_what_one_has(dim: int, folder: Path) -> None:
     # Says little on one rank; the other numbers of ranks are below.
     given, alone = parameters(dim), MPI.COMM_SELF
-    together = problem.solve(given)
+    together = solving.solve(given)
     save(together, folder / "together")
-    own = problem.solve(given, alone, restart=folder / "together")
+    own = solving.solve(given, alone, restart=folder / "together")
     assert own.summary["iterations"]["tangents"] == 0
     assert Values.of(own).agrees(Values.of(together))
     save(own, folder / f"of rank {MPI.COMM_WORLD.rank}")
     MPI.COMM_WORLD.Barrier()
-    back = problem.solve(given, restart=folder / "of rank 0")
+    back = solving.solve(given, restart=folder / "of rank 0")
     assert back.summary["iterations"]["tangents"] == 0
     assert Values.of(back).agrees(Values.of(together))
 
@@ -120,7 +120,7 @@ def test_other_numbers_of_ranks_read_what_one_saved_and_save_for_it(
         pytest.skip("mpirun is not installed")
     given = parameters(dim)
     (tmp_path / "study.yml").write_text(study_file.dump(given), encoding="utf-8")
-    one = problem.solve(given)
+    one = solving.solve(given)
     save(one, tmp_path / "one")
     words = ["run", "study.yml", "--restart", "one", "--checkpoint", "--output", "several"]
     # Open MPI's ranks wait by spinning, which is slow where they share cores with others.
@@ -137,17 +137,17 @@ def test_other_numbers_of_ranks_read_what_one_saved_and_save_for_it(
     summary = json.loads((tmp_path / "several" / "summary.json").read_text())
     # Had a value arrived at another node or cell, there would be no equilibrium.
     assert (summary["ranks"], summary["iterations"]["tangents"]) == (ranks, 0)
-    again = problem.solve(given, restart=tmp_path / "several")
+    again = solving.solve(given, restart=tmp_path / "several")
     assert again.summary["iterations"]["tangents"] == 0
     assert Values.of(again).agrees(Values.of(one))
 
 
 def test_bodies_without_contact_are_saved_too(folder: Path) -> None:
     given = parameters(contact__on=[])
-    save(problem.solve(given), folder)
-    assert problem.solve(given, restart=folder).summary["iterations"]["tangents"] == 0
+    save(solving.solve(given), folder)
+    assert solving.solve(given, restart=folder).summary["iterations"]["tangents"] == 0
     # Of contact the state knows nothing.
-    touching = problem.solve(parameters(), restart=folder)
+    touching = solving.solve(parameters(), restart=folder)
     assert touching.converged
     assert touching.summary["iterations"]["tangents"] > 0
 
@@ -155,14 +155,14 @@ def test_bodies_without_contact_are_saved_too(folder: Path) -> None:
 @pytest.fixture
 def saved(comm: MPI.Intracomm, folder: Path) -> Path:
     """The checkpoint of a made-up solve."""
-    save(problem.solve(parameters()), folder / "run")
+    save(solving.solve(parameters()), folder / "run")
     comm.Barrier()
     return folder / "run"
 
 
 def refusal(directory: Path, given: Parameters | None = None) -> str:
     with pytest.raises(InputError) as caught:
-        problem.solve(given or parameters(), restart=directory)
+        solving.solve(given or parameters(), restart=directory)
     return str(caught.value)
 
 
@@ -185,7 +185,7 @@ def test_a_state_of_another_mesh_is_refused_with_what_differs(
 def test_equal_numbers_of_cells_do_not_make_the_same_mesh(
     comm: MPI.Intracomm, folder: Path
 ) -> None:
-    save(problem.solve(parameters(mesh__structured=True)), folder)
+    save(solving.solve(parameters(mesh__structured=True)), folder)
     text = refusal(folder, parameters(mesh__structured=True, mesh__size=[1.0, 0.999]))
     assert "its nodes lie elsewhere (mesh.size was [1.0, 1.0], is [1.0, 0.999])" in text
 
@@ -200,9 +200,9 @@ def test_a_mesh_file_that_has_changed_is_refused(comm: MPI.Intracomm, folder: Pa
             parameters().model_dump(exclude={"mesh": True}) | {"mesh": {"file": str(body)}}
         )
 
-    solution = problem.solve(given(0.3))
+    solution = solving.solve(given(0.3))
     save(solution, folder)
-    assert problem.solve(given(0.3), restart=folder).summary["iterations"]["tangents"] == 0
+    assert solving.solve(given(0.3), restart=folder).summary["iterations"]["tangents"] == 0
     assert "the mesh file is another one or has changed" in refusal(folder, given(0.2))
 
 
@@ -263,14 +263,14 @@ def full(folder: Path, _: int) -> None:
 def test_a_save_that_fails_leaves_the_earlier_one(
     saved: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solution = problem.solve(parameters(friction__coefficient=0.1))
+    solution = solving.solve(parameters(friction__coefficient=0.1))
     monkeypatch.setattr(atomic, "require_room", full)
     with pytest.raises(ContactLockingError, match="No space left"):
         save(solution, saved)
     comm.Barrier()
     assert [path.name for path in saved.iterdir()] == ["checkpoint"]
     monkeypatch.undo()
-    assert problem.solve(parameters(), restart=saved).summary["iterations"]["tangents"] == 0
+    assert solving.solve(parameters(), restart=saved).summary["iterations"]["tangents"] == 0
 
 
 class Run:
@@ -355,7 +355,7 @@ def test_results_are_complete_where_the_library_is_missing(
         assert errors.startswith("warning: no checkpoint will be saved: checkpoints take adios")
         assert "python3-adios4dolfinx" in errors and errors.count("\n") == 1
     # In Python it is said when the results are written.
-    (warning,) = output.write(problem.solve(parameters()), run.folder / "b", checkpoint=True)
+    (warning,) = writing.write(solving.solve(parameters()), run.folder / "b", checkpoint=True)
     assert warning.startswith("no checkpoint was saved: checkpoints take adios4dolfinx")
     comm.Barrier()
     assert run.names("b") == RESULTS

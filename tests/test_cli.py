@@ -16,7 +16,7 @@ import pytest
 from mpi4py import MPI
 from problems import SMALL_BLOCK
 
-from contact_locking import __version__, meshes, problem, study_file
+from contact_locking import __version__, meshes, solving, study_file
 from contact_locking.command import arguments, cli
 from contact_locking.errors import InputError
 
@@ -152,7 +152,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_the_solve(
     def solve(*_: object) -> None:
         pytest.fail("the solve has begun")
 
-    monkeypatch.setattr(problem, "solve", solve)
+    monkeypatch.setattr(solving, "solve", solve)
     words = ["--set", "output.directory=/dev/null/results", "--quiet"]
     assert cli.main(["run", str(folder / "study.yml"), *words]) == 2
 
@@ -164,7 +164,7 @@ def test_petsc_options_reach_the_solver(folder: Path, monkeypatch: pytest.Monkey
         seen.update(arguments[3])
         raise InputError("enough")
 
-    monkeypatch.setattr(problem, "solve", solve)
+    monkeypatch.setattr(solving, "solve", solve)
     assert run(folder, "--quiet", "--", "-ksp_type", "cg", "-ksp_rtol", "1e-3", "-ksp_view") == 2
     assert seen == {"ksp_type": "cg", "ksp_rtol": "1e-3", "ksp_view": None}
 
@@ -288,7 +288,7 @@ def test_a_defect_returns_1_with_a_traceback_only_if_asked_for(
     def solve(*_: object) -> None:
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setattr(problem, "solve", solve)
+    monkeypatch.setattr(solving, "solve", solve)
     assert run(folder, "--quiet", *["--debug"] * debug) == 1
     errors = capsys.readouterr().err
     assert "error: unexpected ZeroDivisionError: a defect" in errors
@@ -303,7 +303,7 @@ def test_an_interrupt_returns_130_without_a_traceback(
     def solve(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(problem, "solve", solve)
+    monkeypatch.setattr(solving, "solve", solve)
     assert run(folder, "--quiet") == 130
     assert capsys.readouterr().err == "interrupted\n"
 
@@ -384,14 +384,14 @@ def launched(tmp_path: Path, body: str) -> subprocess.CompletedProcess[str]:
     script = textwrap.dedent(
         f"""
         import sys
-        from contact_locking import problem
+        from contact_locking import solving
         from contact_locking.command import cli
         from contact_locking.errors import InputError
 
         def solve(parameters, comm, *_):
             {body}
 
-        problem.solve = solve
+        solving.solve = solve
         sys.exit(cli.main(["run", "study.yml", "--output", "out", "--quiet"]))
         """
     )

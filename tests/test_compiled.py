@@ -12,7 +12,7 @@ import cffi
 import pytest
 from mpi4py import MPI
 
-from contact_locking import compiled
+from contact_locking.problem import compiled
 
 
 @pytest.fixture(autouse=True)

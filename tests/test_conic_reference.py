@@ -11,9 +11,9 @@ from conic import LIMIT, ConicProblem, block_problem, conic_problem
 from problems import block, with_changes
 from verification_table import Row
 
-from contact_locking import problem
+from contact_locking import solving
 from contact_locking.parameters import Parameters
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 pytest.importorskip("clarabel")
 pytestmark = pytest.mark.serial
@@ -65,12 +65,12 @@ def assert_the_same(
 
 @pytest.mark.parametrize(("dim", "h"), [(2, 0.05), (3, 0.25)])
 def test_v13_block_agrees_with_the_conic_solver(dim: int, h: float, found: list[Row]) -> None:
-    solution = problem.solve(block(dim, h, penalty__n=math.inf))
+    solution = solving.solve(block(dim, h, penalty__n=math.inf))
     assert_the_same(f"block, {dim}D, n = inf", solution, block_problem(solution), found)
 
 
 def test_v13_half_disc_agrees_with_the_conic_solver(found: list[Row]) -> None:
-    solution = problem.solve(half_disc())
+    solution = solving.solve(half_disc())
     reference = conic_problem(
         solution,
         touches=lambda x: (np.abs(x[..., 0]) < REACH + 1e-9) & (x[..., 1] < 0.5),
@@ -83,5 +83,5 @@ def test_v13_half_disc_agrees_with_the_conic_solver(found: list[Row]) -> None:
 @pytest.mark.parametrize("method", ["interior_point", "newton"])
 def test_v13_penalised_block_agrees_with_the_conic_solver(method: str, found: list[Row]) -> None:
     penalty = {"n": 1e4, "epsilon": 1e-4}
-    solution = problem.solve(block(penalty=penalty, solver={"method": method}))
+    solution = solving.solve(block(penalty=penalty, solver={"method": method}))
     assert_the_same(f"block, n = 1e4, {method}", solution, block_problem(solution), found)

@@ -217,3 +217,11 @@ def test_prescribed_displacements_must_not_overlap_any_part(file: Path) -> None:
 )
 def test_a_study_cannot_vary_what_the_list_does_not_have(key: str, message: str) -> None:
     assert message in refusal({"contact": [{}], "study": {"vary": {key: [0]}}})
+
+
+def test_the_demo_of_two_foundations_is_a_study_file() -> None:
+    demo = Path(__file__).parent.parent / "demos" / "two_foundations.yml"
+    floor, wall = load(demo).parameters.contacts
+    assert (floor.friction.coefficient, wall.friction.coefficient) == (0.3, 0.6)
+    assert wall.friction.smoothing == floor.friction.smoothing
+    assert wall.foundation is not None and wall.foundation.cylinder is not None

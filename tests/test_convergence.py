@@ -15,14 +15,14 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import domain as domains
-from contact_locking import load, problem, study_file
+from contact_locking import load, solving, study_file
 from contact_locking.convergence import distance, fitted_rate, norms, on_mesh_of, read_table
-from contact_locking.domain import Domain
 from contact_locking.errors import InputError
 from contact_locking.meshes.block import Block
 from contact_locking.plotting.rates import Curve, Panel, rate_plot
-from contact_locking.solution import Solution
+from contact_locking.problem import domain as domains
+from contact_locking.problem.domain import Domain
+from contact_locking.results.solution import Solution
 
 STUDIES = Path(__file__).parent.parent / "demos" / "studies"
 MEASURED = "penalty_measured"
@@ -49,7 +49,7 @@ def field(domain: Domain, power: int) -> fem.Function:
 
 def solved(divisions: int, comm: MPI.Intracomm = MPI.COMM_WORLD, **changes: Any) -> Solution:
     given = {"penalty__n": math.inf, "mesh__structured": True, **changes}
-    solution = problem.solve(block(2, 1.0 / divisions, **given), comm)
+    solution = solving.solve(block(2, 1.0 / divisions, **given), comm)
     assert solution.converged, solution.summary["reason"]
     return solution
 
@@ -132,7 +132,7 @@ def test_theorem_4_9_the_regularisation_of_friction_is_slower_than_the_contact_p
     values = [1e-4, 1e-5, 1e-6]
     changes = ["mesh.h=0.0625", "penalty.n=.inf"]
     runs = [
-        problem.solve(
+        solving.solve(
             load(STUDIES / "theorem_4_9.yml", [*changes, f"penalty.epsilon={e}"]).parameters
         )
         for e in values

@@ -16,15 +16,15 @@ from dolfinx import fem
 from problems import block, column, with_changes
 from verification_table import Row
 
-from contact_locking import problem, study_file
-from contact_locking.material import isotropic_stiffness, lame_from_young
+from contact_locking import solving, study_file
+from contact_locking.laws.elasticity import isotropic_stiffness, lame_from_young
 from contact_locking.parameters import Parameters
 from contact_locking.results.contact_points import SLIP
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 
 def _solved(parameters: Parameters) -> Solution:
-    solution = problem.solve(parameters)
+    solution = solving.solve(parameters)
     assert solution.converged, solution.summary["reason"]
     return solution
 

@@ -13,7 +13,7 @@ from lorentz import inside, product, scaled, unit
 from mpi4py import MPI
 from problems import block, column, with_changes
 
-from contact_locking import problem
+from contact_locking import solving
 from contact_locking.parameters import Parameters
 from contact_locking.results.contact_points import OPEN
 from contact_locking.solver.interior_point.contact_cones import ContactCones
@@ -101,7 +101,7 @@ def test_interior_point_and_newton_find_the_same_solution(
 ) -> None:
     h = 0.1 if dim == 2 else 0.34
     newton, interior = (
-        problem.solve(block(dim, h, friction__coefficient=coefficient, solver={"method": method}))
+        solving.solve(block(dim, h, friction__coefficient=coefficient, solver={"method": method}))
         for method in ("newton", "interior_point")
     )
     assert newton.converged and interior.converged
@@ -114,7 +114,7 @@ def test_interior_point_and_newton_find_the_same_solution(
 @pytest.mark.parametrize("coefficient", [0.3, 1.0])
 def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
     for n in (1e2, 1e4, 1e6, 1e8, math.inf):
-        solution = problem.solve(block(h=0.05, penalty__n=n, friction__coefficient=coefficient))
+        solution = solving.solve(block(h=0.05, penalty__n=n, friction__coefficient=coefficient))
         assert solution.converged, solution.summary["reason"]
         assert solution.summary["iterations"]["tangents"] <= 30
 
@@ -122,7 +122,7 @@ def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
 def test_penalised_solutions_tend_to_that_of_the_inequality() -> None:
     def displacement(n: float) -> npt.NDArray[np.float64]:
         # Alone, since two meshes need not be distributed alike.
-        solution = problem.solve(block(penalty__n=n), MPI.COMM_SELF)
+        solution = solving.solve(block(penalty__n=n), MPI.COMM_SELF)
         return solution.displacement.x.array.copy()
 
     limit = displacement(math.inf)
@@ -132,7 +132,7 @@ def test_penalised_solutions_tend_to_that_of_the_inequality() -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_inequality_keeps_both_constraints_and_the_coulomb_cone(dim: int) -> None:
-    solution = problem.solve(block(dim, 0.1 if dim == 2 else 0.34, penalty__n=math.inf))
+    solution = solving.solve(block(dim, 0.1 if dim == 2 else 0.34, penalty__n=math.inf))
     summary = solution.summary
     assert solution.converged
     assert summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
@@ -149,7 +149,7 @@ def test_inequality_keeps_both_constraints_and_the_coulomb_cone(dim: int) -> Non
 
 
 def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
-    solution = problem.solve(column(penalty={"n": math.inf}))
+    solution = solving.solve(column(penalty={"n": math.inf}))
     assert solution.converged
     assert solution.summary["strain_norm_max"] == pytest.approx(0.02, rel=1e-7)
     # It sinks by the gap and the locked shortening.
@@ -159,7 +159,7 @@ def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
 def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
     def solve(friction: str) -> tuple[Parameters, dict[str, Any]]:
         parameters = block(penalty__n=math.inf, solver={"friction": friction})
-        return parameters, problem.solve(parameters).summary
+        return parameters, solving.solve(parameters).summary
 
     (_, inside), (_, nested) = solve("inside"), solve("nested")
     assert inside["converged"] and nested["converged"]
@@ -174,7 +174,7 @@ def _stretched(by: float, n: float) -> Parameters:
 
 @pytest.mark.parametrize("by", [0.015, 0.0199])
 def test_displacements_that_the_locking_limit_allows_are_followed(by: float) -> None:
-    solution = problem.solve(_stretched(by, math.inf))
+    solution = solving.solve(_stretched(by, math.inf))
     assert solution.converged, solution.summary["reason"]
     assert solution.summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
 
@@ -182,7 +182,7 @@ def test_displacements_that_the_locking_limit_allows_are_followed(by: float) -> 
 @pytest.mark.parametrize("by", [0.0205, 0.2])
 def test_displacements_that_no_field_within_the_limit_follows_are_infeasible(by: float) -> None:
     # The mean strain along x is by, and |eps| is no less: 0.02/by of it can be followed.
-    summary = problem.solve(_stretched(by, math.inf)).summary
+    summary = solving.solve(_stretched(by, math.inf)).summary
     assert not summary["converged"]
     assert summary["reason"].startswith("infeasible")
     assert "times its limit near" in summary["reason"]
@@ -208,7 +208,7 @@ def test_what_is_infeasible_on_one_mesh_may_be_solved_on_a_finer_one() -> None:
                 "penalty": {"n": math.inf},
             }
         )
-        return dict(problem.solve(pulled).summary)
+        return dict(solving.solve(pulled).summary)
 
     coarse, fine = summary(0.5), summary(0.25)
     assert coarse["reason"].startswith("infeasible") and coarse["admissible_load_factor"][1] < 0.95
@@ -217,7 +217,7 @@ def test_what_is_infeasible_on_one_mesh_may_be_solved_on_a_finer_one() -> None:
 
 def test_foundation_that_no_strain_within_the_limit_makes_room_for_is_infeasible() -> None:
     # It stands 0.1 inside the body, up to the clamped side: no displacement to scale.
-    summary = problem.solve(block(contact__gap=-0.1, penalty__n=math.inf)).summary
+    summary = solving.solve(block(contact__gap=-0.1, penalty__n=math.inf)).summary
     assert summary["reason"].startswith("infeasible")
     assert summary["admissible_load_factor"] is None
 
@@ -240,7 +240,7 @@ def test_friction_bound_settles_where_contact_only_grazes() -> None:
         friction__smoothing={"kernel": "helmholtz", "radius": 0.3},
         penalty__n=math.inf,
     )
-    solution = problem.solve(parameters)
+    solution = solving.solve(parameters)
     assert solution.summary["converged"], solution.summary["reason"]
     assert solution.summary["iterations"]["tangents"] < 50
 
@@ -248,27 +248,27 @@ def test_friction_bound_settles_where_contact_only_grazes() -> None:
 def test_a_solve_that_stops_early_says_how_far_the_friction_bound_was() -> None:
     # The foundation overlaps the body, so that feasibility is tried, too.
     given = {"max_iterations": 6}
-    summary = problem.solve(block(contact__gap=-5e-4, penalty__n=math.inf, solver=given)).summary
+    summary = solving.solve(block(contact__gap=-5e-4, penalty__n=math.inf, solver=given)).summary
     assert not summary["converged"]
     assert 1e-8 < summary["friction_fixed_point"]["change"] < 1.0
 
 
 def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
-    solution = problem.solve(_stretched(0.0205, 1e3))
+    solution = solving.solve(_stretched(0.0205, 1e3))
     assert solution.converged
     assert solution.summary["strain_norm_max"] > 0.0205
-    soft = problem.solve(_stretched(0.03, 1e1))
+    soft = solving.solve(_stretched(0.03, 1e1))
     assert any("exceeds its limit" in warning for warning in soft.summary["warnings"])
 
 
 def test_cg_solves_at_n_infinite_on_any_number_of_ranks() -> None:
     changes = {"penalty__n": math.inf, "solver__linear": "iterative", "mesh__structured": True}
     parameters = block(3, 1 / 12, **changes)
-    assert problem.solve(parameters).converged
+    assert solving.solve(parameters).converged
 
 
 def test_cg_that_gets_nowhere_is_said_to() -> None:
     parameters = block(3, 0.34, solver__linear="iterative")
-    solution = problem.solve(parameters, petsc_options={"ksp_max_it": 1})
+    solution = solving.solve(parameters, petsc_options={"ksp_max_it": 1})
     assert not solution.converged
     assert "linear solve failed" in solution.summary["reason"]

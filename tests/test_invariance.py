@@ -32,12 +32,13 @@ from block_problems import (
 from mpi4py import MPI
 from sweep.transforms import Transform
 
-from contact_locking import domain, problem
-from contact_locking.assembly import assemble
+from contact_locking import solving
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.gmsh_model import extract
 from contact_locking.meshes import empty_model
 from contact_locking.parameters import Parameters
+from contact_locking.problem import domain
+from contact_locking.problem.assembly import assemble
 
 Reference = Callable[[Make, int], Answer]
 
@@ -217,7 +218,7 @@ def test_the_defaults_are_right_in_any_unit(dim: int, material: str) -> None:
 
 
 def _answer(data: Any, units: Transform) -> Answer:
-    return told(problem.solve(Parameters.model_validate(data)), units)
+    return told(solving.solve(Parameters.model_validate(data)), units)
 
 
 @pytest.mark.serial

@@ -14,17 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
 
-from contact_locking.foundation import HalfSpace, Round
-from contact_locking.friction import friction_energy, friction_traction
-from contact_locking.locking import locking_energy, locking_stress
-from contact_locking.material import (
+from contact_locking.laws.elasticity import (
     anisotropic_stress,
     isotropic_eigenvalues,
     isotropic_stiffness,
     isotropic_stress,
     lame_from_young,
 )
-from contact_locking.signorini import contact_energy, contact_pressure
+from contact_locking.laws.foundation import HalfSpace, Round
+from contact_locking.laws.friction import friction_energy, friction_traction
+from contact_locking.laws.locking import locking_energy, locking_stress
+from contact_locking.laws.signorini import contact_energy, contact_pressure
 
 
 class Point:

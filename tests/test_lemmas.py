@@ -16,14 +16,14 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking import Solution
-from contact_locking.assembly import assemble
 from contact_locking.certificate.penalty_error import distance
-from contact_locking.contacts import FrictionBound
 from contact_locking.convergence import norms
-from contact_locking.convex import squared_norm
-from contact_locking.domain import Domain
-from contact_locking.problem import solve_assembled
+from contact_locking.laws.convex import squared_norm
+from contact_locking.problem.assembly import assemble
+from contact_locking.problem.contact import FrictionBound
+from contact_locking.problem.domain import Domain
 from contact_locking.results.derived import integral
+from contact_locking.solving import solve_assembled
 
 FloatArray = npt.NDArray[np.float64]
 Wave = Callable[[FloatArray], FloatArray]

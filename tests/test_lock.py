@@ -15,11 +15,11 @@ from mpi4py import MPI
 from problems import SMALL_BLOCK
 from study_folder import Folder, wait_for
 
-from contact_locking import output
+from contact_locking import writing
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.lock import locked, make_folders, new_folders
 from contact_locking.results.atomic import remove_abandoned, staging
+from contact_locking.results.lock import locked, make_folders, new_folders
 
 pytestmark = pytest.mark.serial
 
@@ -39,7 +39,7 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
     script = """
         import sys, time
         from pathlib import Path
-        from contact_locking import problem
+        from contact_locking import solving
         from contact_locking.command import cli
         from contact_locking.results.atomic import staging
 
@@ -48,7 +48,7 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
                 (folder / "fields.bp").mkdir()
                 time.sleep(60)
 
-        problem.solve = solve
+        solving.solve = solve
         sys.exit(cli.main())
         """
     words = ["run", str(study), "--output", str(study.parent / "out"), "--quiet"]
@@ -120,16 +120,16 @@ def test_a_run_that_a_signal_ends_says_so_and_leaves_nothing(
 def test_a_run_under_nohup_goes_on_when_its_terminal_is_closed(study: Path) -> None:
     script = """
         import os, signal, sys
-        from contact_locking import problem
+        from contact_locking import solving
         from contact_locking.command import cli
-        solve = problem.solve
+        solve = solving.solve
 
         def hang_up(*arguments):
             os.kill(os.getpid(), signal.SIGHUP)
             return solve(*arguments)
 
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        problem.solve = hang_up
+        solving.solve = hang_up
         sys.exit(cli.main())
         """
     words = ["run", str(study), "--output", str(study.parent / "out"), "--quiet"]
@@ -175,7 +175,7 @@ def test_folders_that_stay_empty_go_again(tmp_path: Path) -> None:
 
 def test_a_path_may_be_as_deep_as_the_system_allows(tmp_path: Path) -> None:
     deep = tmp_path / Path(*["a"] * 1700)
-    output.prepare(deep, MPI.COMM_SELF)
+    writing.prepare(deep, MPI.COMM_SELF)
     assert list(tmp_path.iterdir()) == []
     made = make_folders(deep)
     assert len(made) == 1700

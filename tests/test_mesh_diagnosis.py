@@ -13,12 +13,12 @@ from msh import Simplices, msh, write_msh
 
 from contact_locking import check, solve
 from contact_locking.command import cli
-from contact_locking.domain import from_file, from_geometry
 from contact_locking.errors import InputError
-from contact_locking.groups import Group, groups
 from contact_locking.mesh_file import reader, topology
 from contact_locking.meshes import BUILDERS, Geometry, write
 from contact_locking.parameters import Parameters
+from contact_locking.problem.domain import from_file, from_geometry
+from contact_locking.problem.groups import Group, groups
 
 Points = list[tuple[float, ...]]
 Groups = dict[str, Simplices]

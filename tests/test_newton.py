@@ -10,16 +10,16 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from problems import block
 
-from contact_locking.assembly import assemble
 from contact_locking.errors import NotConverged
-from contact_locking.penalty import Penalty
+from contact_locking.laws.penalty import Penalty
+from contact_locking.problem.assembly import assemble
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.substructuring import Pieces
 from contact_locking.solver.target import Target
 from contact_locking.solver.task import Task
-from contact_locking.system import PenalisedSystem
 
 TOLERANCE = 1e-9
 TARGET = Target(Penalty(10.0, 0.1, (0.1,)), 1.0, 1.0, 1.0, 1.0, 1.0)

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contact_locking.ordering import along_curves, curves, facets_of, lexicographic
+from contact_locking.results.ordering import along_curves, curves, facets_of, lexicographic
 
 
 def _polyline(points: npt.NDArray[np.float64], closed: bool = False) -> npt.NDArray[np.float64]:

@@ -14,10 +14,10 @@ from dolfinx import fem
 from mpi4py import MPI
 from solutions import made_up
 
-from contact_locking import output, plotting, study_file
+from contact_locking import plotting, study_file, writing
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.results import fields
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
 FILES = TEXTS | {"fields.bp", "snapshot.npz", "picture.png"}
@@ -39,15 +39,15 @@ def listing(folder: Path, comm: MPI.Intracomm) -> set[str]:
 def test_a_run_leaves_the_promised_files_and_nothing_else(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
-    assert output.write(made_up(), folder / "new" / "results") == []
+    assert writing.write(made_up(), folder / "new" / "results") == []
     assert listing(folder / "new" / "results", comm) == FILES
 
 
 def test_a_second_run_leaves_nothing_of_the_first(folder: Path, comm: MPI.Intracomm) -> None:
-    output.write(made_up(), folder)
-    output.write(made_up(), folder)
+    writing.write(made_up(), folder)
+    writing.write(made_up(), folder)
     assert listing(folder, comm) == FILES
-    output.write(made_up(output={"fields": False, "picture": False}), folder)
+    writing.write(made_up(output={"fields": False, "picture": False}), folder)
     assert listing(folder, comm) == TEXTS
 
 
@@ -63,7 +63,7 @@ def test_fields_are_written_without_loss(dim: int) -> None:
 
 
 def test_the_vtx_file_holds_every_field_by_name(folder: Path, comm: MPI.Intracomm) -> None:
-    output.write(made_up(), folder)
+    writing.write(made_up(), folder)
     comm.Barrier()
     metadata = (folder / "fields.bp" / "md.0").read_bytes()
     for name in fields.FIELD_NAMES:
@@ -75,7 +75,7 @@ def test_contact_csv_has_a_row_per_point_in_order(
     dim: int, folder: Path, comm: MPI.Intracomm
 ) -> None:
     solution = made_up(dim, output={"picture": False})
-    output.write(solution, folder)
+    writing.write(solution, folder)
     if comm.rank != 0:
         return
     points = solution.contact_points
@@ -117,7 +117,7 @@ def test_contact_csv_has_a_row_per_point_in_order(
 def test_contact_csv_of_a_body_without_contact_is_a_header(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
-    output.write(made_up(contact=False), folder)
+    writing.write(made_up(contact=False), folder)
     comm.Barrier()
     for name in ("contact.csv", "contact_facets.csv"):
         assert (folder / name).read_text().count("\n") == 1
@@ -126,7 +126,7 @@ def test_contact_csv_of_a_body_without_contact_is_a_header(
 def test_the_summary_is_json_that_says_what_is_not_finite(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
-    output.write(made_up(), folder)
+    writing.write(made_up(), folder)
     comm.Barrier()
 
     def refuse(word: str) -> None:
@@ -141,7 +141,7 @@ def test_the_summary_is_json_that_says_what_is_not_finite(
 
 def test_the_parameters_load_back_equal(folder: Path, comm: MPI.Intracomm) -> None:
     solution = made_up()
-    output.write(solution, folder)
+    writing.write(solution, folder)
     comm.Barrier()
     assert study_file.load(folder / "parameters.yaml").parameters == solution.parameters
 
@@ -149,7 +149,7 @@ def test_the_parameters_load_back_equal(folder: Path, comm: MPI.Intracomm) -> No
 def test_a_writable_folder_is_found_so_and_left_as_it_was(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
-    output.prepare(folder / "a" / "b", comm)
+    writing.prepare(folder / "a" / "b", comm)
     assert listing(folder, comm) == set()
 
 
@@ -159,7 +159,7 @@ def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(
     if comm.rank == 0:
         (folder / "file").write_text("in the way")
     with pytest.raises(InputError, match="cannot be written to") as caught:
-        output.prepare(folder / "file" / "results", comm)
+        writing.prepare(folder / "file" / "results", comm)
     assert caught.value.key == "output.directory"
     assert listing(folder, comm) == {"file"}
 
@@ -167,7 +167,7 @@ def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(
 def test_a_full_disk_leaves_the_earlier_results_alone(
     folder: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    output.write(made_up(), folder)
+    writing.write(made_up(), folder)
     comm.Barrier()
     before = (folder / "summary.json").read_bytes()
 
@@ -178,7 +178,7 @@ def test_a_full_disk_leaves_the_earlier_results_alone(
     changed = made_up()
     changed.summary["dofs"] = -1
     with pytest.raises(ContactLockingError, match=r"No space left on device.*\n.*room"):
-        output.write(changed, folder)
+        writing.write(changed, folder)
     assert listing(folder, comm) == FILES
     assert (folder / "summary.json").read_bytes() == before
 
@@ -190,5 +190,5 @@ def test_a_picture_that_cannot_be_drawn_is_a_warning_and_the_rest_is_there(
         return "no picture was drawn: no fonts"
 
     monkeypatch.setattr(plotting, "picture", fail)
-    assert output.write(made_up(), folder) == ["no picture was drawn: no fonts"]
+    assert writing.write(made_up(), folder) == ["no picture was drawn: no fonts"]
     assert listing(folder, comm) == FILES - {"picture.png", "snapshot.npz"}

@@ -12,12 +12,12 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking import Solution, solve
-from contact_locking.assembly import Problem, assemble
-from contact_locking.convex import squared_norm
 from contact_locking.errors import InputError
-from contact_locking.locking import locking_energy
-from contact_locking.material import strain
-from contact_locking.problem import solve_assembled
+from contact_locking.laws.convex import squared_norm
+from contact_locking.laws.elasticity import strain
+from contact_locking.laws.locking import locking_energy
+from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.solving import solve_assembled
 
 LIMIT = 0.02
 

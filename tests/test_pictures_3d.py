@@ -19,7 +19,7 @@ import pytest
 from mpi4py import MPI
 from solutions import KINDS, made_up, of_kind
 
-from contact_locking import output
+from contact_locking import writing
 from contact_locking.errors import InputError, NoRendering
 from contact_locking.plotting import camera, offscreen, snapshot_file, views
 from contact_locking.plotting.gather import gather
@@ -112,7 +112,7 @@ def test_the_locked_zone_is_the_upper_half_and_the_pressure_is_on_the_right(
 @needs_pyvista
 def test_the_picture_of_a_run_is_made_of_views(tmp_path: Path, comm: MPI.Intracomm) -> None:
     folder = comm.bcast(tmp_path)
-    assert output.write(made_up(3, output={"fields": False}), folder) == []
+    assert writing.write(made_up(3, output={"fields": False}), folder) == []
     if comm.rank == 0:
         assert {path.name for path in folder.iterdir()} == FILES
         image = matplotlib.image.imread(folder / "picture.png")
@@ -150,7 +150,7 @@ def test_a_program_that_cannot_draw_leaves_everything_else_intact(
 ) -> None:
     stand_in(code)
     folder = comm.bcast(tmp_path)
-    (warning,) = output.write(made_up(3, output={"fields": False}), folder)
+    (warning,) = writing.write(made_up(3, output={"fields": False}), folder)
     assert warning.startswith("the picture was drawn by Matplotlib alone: ") and told in warning
     comm.Barrier()
     assert {path.name for path in folder.iterdir()} == FILES
@@ -204,7 +204,7 @@ def test_without_a_screen_and_anything_on_the_path_all_results_are_there(
     solution, folder = made_up(3, output={"fields": False}), comm.bcast(tmp_path)
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("DISPLAY", raising=False)
-    warnings = output.write(solution, folder)
+    warnings = writing.write(solution, folder)
     # VTK from PyPI needs no screen.
     assert not warnings or "drawn by Matplotlib alone" in warnings[0]
     if comm.rank == 0:

@@ -17,15 +17,15 @@ from problem_cases import SOLVED as SOLVED_CASES
 from sweep.case import Study, clamp, study
 from sweep.solve import INFEASIBLE, SOLVED, outcome_of_case
 
-from contact_locking import problem
+from contact_locking import solving
 from contact_locking.parameters import Parameters
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 pytestmark = pytest.mark.serial
 
 
 def solution_of(data: Study) -> Solution:
-    solution = problem.solve(Parameters.model_validate(data), MPI.COMM_SELF)
+    solution = solving.solve(Parameters.model_validate(data), MPI.COMM_SELF)
     assert solution.converged, solution.summary["reason"]
     return solution
 

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from problems import with_changes
 from scipy.spatial import cKDTree
 
-from contact_locking import problem
+from contact_locking import solving
 from contact_locking.parameters import Parameters
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 
 def _between(low: float, high: float) -> st.SearchStrategy[float]:
@@ -103,7 +103,7 @@ def _is_infeasible(solution: Solution) -> bool:
 
 
 def _is_solved_or_has_no_solution(parameters: Parameters) -> None:
-    solution = problem.solve(parameters)
+    solution = solving.solve(parameters)
     summary = solution.summary
     if summary["converged"]:
         assert summary["residual"] <= parameters.solver.tolerance

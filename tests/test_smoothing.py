@@ -13,11 +13,11 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import block, column
 
-from contact_locking.assembly import assemble
-from contact_locking.domain import Domain
 from contact_locking.parameters import Parameters
-from contact_locking.smoothing import Convolution, HelmholtzFilter, Smoothing
-from contact_locking.surface import ContactSurface
+from contact_locking.problem.assembly import assemble
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Smoothing
+from contact_locking.problem.surface import ContactSurface
 
 FloatArray = npt.NDArray[np.float64]
 KERNELS = ("convolution", "helmholtz")

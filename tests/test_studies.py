@@ -16,10 +16,11 @@ from typing import Any
 import pytest
 from study_folder import STUDY, Folder, alive, wait_for
 
-from contact_locking import compiled_forms, meshes, studies, study_file
+from contact_locking import meshes, studies, study_file
 from contact_locking.command import cli, terminal
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.lock import locked
+from contact_locking.problem import compiled_forms
+from contact_locking.results.lock import locked
 
 pytestmark = pytest.mark.serial
 

@@ -123,6 +123,15 @@ def test_numbers_as_people_write_them(file: Path, text: str) -> None:
     assert load(file, [f"penalty.n={text}"]).parameters.penalty.n == 1e4
 
 
+def test_names_that_look_like_numbers_stay_as_they_are_written(tmp_path: Path) -> None:
+    (tmp_path / "body.msh").touch()
+    file = tmp_path / "a.yml"
+    names = ["01", "1e3", "1_0", "true", "null", "2024-1-2"]
+    regions = ", ".join(f"{name}: {{}}" for name in names)
+    file.write_text(f"mesh: {{file: body.msh}}\nmaterial: {{regions: {{{regions}}}}}\n")
+    assert list(load(file).parameters.material.regions) == names
+
+
 @pytest.mark.parametrize("text", [".inf", ".Inf", "+.inf", "inf"])
 def test_infinity(file: Path, text: str) -> None:
     assert load(file, [f"penalty.n={text}"]).parameters.penalty.n == math.inf
@@ -362,6 +371,9 @@ def block_data(folder: Path) -> Any:
 @given(st.data())
 def test_mutated_data_are_accepted_or_refused(block_data: Any, data: st.DataObject) -> None:
     mutated = copy.deepcopy(block_data)
+    if data.draw(st.booleans()):
+        wall = {"on": "right", "gap": 0.1, "friction": {"smoothing": {"radius": 0.2}}}
+        mutated["contact"] = [mutated["contact"], wall]
     for _ in range(data.draw(st.integers(1, 3))):
         spot = data.draw(st.sampled_from(_containers(mutated)))
         keys = list(spot) if isinstance(spot, dict) else list(range(len(spot)))

@@ -11,7 +11,7 @@ from rich.console import Console
 from study_folder import Folder
 
 from contact_locking.command.monitors import ProgressFile
-from contact_locking.progress import Monitor
+from contact_locking.monitor import Monitor
 from contact_locking.studies import Study
 from contact_locking.studies.cases import Case
 from contact_locking.studies.outcome import Outcome

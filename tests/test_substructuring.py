@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking.compiled import installed
+from contact_locking.problem.compiled import installed
 from contact_locking.solver import substructuring
 from contact_locking.solver.linear import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.options import PREFIX, InsertedOptions

@@ -27,9 +27,9 @@ from sweep.solve import (
 from sweep.transforms import Transform
 
 from contact_locking import study_file
-from contact_locking.assembly import assemble
 from contact_locking.parameters import Parameters
-from contact_locking.problem import solve_assembled
+from contact_locking.problem.assembly import assemble
+from contact_locking.solving import solve_assembled
 
 pytest.importorskip("clarabel")
 pytestmark = pytest.mark.serial

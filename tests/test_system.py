@@ -8,12 +8,13 @@ import ufl
 from dolfinx import fem
 from problems import block, column
 
-from contact_locking import forms, problem
-from contact_locking.assembly import Problem, assemble
+from contact_locking import solving
+from contact_locking.laws.penalty import Penalty
+from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.penalty import Penalty
-from contact_locking.progress import Monitor
-from contact_locking.system import PenalisedSystem
+from contact_locking.problem import forms
+from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.problem.system import PenalisedSystem
 
 
 def _system(parameters: Parameters) -> tuple[Problem, PenalisedSystem]:
@@ -100,7 +101,7 @@ def test_friction_bound_is_mu_times_the_smoothed_pressure() -> None:
 def test_petsc_options_of_the_caller_win_and_leave_no_trace() -> None:
     from petsc4py import PETSc
 
-    solution = problem.solve(
+    solution = solving.solve(
         block(h=0.25, solver__petsc={"ksp_type": "gmres", "pc_type": "lu"}),
         petsc_options={"ksp_type": "fgmres"},
     )
@@ -109,14 +110,14 @@ def test_petsc_options_of_the_caller_win_and_leave_no_trace() -> None:
 
 
 def test_unknown_petsc_factorisation_is_reported_and_not_a_crash() -> None:
-    solution = problem.solve(block(h=0.25), petsc_options={"pc_factor_mat_solver_type": "nonsense"})
+    solution = solving.solve(block(h=0.25), petsc_options={"pc_factor_mat_solver_type": "nonsense"})
     assert not solution.converged
     assert "linear solve" in solution.summary["reason"]
 
 
 def test_iterative_and_direct_linear_algebra_agree() -> None:
     direct, iterative = (
-        problem.solve(block(3, 0.34, solver={"linear": name})) for name in ("direct", "iterative")
+        solving.solve(block(3, 0.34, solver={"linear": name})) for name in ("direct", "iterative")
     )
     assert direct.converged and iterative.converged
     assert iterative.summary["iterations"]["linear"] > iterative.summary["iterations"]["tangents"]
@@ -125,14 +126,14 @@ def test_iterative_and_direct_linear_algebra_agree() -> None:
 
 
 def test_a_body_held_by_contact_alone_finds_its_place() -> None:
-    solution = problem.solve(column(contact={"on": "bottom", "gap": 5.0}))
+    solution = solving.solve(column(contact={"on": "bottom", "gap": 5.0}))
     assert solution.converged
     assert solution.summary["contact_force"][1] == pytest.approx(0.05, rel=1e-8)
 
 
 @pytest.mark.parametrize("method", ["newton", "interior_point"])
 def test_too_few_iterations_are_reported_with_what_was_reached(method: str) -> None:
-    solution = problem.solve(block(penalty__n=1e6, solver={"method": method, "max_iterations": 2}))
+    solution = solving.solve(block(penalty__n=1e6, solver={"method": method, "max_iterations": 2}))
     assert not solution.converged
     assert (
         "Newton steps" in solution.summary["reason"] or "2 interior" in solution.summary["reason"]
@@ -142,7 +143,7 @@ def test_too_few_iterations_are_reported_with_what_was_reached(method: str) -> N
 
 
 def test_friction_that_may_not_settle_is_reported() -> None:
-    solution = problem.solve(block(solver={"method": "newton", "max_friction_updates": 2}))
+    solution = solving.solve(block(solver={"method": "newton", "max_friction_updates": 2}))
     assert not solution.converged
     assert "friction bound" in solution.summary["reason"]
 
@@ -153,10 +154,10 @@ def test_an_error_in_a_callback_is_that_error_and_not_a_failed_solve() -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        problem.solve(block(h=0.25, solver={"method": "newton"}), monitor=Interrupting())
+        solving.solve(block(h=0.25, solver={"method": "newton"}), monitor=Interrupting())
 
 
 def test_equilibrium_of_forces_on_the_whole_body() -> None:
     # Without Gamma_D in x, loads and contact alone must balance vertically.
-    solution = problem.solve(column(friction={"coefficient": 0.3}))
+    solution = solving.solve(column(friction={"coefficient": 0.3}))
     assert solution.summary["contact_force"] == pytest.approx([0.0, 0.05], abs=1e-9)

@@ -10,8 +10,8 @@ import pytest
 from petsc4py import PETSc
 from problems import block
 
-from contact_locking import problem
-from contact_locking.solution import Solution
+from contact_locking import solving
+from contact_locking.results.solution import Solution
 from contact_locking.solver import tangent_solver
 from contact_locking.solver.filtered_multigrid import Filter, FilteredMultigrid
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
@@ -38,7 +38,7 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def _solved(n: float, linear: str, **options: str) -> Solution:
     # A regular grid and a filter of stiff cells in all parts of it.
     parameters = block(3, 1 / 6, mesh__structured=True, penalty__n=n, solver__linear=linear)
-    solution = problem.solve(parameters, petsc_options=options)
+    solution = solving.solve(parameters, petsc_options=options)
     assert solution.converged, solution.summary["reason"]
     return solution
 
@@ -116,9 +116,9 @@ def test_locked_zones_too_large_for_the_filter_are_left_to_multigrid_alone(
 ) -> None:
     monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
     parameters = block(3, 0.34, solver={"linear": "iterative"})
-    filtered = problem.solve(parameters)
+    filtered = solving.solve(parameters)
     monkeypatch.setitem(FILTER_LIMIT, 3, 0)
-    plain = problem.solve(parameters)
+    plain = solving.solve(parameters)
     assert filtered.converged and plain.converged
     assert plain.summary["iterations"]["linear"] > filtered.summary["iterations"]["linear"]
     assert plain.summary["compliance"] == pytest.approx(filtered.summary["compliance"], rel=_SAME)

@@ -11,14 +11,14 @@ from mpi4py import MPI
 from problems import block, column
 from verification_table import Row
 
-from contact_locking import problem
-from contact_locking.domain import Domain, from_geometry
-from contact_locking.material import lame_from_young
+from contact_locking import solving
+from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.meshes.block import Block
 from contact_locking.parameters import Parameters
-from contact_locking.smoothing import Convolution, HelmholtzFilter, Identity, Smoothing
-from contact_locking.solution import Solution
-from contact_locking.surface import ContactSurface
+from contact_locking.problem.domain import Domain, from_geometry
+from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Identity, Smoothing
+from contact_locking.problem.surface import ContactSurface
+from contact_locking.results.solution import Solution
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)
 K = LAME_LAMBDA + 2.0 * LAME_MU
@@ -32,7 +32,7 @@ def test_v1_column_in_uniaxial_strain_is_exact(
     dim: int, pressure: float, n: float, epsilon: float, found: list[Row]
 ) -> None:
     parameters = column(dim, pressure, penalty__n=n, penalty__epsilon=epsilon)
-    solution = problem.solve(parameters)
+    solution = solving.solve(parameters)
     summary = solution.summary
     limit = 0.02
     exact = (
@@ -78,7 +78,7 @@ def test_v6_hertz_line_contact_has_the_half_width_and_peak_of_theory(found: list
             "penalty": {"n": 1e4, "epsilon": 1e-5},
         }
     )
-    solution = problem.solve(parameters)
+    solution = solving.solve(parameters)
     assert solution.converged, solution.summary["reason"]
     assert solution.summary["contact_force"] == pytest.approx([0.0, 10.0], abs=1e-6)
     half = solution.summary["contact_area"] / 2
@@ -106,8 +106,8 @@ def _fingerprint(solution: Solution) -> npt.NDArray[np.float64]:
 def test_v14_any_number_of_ranks_gives_the_same_solution(dim: int, kernel: str) -> None:
     h = 0.1 if dim == 2 else 0.3
     parameters = block(dim, h, friction__smoothing={"kernel": kernel, "radius": 0.3})
-    together = problem.solve(parameters, MPI.COMM_WORLD)
-    alone = problem.solve(parameters, MPI.COMM_SELF)
+    together = solving.solve(parameters, MPI.COMM_WORLD)
+    alone = solving.solve(parameters, MPI.COMM_SELF)
     assert together.converged and alone.converged
     assert _fingerprint(together) == pytest.approx(_fingerprint(alone), rel=1e-8, abs=1e-12)
     points, expected = together.contact_points, alone.contact_points

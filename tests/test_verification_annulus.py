@@ -21,9 +21,9 @@ from problems import with_changes
 from scipy.integrate import solve_ivp
 from verification_table import Row
 
-from contact_locking import problem
-from contact_locking.material import lame_from_young
-from contact_locking.solution import Solution
+from contact_locking import solving
+from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.results.solution import Solution
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def annulus(h: float, n: float) -> Solution:
             "penalty": {"n": n},
         }
     )
-    solution = problem.solve(parameters)
+    solution = solving.solve(parameters)
     assert solution.converged, solution.summary["reason"]
     return solution
 

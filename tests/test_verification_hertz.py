@@ -10,7 +10,7 @@ import pytest
 from problems import with_changes
 from verification_table import Row
 
-from contact_locking import problem
+from contact_locking import solving
 
 pytestmark = pytest.mark.serial
 
@@ -73,7 +73,7 @@ def indented(folder: Path, size: float, h: float, finest: float) -> tuple[float,
         "contact": {"on": "bottom", "gap": f"(x*x + y*y)/(2*{RADIUS}) - {DEPTH}"},
         "penalty": {"n": 1e4, "epsilon": 1e-4},
     }
-    solution = problem.solve(with_changes(data))
+    solution = solving.solve(with_changes(data))
     assert solution.converged, solution.summary["reason"]
     assert solution.contact_points is not None
     area = 4.0 * solution.summary["contact_area"]

@@ -9,7 +9,7 @@ import sympy as sp
 from manufactured import Errors, Manufactured, X, Y, Z, rate, sampled
 from verification_table import Row
 
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 # A shear, so that the strain is nowhere small, with waves.
 PLANE = (sp.sin(X + 2 * Y + 0.3) / 20 + 0.3 * Y, -sp.cos(2 * X - Y) / 20)

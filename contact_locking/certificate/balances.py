@@ -10,10 +10,10 @@ import ufl
 from dolfinx import fem, la
 from ufl.core.expr import Expr
 
-from contact_locking import compiled, forms
 from contact_locking.certificate.criteria import Criterion
-from contact_locking.certificate.state import SolvedState
-from contact_locking.material import strain
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem import compiled, forms
 
 FloatArray = npt.NDArray[np.float64]
 

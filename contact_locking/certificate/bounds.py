@@ -10,7 +10,6 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import forms
 from contact_locking.certificate.elliptic import (
     NotApplicable,
     elasticity,
@@ -19,9 +18,10 @@ from contact_locking.certificate.elliptic import (
     springs,
 )
 from contact_locking.certificate.lifting import Lifting
-from contact_locking.certificate.state import SolvedState
-from contact_locking.convex import squared_norm, unit_ball_excess
-from contact_locking.material import strain
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.convex import squared_norm, unit_ball_excess
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem import forms
 from contact_locking.results.derived import integral
 
 # Rounding and the solver's tolerance may put a measured value this share above its bound.

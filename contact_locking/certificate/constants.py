@@ -12,14 +12,14 @@ from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking import compiled
 from contact_locking.certificate.elliptic import (
     NotApplicable,
     elliptic_problem,
     inner_product,
 )
-from contact_locking.certificate.state import SolvedState
-from contact_locking.contacts import Contact
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.problem import compiled
+from contact_locking.problem.contact import Contact
 
 FloatArray = npt.NDArray[np.float64]
 

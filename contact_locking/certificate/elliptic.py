@@ -13,9 +13,9 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking import compiled, forms
-from contact_locking.certificate.state import SolvedState
-from contact_locking.material import strain
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem import compiled, forms
 from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
 
 FloatArray = npt.NDArray[np.float64]

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
-from contact_locking.certificate.state import SolvedState
-from contact_locking.material import MANDEL_PAIRS, mandel_factor
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.problem.spaces import nodal_space
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -70,7 +71,7 @@ def _mandel(tensors: FloatArray) -> FloatArray:
 def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
     """Cell values (k, m) averaged at the corners of each owned cell, (k, d + 1, m); collective."""
     mesh, cells, size = state.problem.domain.mesh, state.cells, values.shape[1]
-    space = fem.functionspace(mesh, ("P", 1, (size + 1,)))
+    space = nodal_space(mesh, size + 1)
     corners = space.dofmap.list[: len(values)]
     result = np.empty((len(values), state.dim + 1, size))
     weighted = np.column_stack([values, np.ones(len(values))]) * cells.volumes[:, None]

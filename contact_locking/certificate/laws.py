@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.certificate.criteria import Criterion
-from contact_locking.certificate.state import SolvedState
+from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.results.derived import ContactFields
 
 FloatArray = npt.NDArray[np.float64]

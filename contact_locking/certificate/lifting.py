@@ -14,8 +14,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking.certificate.elliptic import EllipticProblem, NotApplicable, elasticity
-from contact_locking.certificate.state import SolvedState
-from contact_locking.material import strain
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.elasticity import strain
 
 FloatArray = npt.NDArray[np.float64]
 

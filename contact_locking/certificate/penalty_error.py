@@ -14,13 +14,13 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import compiled, forms
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.lifting import Lifting
-from contact_locking.certificate.state import SolvedState
-from contact_locking.convex import squared_norm
-from contact_locking.forms import ProblemData
-from contact_locking.material import strain
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.convex import squared_norm
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem import compiled, forms
+from contact_locking.problem.forms import ProblemData
 from contact_locking.results.derived import integral
 
 FloatArray = npt.NDArray[np.float64]

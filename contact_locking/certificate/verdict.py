@@ -16,7 +16,7 @@ from contact_locking.certificate.indicator import error_indicator
 from contact_locking.certificate.laws import law_criteria
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.penalty_error import penalty_error
-from contact_locking.certificate.state import SolvedState
+from contact_locking.certificate.solved_state import SolvedState
 
 
 @dataclass(frozen=True)

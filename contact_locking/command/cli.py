@@ -11,8 +11,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from contact_locking import signals
-from contact_locking.command import commands, terminal
+from contact_locking.command import commands, signals, terminal
 from contact_locking.command.arguments import parse
 from contact_locking.errors import ContactLockingError
 

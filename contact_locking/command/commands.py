@@ -15,15 +15,14 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contact_locking import signals
-from contact_locking.command import terminal
+from contact_locking.command import signals, terminal
 from contact_locking.errors import ContactLockingError, InputError, explained
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from contact_locking.progress import Monitor
-    from contact_locking.solution import Solution
+    from contact_locking.monitor import Monitor
+    from contact_locking.results.solution import Solution
     from contact_locking.study_file import StudyFile
 
 CONVERGED, NOT_CONVERGED = 0, 3
@@ -36,20 +35,20 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
     study = _load(arguments.file, _overrides(arguments))
     comm = _world_with_dolfinx(arguments)
-    from contact_locking import output, problem
+    from contact_locking import solving, writing
 
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
     speaks = comm.rank == 0 and not arguments.quiet
     if restart is not None and not arguments.checkpoint:
         _keep_checkpoint(restart, Path(directory))
-    with _explained(study), output.reserved(directory, comm):
+    with _explained(study), writing.reserved(directory, comm):
         save_state = arguments.checkpoint and _checkpoints_work()
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
         with _monitor(arguments, comm, speaks) as monitor, _petsc_complaints():
-            solution = problem.solve(parameters, comm, monitor, arguments.petsc, restart)
-        warnings = output.write(solution, directory, save_state)
+            solution = solving.solve(parameters, comm, monitor, arguments.petsc, restart)
+        warnings = writing.write(solution, directory, save_state)
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")
     ratio = _largest_strain_ratio(solution)
@@ -107,11 +106,12 @@ def check(arguments: argparse.Namespace) -> int:
     study = _load(arguments.file, arguments.set)
     parameters = study.parameters
     comm = _world_with_dolfinx(arguments)
-    from contact_locking import groups, output, problem
+    from contact_locking import solving, writing
+    from contact_locking.problem import groups
 
     with _explained(study):
-        output.prepare(parameters.output.directory, comm)
-        facts = problem.check(parameters, comm)
+        writing.prepare(parameters.output.directory, comm)
+        facts = solving.check(parameters, comm)
     for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
@@ -203,7 +203,7 @@ def _checkpoints_work() -> bool:
 def _monitor(arguments: argparse.Namespace, comm: MPI.Intracomm, speaks: bool) -> Iterator[Monitor]:
     """The listener of the solve: the terminal, and the progress file that a study asks for."""
     from contact_locking.command.monitors import ProgressFile, TerminalMonitor
-    from contact_locking.progress import Monitor
+    from contact_locking.monitor import Monitor
 
     shown: contextlib.AbstractContextManager[Monitor] = (
         TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
@@ -245,7 +245,7 @@ def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
             f"DOLFINx cannot be imported here: {error}\n"
             "It needs DOLFINx 0.9 or newer with PETSc; the README says how to get it."
         ) from error
-    from contact_locking import compiled_forms
+    from contact_locking.problem import compiled_forms
 
     # If the reader of the output leaves early, as head does, a program of one process ends in
     # silence, whether Python or a monitor of PETSc was printing.

@@ -10,8 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from contact_locking.monitor import Monitor
 from contact_locking.plain_text import printable
-from contact_locking.progress import Monitor
 from contact_locking.results.atomic import write_text
 
 

@@ -15,14 +15,14 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, parse
 from contact_locking.plain_text import nearest
 
-from .base import Fault, FaultsError, Place, Section, entry, marks, refuse_if
-from .boundary import Displacement, LoadParameters, Traction
+from .base import Fault, Place, Section, entry, marks, refuse_if
+from .boundary import LoadParameters
 from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
-from .coulomb import FrictionParameters, OwnFriction, OwnSmoothing, Smoothing
-from .material import Elasticity, MaterialParameters, Region
+from .coulomb import FrictionParameters, Smoothing
+from .material import Elasticity, MaterialParameters
 from .mesh import MeshParameters
 from .numerics import CertificateParameters, OutputParameters, PenaltyParameters, SolverParameters
-from .rigid_body import Cylinder, Foundation, HalfSpace, Sphere
+from .rigid_body import Foundation
 from .study import StudyParameters
 from .values import Text
 
@@ -30,28 +30,18 @@ __all__ = [
     "CertificateParameters",
     "ContactParameters",
     "ContactSection",
-    "Cylinder",
-    "Displacement",
     "Elasticity",
-    "Fault",
-    "FaultsError",
     "Foundation",
     "FrictionParameters",
-    "HalfSpace",
     "LoadParameters",
     "MaterialParameters",
     "MeshParameters",
     "OutputParameters",
-    "OwnFriction",
-    "OwnSmoothing",
     "Parameters",
     "PenaltyParameters",
-    "Region",
     "Smoothing",
     "SolverParameters",
-    "Sphere",
     "StudyParameters",
-    "Traction",
 ]
 
 

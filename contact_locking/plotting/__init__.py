@@ -13,7 +13,7 @@ from contact_locking.results.names import PICTURE, SNAPSHOT
 if TYPE_CHECKING:
     from contact_locking.plotting.snapshot import Snapshot
     from contact_locking.plotting.views import Image
-    from contact_locking.solution import Solution
+    from contact_locking.results.solution import Solution
 
 
 def picture(solution: Solution, folder: Path) -> str | None:

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.results.contact_points import contact_name
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 
 def gather(solution: Solution) -> Snapshot | None:

@@ -13,10 +13,10 @@ from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path
 
 from contact_locking.arrays import FloatArray
-from contact_locking.ordering import curves
 from contact_locking.plotting import profile, style
 from contact_locking.plotting.ground import touched
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
+from contact_locking.results.ordering import curves
 
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
 _THICKNESS, _REACH = 0.05, 0.08

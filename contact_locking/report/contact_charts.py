@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.ordering import curves
 from contact_locking.plotting import contact_map, profile, style
 from contact_locking.results.contact_points import ContactPoints, contact_name, facets_within
+from contact_locking.results.ordering import curves
 from contact_locking.results.read import RunResults
 
 from .charts import WIDTH, Chart, chart

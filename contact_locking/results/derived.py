@@ -13,14 +13,16 @@ from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
-from contact_locking import _compat, compiled, forms
-from contact_locking.coefficients import Material
-from contact_locking.contacts import Contact
-from contact_locking.domain import Domain
-from contact_locking.locking import locking_stress
-from contact_locking.material import strain
-from contact_locking.ordering import along_curves, facets_of, lexicographic
+from contact_locking import _compat
+from contact_locking.laws.elasticity import strain
+from contact_locking.laws.locking import locking_stress
+from contact_locking.problem import compiled, forms
+from contact_locking.problem.coefficients import Material
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.spaces import strain_space
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
+from contact_locking.results.ordering import along_curves, facets_of, lexicographic
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
 FloatArray = npt.NDArray[np.float64]
@@ -224,7 +226,7 @@ def integral(domain: Domain, form: Expr) -> float:
 
 
 def _p0(domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()) -> fem.Function:
-    space = fem.functionspace(domain.mesh, ("DG", 0, shape) if shape else ("DG", 0))
+    space = strain_space(domain.mesh, shape)
     function = fem.Function(space, name=name)
     function.interpolate(_compat.interpolation_expression(expr, space))
     function.x.scatter_forward()

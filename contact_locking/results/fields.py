@@ -12,7 +12,7 @@ from pathlib import Path
 from dolfinx import fem, io
 from mpi4py import MPI
 
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 
 FIELD_NAMES = (
     "displacement",

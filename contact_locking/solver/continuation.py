@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from contact_locking.errors import NotConverged
-from contact_locking.penalty import Penalty
+from contact_locking.laws.penalty import Penalty
 from contact_locking.solver.target import Target
 
 

@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.contacts import joint_norm
 from contact_locking.errors import NotConverged
+from contact_locking.problem.contact import joint_norm
 from contact_locking.solver.task import Task
 
 FloatArray = npt.NDArray[np.float64]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.penalty import Penalty
-from contact_locking.system import PenalisedSystem
+from contact_locking.laws.penalty import Penalty
+from contact_locking.problem.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.contacts import Contact
 from contact_locking.errors import Infeasible, InputError, NotConverged
-from contact_locking.penalty import Penalty
+from contact_locking.laws.penalty import Penalty
+from contact_locking.problem.contact import Contact
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint, explain_failure
 from contact_locking.solver.linear import is_direct
 from contact_locking.solver.newton import NewtonSolver
-from contact_locking.solver.polish import has_digits, polish, settle
+from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle
 from contact_locking.solver.saved import SavedState
 from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.task import Task
@@ -116,7 +116,8 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
         task.add_stage(penalty, report.tangents)
         if not report.reason:
             # Newton's last steps want a linear solver as sharp as they are.
-            if solver.direct is not None and not solver.is_elastic:
+            is_sharp = solver.direct is not None and not solver.is_elastic
+            if is_sharp and is_in_reach(task):
                 polish(task, _POLISH, solver.direct)
             return task.succeed()
     finally:

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.linalg import blas, lapack
 
-from contact_locking import compiled
+from contact_locking.problem import compiled
 
 FloatArray = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.integer]

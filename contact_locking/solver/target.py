@@ -6,8 +6,8 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from contact_locking.penalty import Penalty
-from contact_locking.system import ROUNDING
+from contact_locking.laws.penalty import Penalty
+from contact_locking.problem.system import ROUNDING
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
-from contact_locking.penalty import Penalty
-from contact_locking.progress import Monitor
+from contact_locking.laws.penalty import Penalty
+from contact_locking.monitor import Monitor
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.target import Target
-from contact_locking.system import PenalisedSystem
 
 
 @dataclass(frozen=True)

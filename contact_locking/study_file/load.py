@@ -12,8 +12,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from contact_locking.errors import InputError
-from contact_locking.parameters import Fault, Parameters
-from contact_locking.parameters.base import MOST_FAULTS
+from contact_locking.parameters import Parameters
+from contact_locking.parameters.base import MOST_FAULTS, Fault
 from contact_locking.parameters.wording import show
 
 from .dump import dump

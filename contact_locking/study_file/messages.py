@@ -7,8 +7,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from contact_locking.parameters import Fault, FaultsError, Parameters
-from contact_locking.parameters.base import MOST_FAULTS
+from contact_locking.parameters import Parameters
+from contact_locking.parameters.base import MOST_FAULTS, Fault, FaultsError
 from contact_locking.parameters.keys import known_keys
 from contact_locking.parameters.values import CHOICES
 from contact_locking.parameters.wording import show, unknown_key, value_message

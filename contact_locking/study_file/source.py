@@ -162,7 +162,11 @@ def _index(data: Any, part: str, place: str) -> Any:
 
 
 class _Reader:
-    """Builds plain data from the nodes of ruamel.yaml, so that no other objects are built."""
+    """Builds plain data from the nodes of ruamel.yaml, so that no other objects are built.
+
+    Round trip data of ruamel.yaml have lines too, but aliases and merged keys in them are resolved,
+    and names such as 01 and 1e3 have become numbers.
+    """
 
     def __init__(self, name: str, *, lines: bool) -> None:
         self.name = name

@@ -16,11 +16,11 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from conic import Body
 
-from contact_locking.domain import Domain
 from contact_locking.expressions import parse
-from contact_locking.material import mean_young
+from contact_locking.laws.elasticity import mean_young
 from contact_locking.parameters import Elasticity, Parameters
-from contact_locking.solution import Solution
+from contact_locking.problem.domain import Domain
+from contact_locking.results.solution import Solution
 
 from .geometry import Geometry
 

@@ -12,11 +12,11 @@ import numpy as np
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from contact_locking.assembly import Problem, assemble
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
-from contact_locking.problem import solve_assembled
-from contact_locking.solution import Solution
+from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.results.solution import Solution
+from contact_locking.solving import solve_assembled
 
 from . import judge, reference
 from .case import Case, Study, Truth

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from contact_locking.domain import Domain
+from contact_locking.problem.domain import Domain
 
 from .case import Random, Study
 

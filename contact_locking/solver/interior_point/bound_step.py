@@ -7,17 +7,19 @@ The bound ``G = mu(|u_tau|) |R p|`` (6) follows pressure and slip, which follow 
 
 All of it is linear in b.  Of a bound of the user's own nothing is known but its value: without the
 derivatives the step is that to the new value.  The unknowns are those of the nodes of all parts of
-Gamma_C with friction together, so GMRES solves for them with one back-substitution an iteration, by
-the factorisation that the step has anyway.
+Gamma_C with friction together, so a Krylov method solves for them with one back-substitution an
+iteration, by the factorisation that the step has anyway.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
+from mpi4py import MPI
 
 from contact_locking.solver.interior_point.family import Direction, Reaction
 from contact_locking.solver.interior_point.moving_bound import MovingBound
@@ -26,7 +28,14 @@ from contact_locking.solver.interior_point.tuning import Tuning
 
 FloatArray = npt.NDArray[np.float64]
 
-_PREFIX = "contact_locking_bound_"
+
+@dataclass
+class _Known:
+    """A step of the bounds, what the equation makes of it, and the displacement it leads to."""
+
+    step: FloatArray
+    image: FloatArray
+    displacement: FloatArray
 
 
 class BoundStep:
@@ -34,48 +43,75 @@ class BoundStep:
 
     def __init__(self, bounds: Sequence[MovingBound], tangent: Tangent, tuning: Tuning) -> None:
         self._tangent, self._tuning = tangent, tuning
-        self._laws = [_BoundLaw(bound) for bound in bounds]
+        self._laws = [_BoundLaw(bound, tuning.bound_most_taken) for bound in bounds]
         counts = [len(law.friction.weights) for law in self._laws]
         self._ends = np.cumsum(counts)[:-1]
+        self._known: list[_Known] = []
 
-    def adapt(self, direction: Direction) -> None:
+    def misses(self, direction: Direction) -> float:
+        """How far the step of the bounds is from what agrees with a direction, relative.
+
+        Collective.  The direction is one with the steps of the bounds that are set before.
+        """
+        left = np.concatenate([law.missed(direction) for law in self._laws])
+        moved = np.concatenate([law.friction.bound + law.friction.bound_step for law in self._laws])
+        return self._norm(left) / (self._norm(moved) or 1.0)
+
+    def adapt(self, direction: Direction) -> FloatArray | None:
         """Set the step of each bound to what agrees with a direction and itself; collective.
 
-        The direction is one with the steps of the bounds that are set before.
+        The direction is one with the steps of the bounds that are set before.  Returns what the
+        change adds to the step of the displacement, or None if that is not known.
         """
-        if not self._laws:
-            return
-        right = [law.distance(direction) for law in self._laws]
-        changes = np.split(self._solve(np.concatenate(right)), self._ends)
-        for law, change in zip(self._laws, changes, strict=True):
-            law.change(change, self._tuning.bound_most_taken)
+        right = np.concatenate([law.distance(direction) for law in self._laws])
+        change, displacement = self._solve(right)
+        parts = zip(self._laws, np.split(change, self._ends), strict=True)
+        is_cut = any([law.change(part) for law, part in parts])
+        return None if self._tangent.comm.allreduce(is_cut, op=MPI.LOR) else displacement
 
-    def _left_by(self, steps: FloatArray) -> FloatArray:
-        """``b - mu R dp(b) - mu'(s) |R p| ds(b)`` for steps b of all bounds; collective."""
-        parts = list(zip(self._laws, np.split(steps, self._ends), strict=True))
+    def _solve(self, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The steps of the bounds for a right-hand side, and their displacement; collective.
+
+        Generalised conjugate residuals, which keep what earlier solves with this tangent learnt.
+        """
+        change, left = np.zeros_like(right), right.copy()
+        displacement = self._tangent.nothing()
+        enough = self._tuning.bound_rtol * self._norm(right)
+        for i in range(self._tuning.bound_iterations):
+            if i >= len(self._known):
+                if not self._norm(left) > enough:
+                    break
+                self._learn(left)
+            known = self._known[i]
+            share = self._dot(known.image, left)
+            change += share * known.step
+            displacement += share * known.displacement
+            left -= share * known.image
+        return change, displacement
+
+    def _learn(self, step: FloatArray) -> None:
+        """Find the response to one more step, made independent of those before; collective."""
+        parts = list(zip(self._laws, np.split(step, self._ends), strict=True))
         reactions = [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
         du = self._tangent.respond(reactions, self._tuning.linear_loosest)
-        return np.concatenate([part - law.moved_by(du) for law, part in parts])
+        new = _Known(
+            step.copy(), np.concatenate([part - law.moved_by(du) for law, part in parts]), du
+        )
+        for other in self._known:
+            share = self._dot(other.image, new.image)
+            new.image -= share * other.image
+            new.step -= share * other.step
+            new.displacement -= share * other.displacement
+        size = self._norm(new.image)
+        for values in (new.step, new.image, new.displacement):
+            values /= size
+        self._known.append(new)
 
-    def _solve(self, right: FloatArray) -> FloatArray:
-        comm, most = self._tangent.comm, self._tuning.bound_iterations
-        size = ((len(right), None), (len(right), None))
-        matrix = PETSc.Mat().createPython(size, _Map(self._left_by), comm=comm)
-        matrix.setUp()
-        x, b = matrix.createVecs()
-        b.array_w[:] = right
-        ksp = PETSc.KSP().create(comm)
-        ksp.setOptionsPrefix(_PREFIX)
-        ksp.setType(PETSc.KSP.Type.GMRES)
-        ksp.setOperators(matrix)
-        ksp.getPC().setType(PETSc.PC.Type.NONE)
-        ksp.setTolerances(rtol=self._tuning.bound_rtol, max_it=most)
-        ksp.setGMRESRestart(most)
-        ksp.solve(b, x)
-        step = x.array_r.copy()
-        for item in (ksp, matrix, x, b):
-            item.destroy()
-        return step
+    def _dot(self, a: FloatArray, b: FloatArray) -> float:
+        return float(self._tangent.comm.allreduce(float(a @ b)))
+
+    def _norm(self, a: FloatArray) -> float:
+        return math.sqrt(self._dot(a, a))
 
 
 class _BoundLaw:
@@ -84,7 +120,8 @@ class _BoundLaw:
     Values are those of the nodes of the cones, (k,); collective to make.
     """
 
-    def __init__(self, moving: MovingBound) -> None:
+    def __init__(self, moving: MovingBound, most_taken: float) -> None:
+        self._most_taken = most_taken
         contact, bound = moving.contact, moving.contact.friction
         self._contact, self.friction = moving.pressing, moving.friction
         self._nodes, self._smoothing = self.friction.nodes, bound.smoothing
@@ -108,11 +145,18 @@ class _BoundLaw:
         wanted = self._wanted + self._moved(direction.steps[self._contact].dual, slip_step)
         return wanted - friction.bound - friction.bound_step
 
-    def change(self, change: FloatArray, most_taken: float) -> None:
-        """Change the step of the bound, which stays positive."""
+    def missed(self, direction: Direction) -> FloatArray:
+        """The same, but for a bound that would have to fall farther than it may; collective."""
+        left, friction = self.distance(direction), self.friction
+        is_cut = friction.bound_step <= -self._most_taken * friction.bound
+        return np.where(is_cut, np.maximum(left, 0.0), left)
+
+    def change(self, change: FloatArray) -> bool:
+        """Change the step of the bound, which stays positive; whether that cut it on this rank."""
         friction = self.friction
-        step = np.maximum(friction.bound_step + change, -most_taken * friction.bound)
-        friction.bound_step = np.asarray(step)
+        step, least = friction.bound_step + change, -self._most_taken * friction.bound
+        friction.bound_step = np.asarray(np.maximum(step, least))
+        return bool(np.any(step < least))
 
     def moved_by(self, displacement: FloatArray) -> FloatArray:
         """What a response of the displacement (owned values) does to the law; collective."""
@@ -125,13 +169,3 @@ class _BoundLaw:
         smoothed = nodes.of_all(self._smoothing.apply(nodes.at_all(pressure_step)))
         along = np.einsum("ik,ik->k", self._along, slip_step)
         return np.asarray(self._mu * smoothed + self._slope * along)
-
-
-class _Map:
-    """A linear map of arrays as PETSc's shell matrix."""
-
-    def __init__(self, apply: Callable[[FloatArray], FloatArray]) -> None:
-        self._apply = apply
-
-    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        y.array_w[:] = self._apply(x.array_r.copy())

@@ -8,12 +8,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.convex import normal_part
+from contact_locking.laws.convex import normal_part
+from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.family import Family, IntArray, Step
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.multipliers import Multipliers
-from contact_locking.system import ROUNDING
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from contact_locking.contacts import Contact
-from contact_locking.system import PenalisedSystem
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.system import PenalisedSystem
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 FloatArray = npt.NDArray[np.float64]

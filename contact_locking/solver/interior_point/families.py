@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.family import Family
@@ -16,7 +17,6 @@ from contact_locking.solver.interior_point.lorentz import Lorentz
 from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.target import Target
-from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,12 +10,12 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from contact_locking import compiled
-from contact_locking.material import strain
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem import compiled
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.target import Target
-from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.errors import Infeasible, NotConverged
-from contact_locking.penalty import Penalty
+from contact_locking.laws.penalty import Penalty
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.target import Target
 from contact_locking.solver.task import Task
-from contact_locking.system import PenalisedSystem
 
 # How close the factor that works and the one that does not have to be.
 _PRECISION = 0.01

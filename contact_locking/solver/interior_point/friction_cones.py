@@ -8,7 +8,7 @@ import ufl
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.convex import tangential_part
+from contact_locking.laws.convex import tangential_part
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.family import IntArray, Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, dot

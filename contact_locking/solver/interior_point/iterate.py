@@ -47,11 +47,27 @@ class Iterate:
         self, target: float, accuracy: float, corrections: Corrections = _NONE
     ) -> Direction:
         """The steps of displacement and families towards products of ``target``; collective."""
-        aims = [
+        aims = self._aims(target, corrections)
+        return self._direction_of(self.tangent.solve_step(aims, accuracy))
+
+    def moved_by(
+        self, direction: Direction, change: FloatArray, target: float, corrections: Corrections
+    ) -> Direction:
+        """The direction with a step of the displacement that is larger by ``change``; collective.
+
+        Target and corrections are those of the direction; only the friction bound has changed.
+        """
+        self._aims(target, corrections)
+        return self._direction_of(direction.displacement + change)
+
+    def _aims(self, target: float, corrections: Corrections) -> list[Reaction]:
+        return [
             Reaction(family, family.aim(target * family.scale, corrections.get(family)))
             for family in self.families
         ]
-        du = self.tangent.solve_step(aims, accuracy)
+
+    def _direction_of(self, du: FloatArray) -> Direction:
+        """The steps of the families with a step of the displacement, towards what they aim at."""
         return Direction(du, {family: family.step(family.see(du)) for family in self.families})
 
     def corrections(self, direction: Direction, weight: float) -> Corrections:

@@ -11,14 +11,14 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.material import strain
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.family import IntArray, Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, norm
 from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.multipliers import Multipliers
-from contact_locking.system import ROUNDING
 
 FloatArray = npt.NDArray[np.float64]
 

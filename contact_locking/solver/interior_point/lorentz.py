@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from contact_locking import compiled
+from contact_locking.problem import compiled
 
 FloatArray = npt.NDArray[np.float64]
 # A point and its multiplier, or a step of both.

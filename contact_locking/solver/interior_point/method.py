@@ -17,7 +17,7 @@ back-substitutions more than one with known bounds.
    second-order terms (Mehrotra, doi:10.1137/0802028).
 6. Friction bound: its step that agrees with the direction, and the direction with that.
 7. Recentring: while a step is short, correct the products that it would drive out of their band
-   (Gondzio, doi:10.1007/BF00249643); after that 6 once more.
+   (Gondzio, doi:10.1007/BF00249643); then 6 once more if the bound has been left behind.
 8. Step towards the boundary of the cones.
 9. Follow the friction bound: if the step hardly brought it closer to ``mu |R p|``, set it to that.
    Go on with 2.
@@ -31,8 +31,8 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from contact_locking.contacts import joint_norm
 from contact_locking.errors import Infeasible, NotConverged
+from contact_locking.problem.contact import joint_norm
 from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.farkas import excluded_factor
 from contact_locking.solver.interior_point.iterate import Iterate

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking.contacts import Contact
+from contact_locking.problem.contact import Contact
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 

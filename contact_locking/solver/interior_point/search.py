@@ -48,7 +48,6 @@ class Search:
         best = self._adapted(bound_step, best, target, corrections)
         t = self._length(best)
         # 7. Recentring.
-        recentred = False
         for _ in range(tuning.recentrings):
             if t >= tuning.long_enough:
                 break
@@ -57,8 +56,8 @@ class Search:
             longer = self._length(candidate)
             if longer < tuning.gain * t:
                 break
-            best, corrections, t, recentred = candidate, trial, longer, True
-        if recentred:
+            best, corrections, t = candidate, trial, longer
+        if self._bounds and bound_step.misses(best) > tuning.bound_missed:
             best = self._adapted(bound_step, best, target, corrections)
             t = self._length(best)
         return best, t
@@ -69,8 +68,10 @@ class Search:
         """The direction with the steps of the friction bounds that agree with it; collective."""
         if not self._bounds:
             return direction
-        bound_step.adapt(direction)
-        return self._iterate.direction(target, self._accuracy, corrections)
+        change = bound_step.adapt(direction)
+        if change is None or self._iterate.tangent.direct is None:
+            return self._iterate.direction(target, self._accuracy, corrections)
+        return self._iterate.moved_by(direction, change, target, corrections)
 
     def _length(self, direction: Direction) -> float:
         # 8. Towards the boundary.

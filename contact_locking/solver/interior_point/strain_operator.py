@@ -9,8 +9,9 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from contact_locking import compiled
-from contact_locking.material import MANDEL_PAIRS, mandel_factor, mandel_vector, strain
+from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor, mandel_vector, strain
+from contact_locking.problem import compiled
+from contact_locking.problem.spaces import strain_space
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -38,7 +39,7 @@ class StrainOperator:
         self.comm, self.dim = mesh.comm, mesh.topology.dim
         self.rows = len(MANDEL_PAIRS[self.dim])
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        vectors = fem.functionspace(mesh, ("DG", 0, (self.rows,)))
+        vectors = strain_space(mesh, (self.rows,))
         form = compiled.form(
             ufl.inner(mandel_vector(strain(ufl.TrialFunction(space))), ufl.TestFunction(vectors))
             * dx
@@ -50,8 +51,8 @@ class StrainOperator:
         by_cell.assemble()
         self._matrix = self._by_component(by_cell)
         by_cell.destroy()
-        self.scalars = fem.functionspace(mesh, ("DG", 0))
-        self.tensors = fem.functionspace(mesh, ("DG", 0, (self.dim, self.dim)))
+        self.scalars = strain_space(mesh)
+        self.tensors = strain_space(mesh, (self.dim, self.dim))
         self.weights: FloatArray = fem.assemble_vector(
             compiled.form(ufl.TestFunction(self.scalars) * dx)
         ).array[dofs]

@@ -12,7 +12,7 @@ from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking import compiled, forms
+from contact_locking.problem import compiled, forms
 from contact_locking.solver.filtered_multigrid import StiffPart
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -122,6 +122,10 @@ class Tangent:
         """
         self._right.set(0.0)
         return self._solve_for(reactions, -1.0, accuracy, is_rough=True)
+
+    def nothing(self) -> FloatArray:
+        """A displacement step of zero."""
+        return np.zeros(self._owned)
 
     def move(self, t: float, step: FloatArray) -> None:
         """Add ``t step`` to the system's displacement; collective."""

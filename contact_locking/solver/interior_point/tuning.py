@@ -106,6 +106,10 @@ class Tuning:
     #: Products between these multiples of the target, below and above 1, are left alone.
     band: tuple[float, float] = (0.1, 10.0)
 
+    #: Recentrings keep the step of the friction bound, unless that then misses what agrees with
+    #: them by more than this share of the bound, > 0, as happens where friction is large.
+    bound_missed: float = 0.03
+
     # The step.
     #: How far a step goes towards the boundary of the cones, in (0, 1).
     to_boundary: float = 0.97

@@ -11,8 +11,8 @@ from dolfinx import fem
 from scipy.optimize import linprog
 
 from contact_locking import _compat
-from contact_locking.domain import Domain
 from contact_locking.errors import InputError
+from contact_locking.problem.domain import Domain
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from contact_locking.domain import Domain
 from contact_locking.errors import InputError
+from contact_locking.problem.domain import Domain
 
 FloatArray = npt.NDArray[np.float64]
 

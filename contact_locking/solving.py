@@ -13,18 +13,20 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import checkpoint, plausibility, study_file
+from contact_locking import checkpoint, study_file
 from contact_locking._version import __version__
-from contact_locking.assembly import Problem, assemble
 from contact_locking.certificate import Certificate, certify
 from contact_locking.certificate.penalty_error import distance
-from contact_locking.certificate.state import SolvedState
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.checkpoint.restart import Restart
 from contact_locking.errors import InputError
+from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
-from contact_locking.parts import describe_slide
-from contact_locking.progress import Monitor
-from contact_locking.restart import Restart
+from contact_locking.problem import plausibility
+from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.problem.parts import describe_slide
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import (
     body_summary,
     contact_summary,
@@ -32,12 +34,11 @@ from contact_locking.results.derived import (
     integral,
     on_gamma_c,
 )
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 from contact_locking.solver import Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
 from contact_locking.solver.options import UserOptions, require_harmless, require_known
 from contact_locking.solver.target import Target
-from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 

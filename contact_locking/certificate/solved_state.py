@@ -12,13 +12,15 @@ from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
-from contact_locking import _compat, compiled, forms
-from contact_locking.assembly import Problem
-from contact_locking.material import strain
+from contact_locking import _compat
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem import compiled, forms
+from contact_locking.problem.assembly import Problem
+from contact_locking.problem.spaces import strain_space
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import BodyFields, ContactFields, integral, penalised
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver.target import Target
-from contact_locking.system import PenalisedSystem
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -116,8 +118,8 @@ class Cells:
         mesh, dim = domain.mesh, domain.dim
         self._owned = mesh.topology.index_map(dim).size_local
         self._dim = dim
-        self._space = fem.functionspace(mesh, ("DG", 0, (dim, dim)))
-        scalar = fem.functionspace(mesh, ("DG", 0))
+        self._space = strain_space(mesh, (dim, dim))
+        scalar = strain_space(mesh)
         ones = compiled.form(ufl.TestFunction(scalar) * state.problem.data.dx)
         self.volumes = self.scalars(fem.assemble_vector(ones).array, scalar)
         self.volume = float(domain.comm.allreduce(float(self.volumes.sum())))

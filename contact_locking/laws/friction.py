@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from ufl.core.expr import Expr
 
-from contact_locking.convex import regularised_norm
+from contact_locking.laws.convex import regularised_norm
 
 
 def friction_traction(u_tangential: Expr, bound: Expr, regularisation: Expr) -> Expr:

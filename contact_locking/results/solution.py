@@ -11,8 +11,8 @@ from contact_locking.results.contact_points import ContactPoints
 if TYPE_CHECKING:
     from dolfinx import fem
 
-    from contact_locking.domain import Domain
     from contact_locking.parameters import Parameters
+    from contact_locking.problem.domain import Domain
     from contact_locking.results.derived import ContactFields
 
 

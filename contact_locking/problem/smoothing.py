@@ -14,7 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
-from contact_locking.surface_mesh import SurfaceMesh
+from contact_locking.problem.surface_mesh import SurfaceMesh
 
 FloatArray = npt.NDArray[np.float64]
 

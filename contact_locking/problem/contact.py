@@ -10,9 +10,9 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking.friction_law import Coefficient, FrictionLaw
-from contact_locking.smoothing import Smoothing
-from contact_locking.surface import ContactSurface
+from contact_locking.laws.friction_law import Coefficient, FrictionLaw
+from contact_locking.problem.smoothing import Smoothing
+from contact_locking.problem.surface import ContactSurface
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -25,7 +25,7 @@ class FrictionBound:
     """``G(p, s) = mu(x, s) |R p|`` (6): the most that the friction traction can be, at nodes.
 
     ``law`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,): a
-    :class:`~contact_locking.friction_law.FrictionLaw`, or any function, whose constants the
+    :class:`~contact_locking.laws.friction_law.FrictionLaw`, or any function, whose constants the
     certificate samples.  ``smoothing`` is R.  ``frictionless`` says that mu is zero everywhere.
     A bound of the user's own is a subclass with its own :meth:`evaluate`.
     """

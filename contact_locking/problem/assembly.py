@@ -12,23 +12,24 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import domain as domains
-from contact_locking import forms
-from contact_locking.coefficients import Material, build_material, evaluate
-from contact_locking.conditions import (
+from contact_locking.errors import InputError
+from contact_locking.laws.penalty import Penalty
+from contact_locking.parameters import LoadParameters, Parameters
+from contact_locking.problem import domain as domains
+from contact_locking.problem import forms
+from contact_locking.problem.coefficients import Material, build_material, evaluate
+from contact_locking.problem.conditions import (
     ComponentCondition,
     Constraints,
     constrain,
 )
-from contact_locking.contact_boundary import build_contacts
-from contact_locking.contacts import Contact
-from contact_locking.domain import Domain
-from contact_locking.errors import InputError
-from contact_locking.groups import groups
-from contact_locking.loads import build_loads
-from contact_locking.parameters import LoadParameters, Parameters
-from contact_locking.parts import Held, check_parts_held
-from contact_locking.penalty import Penalty
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.contact_boundary import build_contacts
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.groups import groups
+from contact_locking.problem.loads import build_loads
+from contact_locking.problem.parts import Held, check_parts_held
+from contact_locking.problem.spaces import displacement_space
 
 
 @dataclass
@@ -93,7 +94,7 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
     material = build_material(domain, parameters.material)
-    space = fem.functionspace(domain.mesh, ("P", 1, (domain.dim,)))
+    space = displacement_space(domain.mesh)
     _check_parts(domain, parameters)
     constraints = constrain(domain, space, _conditions(domain, parameters.loads))
     n, epsilon = parameters.penalty.n, parameters.penalty.compliance

@@ -18,13 +18,13 @@ import ufl
 from dolfinx import fem
 
 from contact_locking import _compat
-from contact_locking.coefficients import AXES
-from contact_locking.domain import Domain
 from contact_locking.errors import with_key
 from contact_locking.expressions import Expression, parse
 from contact_locking.parallel import agree
 from contact_locking.parameters import LoadParameters
-from contact_locking.plausibility import about_a_load
+from contact_locking.problem.coefficients import AXES
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.plausibility import about_a_load
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]

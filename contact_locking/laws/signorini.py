@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ufl.core.expr import Expr
 
-from contact_locking.convex import positive_part
+from contact_locking.laws.convex import positive_part
 
 
 def contact_pressure(u_normal: Expr, gap: Expr, epsilon: Expr) -> Expr:

@@ -14,11 +14,11 @@ from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking import compiled, forms
-from contact_locking.conditions import Constraints, rigid_motions
-from contact_locking.contacts import Contact
-from contact_locking.penalty import Penalty
-from contact_locking.surface import NodalAverage
+from contact_locking.laws.penalty import Penalty
+from contact_locking.problem import compiled, forms
+from contact_locking.problem.conditions import Constraints, rigid_motions
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.surface import NodalAverage
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -19,14 +19,15 @@ from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking._version import __version__
-from contact_locking.assembly import Problem
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import on_root
-from contact_locking.penalty import Penalty
+from contact_locking.problem.assembly import Problem
+from contact_locking.problem.spaces import DEGREE, strain_space
 from contact_locking.results.contact_points import OPEN
-from contact_locking.solution import Solution
+from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
@@ -34,7 +35,6 @@ FloatArray = npt.NDArray[np.float64]
 
 _BODY = ("displacement", "locking_stress")
 _PLACES = "places"
-_DEGREE = 1
 # How far a node may be from where it was, as a share of the extent of the body: the same mesh made
 # on another machine may differ in its last digits.
 _SAME_PLACE = 1e-9
@@ -109,7 +109,7 @@ def write(solution: Solution, folder: Path) -> None:
                 float(fields.contact.regularisation.value) for fields in solution.contacts
             ),
             dimension=domain.dim,
-            degree=_DEGREE,
+            degree=DEGREE,
             cells=domain.num_cells,
             nodes=int(nodes),
             contacts=len(solution.contacts),
@@ -167,7 +167,7 @@ def _load_multipliers(
 ) -> tuple[Multipliers, tuple[FloatArray, ...]]:
     """The multipliers and the friction bound (k,) of each contact; collective."""
     dim = problem.domain.dim
-    stress = load("locking_stress", fem.functionspace(problem.domain.mesh, ("DG", 0, (dim, dim))))
+    stress = load("locking_stress", strain_space(problem.domain.mesh, (dim, dim)))
     forces, bounds = [], []
     for number, contact in enumerate(problem.contacts):
         surface = contact.surface
@@ -226,9 +226,9 @@ def _places(space: fem.FunctionSpace) -> fem.Function:
 
 def _difference_in_size(record: Record, problem: Problem) -> str:
     """How the mesh of the record differs, nothing if it does not; InputError for the degree."""
-    if record.degree != _DEGREE:
+    if record.degree != DEGREE:
         raise InputError(
-            f"the checkpoint holds elements of degree {record.degree}; degree {_DEGREE} is needed"
+            f"the checkpoint holds elements of degree {record.degree}; degree {DEGREE} is needed"
         )
     nodes = int(problem.u.function_space.dofmap.index_map.size_global)
     here = (problem.domain.dim, problem.domain.num_cells, nodes)

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from contact_locking import checkpoint
-from contact_locking.assembly import Problem
 from contact_locking.certificate import is_solved
-from contact_locking.certificate.state import SolvedState
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.problem.assembly import Problem
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver import SavedState, Settings, SolverReport
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.solver.target import Target
-from contact_locking.system import PenalisedSystem
 
 
 class Restart:

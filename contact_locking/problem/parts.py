@@ -10,8 +10,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
-from contact_locking import compiled, forms
-from contact_locking.conditions import (
+from contact_locking.errors import InputError
+from contact_locking.parameters import LoadParameters
+from contact_locking.problem import compiled, forms
+from contact_locking.problem.conditions import (
     Constraints,
     check_held,
     describe_motion,
@@ -19,10 +21,8 @@ from contact_locking.conditions import (
     rigid_motions,
     sliding_motions,
 )
-from contact_locking.contacts import Contact
-from contact_locking.domain import Domain
-from contact_locking.errors import InputError
-from contact_locking.parameters import LoadParameters
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.domain import Domain
 
 BoolArray = npt.NDArray[np.bool_]
 FloatArray = npt.NDArray[np.float64]

@@ -13,12 +13,12 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.contacts import Contact
-from contact_locking.convex import normal_part, tangential_part
-from contact_locking.friction import friction_energy, friction_traction
-from contact_locking.locking import locking_energy, locking_stress
-from contact_locking.material import strain
-from contact_locking.signorini import contact_energy, contact_pressure
+from contact_locking.laws.convex import normal_part, tangential_part
+from contact_locking.laws.elasticity import strain
+from contact_locking.laws.friction import friction_energy, friction_traction
+from contact_locking.laws.locking import locking_energy, locking_stress
+from contact_locking.laws.signorini import contact_energy, contact_pressure
+from contact_locking.problem.contact import Contact
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,13 @@ import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from contact_locking.distribution import distribute
 from contact_locking.errors import InputError, with_key
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
 from contact_locking.mesh_file.gmsh_model import extract
 from contact_locking.mesh_file.reader import read
 from contact_locking.parallel import on_root
+from contact_locking.problem.distribution import distribute
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ufl.core.expr import Expr
 
-from contact_locking.convex import squared_norm, unit_ball_excess
+from contact_locking.laws.convex import squared_norm, unit_ball_excess
 
 
 def locking_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:

@@ -17,12 +17,13 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
-from contact_locking import material as law
-from contact_locking.domain import Domain
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import SMALLEST, parse
+from contact_locking.laws import elasticity as law
 from contact_locking.parallel import agree
 from contact_locking.parameters import Elasticity, MaterialParameters
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.spaces import strain_space
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -83,7 +84,7 @@ class Cells:
         self.all = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.midpoints = dmesh.compute_midpoints(domain.mesh, domain.dim, self.all)
         self.midpoints = self.midpoints[:, : domain.dim].T
-        self.space = fem.functionspace(domain.mesh, ("DG", 0))
+        self.space = strain_space(domain.mesh)
         self.dofs = self.space.dofmap.list.reshape(-1)
 
     def evaluate(
@@ -179,7 +180,7 @@ def _anisotropic(
     eigenvalues = np.asarray(np.linalg.eigvalsh(matrices), dtype=float).T
     with np.errstate(all="ignore"):  # what is not elliptic is refused by its eigenvalues
         young = law.mean_young(matrices, domain.dim)
-    space = fem.functionspace(domain.mesh, ("DG", 0, (size, size)))
+    space = strain_space(domain.mesh, (size, size))
     field = fem.Function(space)
     dofs = space.dofmap.list.reshape(-1)
     field.x.array.reshape(-1, size, size)[dofs] = matrices

@@ -13,17 +13,17 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking import _compat, compiled
-from contact_locking.domain import Domain
-from contact_locking.surface_mesh import SurfaceMesh
+from contact_locking import _compat
+from contact_locking.problem import compiled
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.spaces import CONTACT_RULE
+from contact_locking.problem.surface_mesh import SurfaceMesh
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 # A normal that has this little of itself in free directions is prescribed.
 _PRESCRIBED = 1e-6
-
-VERTEX_RULE = {"quadrature_rule": "vertex", "quadrature_degree": 1}
 
 
 class ContactSurface:
@@ -43,7 +43,7 @@ class ContactSurface:
     ) -> None:
         self.domain = domain
         self.facets = domain.facets(names, key)
-        self.ds = domain.ds(names, key, **VERTEX_RULE)
+        self.ds = domain.ds(names, key, **CONTACT_RULE)
         self.vector_space = space
         self.scalar_space, to_vector = _compat.collapse(space.sub(0))
         owned = self.scalar_space.dofmap.index_map.size_local

@@ -1,0 +1,1 @@
+"""The laws as formulae: they know neither a mesh nor a solver."""

@@ -1,0 +1,1 @@
+"""The discrete problem of a parameter set: everything that exists before the first solve."""
