@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -14,6 +15,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem.assembly import assemble
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.continuation import PenaltyPath
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import solve
@@ -123,3 +125,16 @@ def test_the_last_steps_need_no_symbolic_factorisation_of_their_own(
     assert system.relative_residual() <= Settings().tolerance
     assert counts("MatCholFctrSym") - before["MatCholFctrSym"] == 1
     assert counts("MatCholFctrNum") - before["MatCholFctrNum"] == report.tangents
+
+
+def test_the_path_of_penalties_ends_at_the_target_and_starts_no_stiffer() -> None:
+    target = Target(Penalty(1e4, 1e-4, (1e-3, 10.0)), 1.0, 1.0, 1.0, 1.0, 1.0)
+    path = PenaltyPath.towards(target)
+    assert path.at(1.0) == target.penalty
+    # The second contact is softer than where the others start.
+    assert path.start == Penalty(10.0, 0.1, (0.1, 10.0))
+    assert path.decades == pytest.approx(3.0)
+    assert path.at(0.5).n == pytest.approx(math.sqrt(1e5))
+    inequality = target.penalty.inequality()
+    assert inequality.is_inequality and not target.penalty.is_inequality
+    assert inequality == Penalty(math.inf, 0.0, (0.0, 0.0)) and inequality.compliance == 0.0

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem
 from problems import block, column
 
 from contact_locking import solving
+from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
@@ -161,3 +163,32 @@ def test_equilibrium_of_forces_on_the_whole_body() -> None:
     # Without Gamma_D in x, loads and contact alone must balance vertically.
     solution = solving.solve(column(friction={"coefficient": 0.3}))
     assert solution.summary["contact_force"] == pytest.approx([0.0, 0.05], abs=1e-9)
+
+
+def _values(made: Problem) -> list[npt.NDArray[np.float64]]:
+    return [made.u.x.array.copy(), *(contact.bounds for contact in made.contacts)]
+
+
+@pytest.mark.parametrize("fails", [False, True])
+@pytest.mark.parametrize("only_on_failure", [False, True])
+def test_a_preserved_system_gets_its_displacement_and_bound_back(
+    fails: bool, only_on_failure: bool
+) -> None:
+    made, system = _system(block(2, 0.2))
+    _rough_state(made, 0.01)
+    before = _values(made)
+
+    def change() -> None:
+        with system.preserved(only_on_failure):
+            system.clear()
+            if fails:
+                raise NotConverged("on purpose")
+
+    if fails:
+        with pytest.raises(NotConverged):
+            change()
+    else:
+        change()
+    is_restored = fails or not only_on_failure
+    for old, new in zip(before, _values(made), strict=True):
+        assert np.array_equal(old, new) == is_restored or not old.size

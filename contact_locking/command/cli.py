@@ -11,9 +11,10 @@ import os
 import sys
 from collections.abc import Sequence
 
-from contact_locking.command import commands, signals, terminal
+from contact_locking.command import commands, terminal
 from contact_locking.command.arguments import parse
 from contact_locking.errors import ContactLockingError
+from contact_locking.studies import signals
 
 UNEXPECTED = 1
 

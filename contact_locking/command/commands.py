@@ -15,8 +15,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contact_locking.command import signals, terminal
+from contact_locking.command import terminal
 from contact_locking.errors import ContactLockingError, InputError, explained
+from contact_locking.studies import signals
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -108,7 +108,7 @@ class Family(ABC):
 
     @abstractmethod
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
-        """Enter the reactions; ``stiffness`` compares pressures with openings.  Collective."""
+        """Add the reactions; ``stiffness`` compares pressures with openings.  Collective."""
 
     # The Newton step.
 

@@ -68,7 +68,10 @@ class LockingCones(LorentzCones):
         return np.vstack([self.limit + self.compliance * self.z[0], self.seen]) - self.x
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
-        self._strains.set_tensors(multipliers.locking_stress, self.reactions)
+        stress = fem.Function(self._strains.tensors)
+        self._strains.set_tensors(stress, self.reactions)
+        # Several sets of strains add up.
+        multipliers.locking_stress.x.array[:] += stress.x.array
 
     # The Newton step.
 

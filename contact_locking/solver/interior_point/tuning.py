@@ -22,7 +22,7 @@ class Approach:
 class Tuning:
     """The constants of the method, in the order in which the algorithm uses them.
 
-    The method converges for all values in the ranges that are named; the defaults are fast.
+    Each is given with the range of its values; the defaults are measured to be fast.
     """
 
     #: The ways to run the method, one at least.  The first is faster on fine meshes; the second
