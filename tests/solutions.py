@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -76,7 +77,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         tangential_traction=function(vector, traction),
         contact_state=function(scalar, state),
         friction_bound=function(scalar, lambda x: 0.3 * pressure(x)),
-        contacts=(),
+        contacts=_nodal(points),
         contact_points=points if mesh.comm.rank == 0 else None,
         contact_facets=facets if mesh.comm.rank == 0 else None,
         summary={
@@ -129,20 +130,21 @@ def _with_an_odd_title(solution: Solution) -> None:
 
 def _with_two_contacts(solution: Solution) -> None:
     """On the bottom and, with the two axes swapped, on the left; both have the corner's nodes."""
-    points, facets, dim = solution.contact_points, solution.contact_facets, solution.domain.dim
+    dim = solution.domain.dim
+    points, facets = _points(dim), _facets(dim)
     force = {"contact_force": [0.0] * dim, "friction_force": [0.0] * dim, "penetration_max": 1e-9}
     areas = {"contact_area": 0.375, "slip_area": 0.0625}
     solution.summary["contacts"] = [
         {"on": ["bottom"], **force, **areas},
         {"on": ["left", "a $part$"], **force, **areas},
     ]
-    if points is None or facets is None:
-        return
     swapped = [dim - 1, *range(1, dim - 1), 0]
     turned = {name: getattr(points, name)[:, swapped] for name in ("x", "normal", "u_tangent")}
     left = replace(points, **turned, traction=points.traction[:, swapped])
     both = joined([(points, facets), (left, facets)], dim)
-    solution.contact_points, solution.contact_facets = both
+    solution.contacts = _nodal(both[0])
+    if solution.contact_points is not None:
+        solution.contact_points, solution.contact_facets = both
 
 
 KINDS: dict[str, Callable[[Solution], None] | None] = {
@@ -155,6 +157,17 @@ KINDS: dict[str, Callable[[Solution], None] | None] = {
     "with an odd title": _with_an_odd_title,
     "with two contacts": _with_two_contacts,
 }
+
+
+def _nodal(points: ContactPoints) -> Any:
+    """What pictures take from the nodal fields of each contact, all of it on rank 0."""
+    own = slice(None if MPI.COMM_WORLD.rank == 0 else 0)
+    return tuple(
+        SimpleNamespace(
+            surface=SimpleNamespace(points=part.x[own]), smoothed_stress=-part.pressure[own]
+        )
+        for part in points.parts()
+    )
 
 
 def _facets(dim: int) -> npt.NDArray[np.int64]:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
+import math
 
 import numpy as np
 import pytest
+from problems import block
 from solutions import DIVISIONS, of_kind
 
+from contact_locking import solve
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.results import contact_table
@@ -92,3 +95,20 @@ def test_a_contact_is_named_by_the_summary_or_by_its_number(
     summary: dict[str, object], name: str
 ) -> None:
     assert contact_name(summary, 1) == name
+
+
+def test_a_solve_of_two_contacts_has_the_points_of_both_in_the_order_of_the_study_file() -> None:
+    contacts = [{"on": "left"}, {"on": "bottom", "friction": {"coefficient": 0.1}}]
+    push = [{"on": "top", "value": [0.0, -0.05]}, {"on": "right", "value": [-0.03, 0.0]}]
+    loads = {"tractions": push, "displacements": []}
+    solution = solve(block(h=0.25, contact=contacts, loads=loads, penalty__n=math.inf))
+    assert solution.converged
+    points, summary = solution.contact_points, solution.summary
+    assert points is not None
+    left, bottom = points.parts()
+    assert np.abs(left.x[:, 0]).max() < 1e-12 and np.abs(bottom.x[:, 1]).max() < 1e-12
+    assert [contact_name(summary, number) for number in (0, 1)] == ["left", "bottom"]
+    assert [np.argmax(np.abs(one["contact_force"])) for one in summary["contacts"]] == [0, 1]
+    # The radius of R is the distance of the nodes, which leaves the pressure as it is.
+    assert left.bound == pytest.approx(0.3 * left.pressure, rel=1e-6)
+    assert bottom.bound == pytest.approx(0.1 * bottom.pressure, rel=1e-6)

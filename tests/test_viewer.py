@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from report_folder import rows, run_folder, study_folder
-from solutions import made_up
+from solutions import of_kind
 
 from contact_locking.command import cli
 from contact_locking.plotting import offscreen, snapshot_file
@@ -148,10 +148,12 @@ def test_on_a_screen_a_window_is_opened(results: Path) -> None:
 
 @needs_a_screen
 def test_the_window_shows_view_after_view_and_any_scale(results: Path, tmp_path: Path) -> None:
-    body = gather(made_up(3))
-    assert body is not None
-    snapshot_file.save(body, tmp_path / "snapshot.npz")
-    snapshots = (str(tmp_path / "snapshot.npz"), str(results / "snapshot.npz"))
+    snapshots = [str(results / "snapshot.npz")]
+    for kind in ("locked", "with two contacts"):
+        body = gather(of_kind(3, kind))
+        assert body is not None
+        snapshots.append(str(tmp_path / f"{kind}.npz"))
+        snapshot_file.save(body, Path(snapshots[-1]))
     done = subprocess.run(
         [*offscreen.XVFB, sys.executable, "-c", WINDOW, *snapshots],
         env=offscreen.environment(),
@@ -164,5 +166,7 @@ def test_the_window_shows_view_after_view_and_any_scale(results: Path, tmp_path:
     titles = ["Deformed body, |ε(u)| / M", "Cut open, |ε(u)| / M", "Locked zone, |ε(u)| ≥ M"]
     titles += ["Contact pressure", "Open, stick and slip"]
     in_plane = [title for title in titles if "Cut" not in title]
-    shown = [f"{[(title, True) for title in kind]} True\n" for kind in (titles, in_plane)]
+    of_two = [f"{title}: {name}" for name in ("bottom", "left, a $part$") for title in titles[3:]]
+    kinds = (in_plane, titles, titles[:3] + of_two)
+    shown = [f"{[(title, True) for title in kind]} True\n" for kind in kinds]
     assert done.stdout == "".join(shown)

@@ -34,7 +34,7 @@ def gather(solution: Solution) -> Snapshot | None:
 
     x = whole(u.function_space.tabulate_dof_coordinates()[:vertices, :dim])
     displacement = whole(u.x.array.reshape(-1, dim)[:vertices])
-    smoothed = whole(_at_vertices(solution.smoothed_stress, u.function_space)[:vertices])
+    nodal = [(whole(one.surface.points), whole(one.smoothed_stress)) for one in solution.contacts]
     all_cells = whole(_numbers(vertex_map, dofmap.list[:cells]))
     boundary = whole(_numbers(vertex_map, facet_vertices))
     boundary_cell = whole(_numbers(cell_map, facet_cells))
@@ -45,7 +45,10 @@ def gather(solution: Solution) -> Snapshot | None:
     points, facets = solution.contact_points, solution.contact_facets
     if points is None or facets is None:
         return None
-    vertex = cKDTree(x).query(points.x)[1] if len(points) else np.empty(0, dtype=np.int64)
+    vertex = _nearest(points.x, x)
+    # At a node of two contacts each has a smoothed stress of its own.
+    pairs = zip(points.parts(), nodal, strict=True)
+    smoothed = [values[_nearest(part.x, places)] for part, (places, values) in pairs]
     numbers = np.unique(points.contact)
     names = tuple(contact_name(solution.summary, int(number)) for number in numbers)
     return Snapshot(
@@ -57,7 +60,7 @@ def gather(solution: Solution) -> Snapshot | None:
         strain_norm=strain,
         locking_limit=limit,
         locked=locked > 0.5,
-        contact=ContactMap(points, facets, vertex, smoothed[vertex], names),
+        contact=ContactMap(points, facets, vertex, np.concatenate([np.empty(0), *smoothed]), names),
         title=solution.parameters.title,
         dofs=solution.summary["dofs"],
         locked_fraction=solution.summary["locked_fraction"],
@@ -81,12 +84,9 @@ def _boundary(space: fem.FunctionSpace) -> tuple[IntArray, IntArray]:
     return cells, space.dofmap.list[cells[:, None], closure[place]]
 
 
-def _at_vertices(function: fem.Function, space: fem.FunctionSpace) -> FloatArray:
-    """The values of a scalar P1 function, in the numbering of the nodes of another P1 space."""
-    dofmap = space.dofmap
-    values = np.zeros(dofmap.index_map.size_local + dofmap.index_map.num_ghosts)
-    values[dofmap.list] = function.x.array[function.function_space.dofmap.list]
-    return values
+def _nearest(points: FloatArray, places: FloatArray) -> IntArray:
+    """For each point (k, d) the number of the nearest place (m, d)."""
+    return np.asarray(cKDTree(places).query(points)[1], dtype=np.int64)
 
 
 def _numbers(index_map: Any, local: Any) -> IntArray:
