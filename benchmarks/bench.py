@@ -31,12 +31,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import solving
+from contact_locking.files.atomic import write_text
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import assemble
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.atomic import write_text
 from contact_locking.results.solution import Solution
 from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
 

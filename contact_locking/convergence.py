@@ -16,10 +16,10 @@ from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.errors import InputError
+from contact_locking.files.atomic import write_text
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem.domain import Domain
-from contact_locking.results.atomic import write_text
 from contact_locking.results.derived import integral
 from contact_locking.results.names import TABLE_LINES
 from contact_locking.results.read import Row, read_rows

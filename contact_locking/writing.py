@@ -15,9 +15,10 @@ from mpi4py import MPI
 from contact_locking import checkpoint as checkpoints
 from contact_locking import plotting, report, study_file
 from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, explained
+from contact_locking.files import atomic
+from contact_locking.files.lock import locked, make_folders, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.results import atomic, contact_table, fields
-from contact_locking.results.lock import locked, make_folders, new_folders
+from contact_locking.results import contact_table, fields
 from contact_locking.results.names import (
     CONTACT,
     FACETS,

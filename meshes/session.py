@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from contact_locking.results.atomic import staging
+from contact_locking.files.atomic import staging
 
 from .geometry import Geometry
 

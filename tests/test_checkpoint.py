@@ -22,8 +22,8 @@ from problems import block
 from contact_locking import _compat, checkpoint, meshes, save, solving, study_file, writing
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.files import atomic
 from contact_locking.parameters import Parameters
-from contact_locking.results import atomic
 from contact_locking.results.solution import Solution
 
 pytestmark = pytest.mark.skipif(

@@ -152,7 +152,7 @@ def test_a_checkpoint_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_ke
     if (reason := checkpoint.unavailable()) is not None:
         pytest.skip(reason)
     # On the smaller disk another program takes the room while it is written.
-    script = "from contact_locking.results import atomic\natomic.require_room = lambda *_: None"
+    script = "from contact_locking.files import atomic\natomic.require_room = lambda *_: None"
     words = ["--checkpoint", "--set", "output.picture=false", "output.fields=false"]
     done = disk.solve(size, *words, script=script if size == "24k" else "")
     assert done.returncode == 1

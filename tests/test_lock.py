@@ -18,8 +18,8 @@ from study_folder import Folder, wait_for
 from contact_locking import writing
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.results.atomic import remove_abandoned, staging
-from contact_locking.results.lock import locked, make_folders, new_folders
+from contact_locking.files.atomic import remove_abandoned, staging
+from contact_locking.files.lock import locked, make_folders, new_folders
 
 pytestmark = pytest.mark.serial
 
@@ -41,7 +41,7 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
         from pathlib import Path
         from contact_locking import solving
         from contact_locking.command import cli
-        from contact_locking.results.atomic import staging
+        from contact_locking.files.atomic import staging
 
         def solve(parameters, *_):
             with staging(Path(parameters.output.directory)) as folder:

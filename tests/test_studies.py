@@ -19,8 +19,8 @@ from study_folder import STUDY, Folder, alive, wait_for
 from contact_locking import meshes, studies, study_file
 from contact_locking.command import cli, terminal
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.files.lock import locked
 from contact_locking.problem import compiled_forms
-from contact_locking.results.lock import locked
 
 pytestmark = pytest.mark.serial
 
@@ -258,7 +258,7 @@ def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
         shutil.move(source, target)
 
     with monkeypatch.context() as context:
-        context.setattr("contact_locking.results.atomic.os.replace", replace)
+        context.setattr("contact_locking.files.atomic.os.replace", replace)
         with pytest.raises(ContactLockingError, match=r"No space left.*\n.*make room"):
             folder.run(jobs=1)
     assert list(folder.output.rglob(".partial-*")) == []

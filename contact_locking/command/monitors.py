@@ -10,9 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from contact_locking.files.atomic import write_text
 from contact_locking.monitor import Monitor
 from contact_locking.plain_text import printable
-from contact_locking.results.atomic import write_text
 
 
 class TerminalMonitor(Monitor):

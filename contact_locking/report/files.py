@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_locking.errors import InputError
-from contact_locking.results.atomic import put_in_place, remove_abandoned, staging, write_text
+from contact_locking.files.atomic import put_in_place, remove_abandoned, staging, write_text
 
 if TYPE_CHECKING:
     from .charts import Chart

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from contact_locking import study_file
 from contact_locking._version import __version__
-from contact_locking.results.atomic import remove_abandoned, write_text
+from contact_locking.files.atomic import remove_abandoned, write_text
 from contact_locking.results.names import PARAMETERS, SUMMARY
 from contact_locking.results.read import read_mapping
 

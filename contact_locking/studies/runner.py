@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from contact_locking import study_file
 from contact_locking.errors import explained
-from contact_locking.results.atomic import remove_abandoned, write_text
-from contact_locking.results.lock import locked, make_folders
+from contact_locking.files.atomic import remove_abandoned, write_text
+from contact_locking.files.lock import locked, make_folders
 from contact_locking.results.names import PARAMETERS, TABLE_CSV, not_writable
 from contact_locking.studies.signals import stoppable
 from contact_locking.study_file import StudyFile

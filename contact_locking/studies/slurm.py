@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.results.atomic import write_text
+from contact_locking.files.atomic import write_text
 
 from .case_command import command, environment, explain
 from .cases import Case

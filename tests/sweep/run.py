@@ -22,7 +22,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from contact_locking.results.atomic import write_text
+from contact_locking.files.atomic import write_text
 from sweep.solve import BROKEN, INFEASIBLE, NOT_SOLVED, REFUSED, SOLVED, WRONG, Outcome
 
 Task = tuple[str, int, bool]

@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from contact_locking.results.lock import try_lock
+from contact_locking.files.lock import try_lock
 
 _PREFIX = ".partial-"
 # tempfile.mkdtemp ends its names with eight of these characters.
