@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
+
+from contact_locking.arrays import IndexArray
 
 # From Open MPI's first tag of a nonblocking collective, -27, to beyond the last in question, -51.
 _TAGS = 32
@@ -27,7 +28,7 @@ def interpolation_expression(expr: Any, space: Any) -> fem.Expression:
     return fem.Expression(expr, points() if callable(points) else points)
 
 
-def entities_to_geometry(mesh: dmesh.Mesh, dim: int, entities: Any) -> npt.NDArray[np.int32]:
+def entities_to_geometry(mesh: dmesh.Mesh, dim: int, entities: Any) -> IndexArray:
     """Geometry nodes (k, nodes per entity); DOLFINx 0.9 divides by zero if there are none."""
     if len(entities) == 0:
         return np.empty((0, dim + 1), dtype=np.int32)
@@ -35,13 +36,13 @@ def entities_to_geometry(mesh: dmesh.Mesh, dim: int, entities: Any) -> npt.NDArr
     return dmesh.entities_to_geometry(mesh, dim, entities)
 
 
-def collapse(component: Any) -> tuple[fem.FunctionSpace, npt.NDArray[np.int32]]:
+def collapse(component: Any) -> tuple[fem.FunctionSpace, IndexArray]:
     """The space of a component and its dofs in the whole; DOLFINx 0.11 nests the latter."""
     space, dofs = component.collapse()
     return space, np.asarray(dofs, dtype=np.int32).reshape(-1)
 
 
-def point_owners(data: Any) -> npt.NDArray[np.int32]:
+def point_owners(data: Any) -> IndexArray:
     """The ranks that own the points of interpolation data, -1 where none does."""
     owners = data.src_owner
     return np.asarray(owners() if callable(owners) else owners)

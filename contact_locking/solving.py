@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -39,8 +37,6 @@ from contact_locking.solver import Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
 from contact_locking.solver.options import UserOptions, require_harmless, require_known
 from contact_locking.solver.target import Target
-
-FloatArray = npt.NDArray[np.float64]
 
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from msh import write_msh
@@ -23,11 +22,10 @@ from sweep.case import Study
 from sweep.transforms import Transform
 
 from contact_locking import solving
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.parameters import Parameters
 from contact_locking.problem import compiled
 from contact_locking.results.solution import Solution
-
-FloatArray = npt.NDArray[np.float64]
 
 # What is smaller than this share of its own scale is rounding of zero.
 _ROUNDING = 1e-9
@@ -42,7 +40,7 @@ class Block:
     """Points (k, d) and the elements of each group by numbers of points from 0."""
 
     points: FloatArray
-    groups: dict[str, npt.NDArray[np.int64]]
+    groups: dict[str, IntArray]
 
     @classmethod
     def unit(cls, dim: int, parts: int) -> Block:
@@ -109,7 +107,7 @@ class Answer:
     numbers: dict[str, FloatArray]
     verdicts: dict[str, Any]
     tangents: int
-    ties: npt.NDArray[np.bool_]
+    ties: BoolArray
     scales: dict[str, float]
 
     def require_same(self, other: Answer, tolerance: float) -> None:
@@ -137,7 +135,7 @@ class Answer:
             found[name] = difference / size if difference > 0.0 else 0.0
         return found
 
-    def _order(self, other: Answer, where: str) -> npt.NDArray[np.int64]:
+    def _order(self, other: Answer, where: str) -> IntArray:
         """The rows of the other answer in the order of this one."""
         distance, rows = cKDTree(other.places[where]).query(self.places[where])
         assert distance.max() < 1e-6
@@ -244,7 +242,7 @@ def told(solution: Solution, transform: Transform) -> Answer:
     return Answer(places, fields, numbers, verdicts, tangents, ties, scales)
 
 
-def _dofs(space: fem.FunctionSpace, facets: Any) -> npt.NDArray[np.int64]:
+def _dofs(space: fem.FunctionSpace, facets: Any) -> IntArray:
     """All components at the nodes of some facets, on the rank that has them; collective."""
     mesh = space.mesh
     blocks = fem.locate_dofs_topological(space, mesh.topology.dim - 1, facets)

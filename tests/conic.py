@@ -20,9 +20,9 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
+from contact_locking.arrays import FloatArray
 from contact_locking.results.solution import Solution
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.integer[Any]]
 Place = Callable[[FloatArray], Any]
 

@@ -18,7 +18,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy as sp
 import ufl
 from dolfinx import fem
@@ -26,6 +25,7 @@ from mpi4py import MPI
 from problems import with_changes
 
 from contact_locking import solving
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.problem.assembly import Problem, assemble
 from contact_locking.results.solution import Solution
@@ -183,7 +183,7 @@ def rate(sizes: Sequence[float], errors: Sequence[float]) -> float:
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
 
 
-def sampled(expression: Any, dim: int, count: int = 21) -> npt.NDArray[np.float64]:
+def sampled(expression: Any, dim: int, count: int = 21) -> FloatArray:
     """Values on a grid over the body."""
     grid = np.meshgrid(*[np.linspace(0.0, 1.0, count)] * dim)
     function = sp.lambdify(SYMBOLS[:dim], expression, "numpy")

@@ -8,16 +8,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 from problems import block
 
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.problem.domain import from_geometry
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.solution import Solution
 
-FloatArray = npt.NDArray[np.float64]
 DIVISIONS = 4
 
 
@@ -170,7 +169,7 @@ def _nodal(points: ContactPoints) -> Any:
     )
 
 
-def _facets(dim: int) -> npt.NDArray[np.int64]:
+def _facets(dim: int) -> IntArray:
     """Of the regular grid of points: segments, or the halves of its squares."""
     line = np.arange(DIVISIONS)
     if dim == 2:

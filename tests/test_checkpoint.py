@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from mpi4py import MPI
 from problems import block
 
 from contact_locking import _compat, checkpoint, meshes, save, solving, study_file, writing
+from contact_locking.arrays import FloatArray
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files import atomic
@@ -55,7 +55,7 @@ class Values(NamedTuple):
     """What no distribution changes: numbers, and columns over Gamma_C (empty off rank 0)."""
 
     numbers: list[float]
-    columns: npt.NDArray[np.float64]
+    columns: FloatArray
 
     @classmethod
     def of(cls, solution: Solution) -> Values:

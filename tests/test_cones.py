@@ -6,15 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lorentz import inside, product, scaled, unit
 
+from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Case(NamedTuple):

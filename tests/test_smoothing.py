@@ -6,20 +6,19 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import block, column
 
+from contact_locking.arrays import FloatArray
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Smoothing
 from contact_locking.problem.surface import ContactSurface
 
-FloatArray = npt.NDArray[np.float64]
 KERNELS = ("convolution", "helmholtz")
 
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled, forms
-
-FloatArray = npt.NDArray[np.float64]
 
 # Rounding in sums over all nodes is some 1e-14 of what is summed; the equilibrium of the free
 # nodes leaves more: their residuals, up to the solver's tolerance each, may add up.

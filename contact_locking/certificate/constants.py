@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx.fem import petsc
 from mpi4py import MPI
@@ -20,8 +19,6 @@ from contact_locking.certificate.elliptic import (
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.problem import compiled
 from contact_locking.problem.contact import Contact
-
-FloatArray = npt.NDArray[np.float64]
 
 _PREFIX = "contact_locking_steklov_"
 # The eigenvalue to this relative accuracy; a bound needs no more.

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc
@@ -17,8 +16,6 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled, forms
 from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
-
-FloatArray = npt.NDArray[np.float64]
 
 # Options for the nonlinear solve do not reach these solves.
 _PREFIX = "contact_locking_certificate_"

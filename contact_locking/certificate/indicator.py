@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem, la
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
 from contact_locking.problem.spaces import nodal_space
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,10 @@ bound, where the displacement violates no limit (n = inf) and no gap (eps = 0).
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.results.derived import ContactFields
-
-FloatArray = npt.NDArray[np.float64]
 
 # Measured over all demos, the problems of the tests and some 1000 random ones, 2D and 3D, penalties
 # up to 1e10 times the stiffness and inf: work that should vanish is up to 1.4e-7 of the elastic

@@ -9,15 +9,13 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import EllipticProblem, NotApplicable, elasticity
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
-
-FloatArray = npt.NDArray[np.float64]
 
 # Rounding in strains and displacements, relative to the limit and to the body.
 _ROUNDING = 1e-12

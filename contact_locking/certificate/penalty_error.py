@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
@@ -22,8 +22,6 @@ from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.forms import ProblemData
 from contact_locking.results.derived import integral
-
-FloatArray = npt.NDArray[np.float64]
 
 # Rounding left when the penetration is taken back, relative to the body.
 _ROUNDING = 1e-10

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import Problem
@@ -21,8 +21,6 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import BodyFields, ContactFields, integral, penalised
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver.target import Target
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass

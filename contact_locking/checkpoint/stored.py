@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking._version import __version__
+from contact_locking.arrays import FloatArray
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
 from contact_locking.errors import ContactLockingError, InputError
@@ -30,8 +30,6 @@ from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
-
-FloatArray = npt.NDArray[np.float64]
 
 _BODY = ("displacement", "locking_stress")
 _PLACES = "places"

@@ -12,11 +12,10 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from ufl.core.expr import Expr
 
-FloatArray = npt.NDArray[np.float64]
+from contact_locking.arrays import FloatArray
 
 MANDEL_PAIRS: dict[int, tuple[tuple[int, int], ...]] = {
     2: ((0, 0), (1, 1), (0, 1)),

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
+from contact_locking.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 Coefficient = Callable[[FloatArray, FloatArray], FloatArray]
 
 

@@ -6,12 +6,12 @@ Only nodes of the boundary can be such, the boundary being all facets of a singl
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh_file import places
-from contact_locking.mesh_file.data import FloatArray, IntArray, MeshData
+from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.topology import Facets, longest_edges
 
 # What is this near, relative to the size of facets, is at one place: files hold rounded numbers.
@@ -106,7 +106,7 @@ def _check_hanging(
     )
 
 
-def _inside(points: FloatArray, corners: FloatArray, size: FloatArray) -> npt.NDArray[np.bool_]:
+def _inside(points: FloatArray, corners: FloatArray, size: FloatArray) -> BoolArray:
     """Whether points (k, d) lie on simplices with corners (k, d, d), and are no corner."""
     # In units of the facet, so that nothing underflows.
     edges = (corners[:, :-1] - corners[:, -1:]) / size[:, None, None]

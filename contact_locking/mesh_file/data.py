@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class Simplices:
         """The name of a group."""
         return next(name for name, value in self.names.items() if value == group)
 
-    def take(self, which: npt.NDArray[np.bool_]) -> Simplices:
+    def take(self, which: BoolArray) -> Simplices:
         """Those that are marked; the names stay."""
         return Simplices(self.nodes[which], self.numbers[which], self.groups[which], self.names)
 

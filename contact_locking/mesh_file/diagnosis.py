@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh_file import places
 from contact_locking.mesh_file.contiguity import check_contiguity
-from contact_locking.mesh_file.data import IntArray, MeshData, Simplices
+from contact_locking.mesh_file.data import MeshData, Simplices
 from contact_locking.mesh_file.topology import Facets, longest_edges, parts, signed_measures
 
 # A cell of this share of the volume that its longest edge allows has collapsed, or nearly so.

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file.data import IntArray, MeshData, Simplices
+from contact_locking.mesh_file.data import MeshData, Simplices
 
 # Gmsh's numbers of the first-order simplices, by dimension.
 _SIMPLEX = {1: 1, 2: 2, 3: 4}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from contact_locking.mesh_file.data import FloatArray, IntArray, MeshData, Simplices
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.mesh_file.data import MeshData, Simplices
 
 CELL = {2: "triangle", 3: "tetrahedron"}
 FACET = {2: "line", 3: "triangle"}

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from contact_locking.mesh_file.data import FloatArray, IntArray
+from contact_locking.arrays import FloatArray, IntArray
 
 
 def keys(rows: IntArray, count: int) -> npt.NDArray[Any]:

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import SMALLEST, parse
 from contact_locking.laws import elasticity as law
@@ -24,11 +24,6 @@ from contact_locking.parallel import agree
 from contact_locking.parameters import Elasticity, MaterialParameters
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.spaces import strain_space
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-
-AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -88,7 +83,7 @@ class Cells:
         self.dofs = self.space.dofmap.list.reshape(-1)
 
     def evaluate(
-        self, value: float | str, cells: IntArray, key: str, infinite: bool = False
+        self, value: float | str, cells: IndexArray, key: str, infinite: bool = False
     ) -> FloatArray:
         """A number or expression of x, y[, z] at the midpoints of the given cells.
 
@@ -113,7 +108,7 @@ def evaluate(
 
 def _locking_limits(
     domain: Domain, cells: Cells, given: MaterialParameters
-) -> Iterator[tuple[IntArray, float | str, str]]:
+) -> Iterator[tuple[IndexArray, float | str, str]]:
     yield cells.all, given.locking_limit, "material.locking_limit"
     for name, region in given.regions.items():
         if region.locking_limit is not None:
@@ -123,8 +118,8 @@ def _locking_limits(
 
 def _elasticities(
     domain: Domain, cells: Cells, given: MaterialParameters
-) -> list[tuple[IntArray, Elasticity, str]]:
-    parts: list[tuple[IntArray, Elasticity, str]] = [
+) -> list[tuple[IndexArray, Elasticity, str]]:
+    parts: list[tuple[IndexArray, Elasticity, str]] = [
         (cells.all, given.elasticity, "material.elasticity")
     ]
     for name, region in given.regions.items():
@@ -160,7 +155,7 @@ def _elasticity(
 
 
 def _anisotropic(
-    domain: Domain, cells: Cells, parts: list[tuple[IntArray, Elasticity, str]]
+    domain: Domain, cells: Cells, parts: list[tuple[IndexArray, Elasticity, str]]
 ) -> tuple[Callable[[Expr], Expr], FloatArray, FloatArray, str]:
     size = len(law.MANDEL_PAIRS[domain.dim])
     matrices = np.empty((len(cells.all), size, size))
@@ -187,7 +182,7 @@ def _anisotropic(
     return partial(law.anisotropic_stress, stiffness=field), eigenvalues, young, parts[-1][2]
 
 
-def _lame(cells: Cells, where: IntArray, given: Elasticity, key: str) -> FloatArray:
+def _lame(cells: Cells, where: IndexArray, given: Elasticity, key: str) -> FloatArray:
     """Both Lame coefficients (2, k) at the given cells."""
     if given.young is not None and given.poisson is not None:
         young = cells.evaluate(given.young, where, f"{key}.young")

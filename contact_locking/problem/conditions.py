@@ -6,19 +6,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from scipy.optimize import linprog
 
 from contact_locking import _compat
+from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.problem.domain import Domain
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
-
-AXES = "xyz"
 
 
 @dataclass(frozen=True)
@@ -36,7 +30,7 @@ class Constraints:
     """The conditions as DOLFINx takes them, and the local dofs (ghosts included) they fix."""
 
     conditions: list[fem.DirichletBC]
-    dofs: IntArray
+    dofs: IndexArray
 
     def apply(self, u: fem.Function) -> None:
         """Write the prescribed values into ``u``."""
@@ -59,7 +53,7 @@ def constrain(
     Where two conditions meet in a node, the later one holds.
     """
     conditions: list[fem.DirichletBC] = []
-    fixed: list[IntArray] = [np.empty(0, dtype=np.int32)]
+    fixed: list[IndexArray] = [np.empty(0, dtype=np.int32)]
     scalars = [_compat.collapse(space.sub(i))[0] for i in range(domain.dim)] if wanted else []
     for item in wanted:
         sub, scalar = space.sub(item.component), scalars[item.component]
@@ -90,7 +84,7 @@ def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
 
 
 def free_motions(
-    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: npt.NDArray[np.bool_]
+    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: BoolArray
 ) -> FloatArray:
     """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective.
 

@@ -6,16 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.laws.friction_law import Coefficient, FrictionLaw
 from contact_locking.problem.smoothing import Smoothing
 from contact_locking.problem.surface import ContactSurface
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # Differences of mu are taken over this share of the slip.
 _DIFFERENCE = 1e-3

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
 from contact_locking.laws import foundation
 from contact_locking.laws.friction_law import FrictionLaw
 from contact_locking.parallel import agree
 from contact_locking.parameters import ContactParameters, Parameters
-from contact_locking.problem.coefficients import AXES, evaluate
+from contact_locking.problem.coefficients import evaluate
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact, FrictionBound
 from contact_locking.problem.domain import Domain
@@ -21,9 +21,6 @@ from contact_locking.problem.plausibility import about_the_gap
 from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Identity
 from contact_locking.problem.smoothing import Smoothing as SmoothingOperator
 from contact_locking.problem.surface import ContactSurface
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # Without a radius R averages over this share of the extent of Gamma_C, and over the neighbours of
 # each node at least: the kernel vanishes at its radius.

@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 
 import basix.ufl
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_real_type, graph
 from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
-from contact_locking.mesh_file.data import IntArray, MeshData, Simplices
+from contact_locking.arrays import FloatArray, IndexArray, IntArray
+from contact_locking.mesh_file.data import MeshData, Simplices
 
 _CELL = {2: "triangle", 3: "tetrahedron"}
 
@@ -24,7 +24,7 @@ class Distributed(NamedTuple):
     mesh: dmesh.Mesh
     cell_tags: Any
     facet_tags: Any
-    parts: npt.NDArray[np.int32]
+    parts: IndexArray
 
 
 def distribute(
@@ -35,11 +35,11 @@ def distribute(
     ``data`` and ``facets`` are there on rank 0 alone, as is ``parts`` (k,), the part of each cell.
     Nodes of no cell are left out.
     """
-    points: npt.NDArray[np.float64] = np.empty((0, dim))
+    points: FloatArray = np.empty((0, dim))
     cells: IntArray = np.empty((0, dim + 1), dtype=np.int64)
     marked: IntArray = np.empty((0, dim), dtype=np.int64)
-    values: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
-    marks: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
+    values: IndexArray = np.empty(0, dtype=np.int32)
+    marks: IndexArray = np.empty(0, dtype=np.int32)
     groups: IntArray = np.empty(0, dtype=np.int64)
     if data is not None and facets is not None:
         used = np.zeros(len(data.points), dtype=bool)
@@ -67,7 +67,7 @@ def distribute(
     return Distributed(mesh, cell_tags, facet_tags, (numbers // len(groups)).astype(np.int32))
 
 
-def _tags(mesh: dmesh.Mesh, dim: int, entities: IntArray, values: npt.NDArray[np.int32]) -> Any:
+def _tags(mesh: dmesh.Mesh, dim: int, entities: IntArray, values: IndexArray) -> Any:
     found, local = distribute_entity_data(mesh, dim, entities, values)
     return dmesh.meshtags_from_entities(
         mesh, dim, graph.adjacencylist(found), local.astype(np.int32, copy=False)

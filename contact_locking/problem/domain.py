@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
@@ -25,9 +25,6 @@ from contact_locking.mesh_file.gmsh_model import extract
 from contact_locking.mesh_file.reader import read
 from contact_locking.parallel import on_root
 from contact_locking.problem.distribution import distribute
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,7 @@ class Domain:
     mesh: dmesh.Mesh
     cell_tags: Any
     facet_tags: Any
-    parts: IntArray
+    parts: IndexArray
     cell_names: dict[str, int]
     facet_names: dict[str, int]
     part_names: tuple[str, ...] = ("the body",)
@@ -62,7 +59,7 @@ class Domain:
     def num_cells(self) -> int:
         return int(self.mesh.topology.index_map(self.dim).size_global)
 
-    def facets(self, names: Iterable[str], key: str | None = None) -> IntArray:
+    def facets(self, names: Iterable[str], key: str | None = None) -> IndexArray:
         """Local exterior facets of the named boundary parts; collective.
 
         Raises InputError, with the names there are, for a name the mesh does not have.
@@ -70,7 +67,7 @@ class Domain:
         parts = [self.facet_tags.find(self._tag(name, self.facet_names, key)) for name in names]
         return np.unique(np.concatenate(parts)) if parts else np.empty(0, dtype=np.int32)
 
-    def cells(self, name: str, key: str | None = None) -> IntArray:
+    def cells(self, name: str, key: str | None = None) -> IndexArray:
         """Local cells (owned and ghosts) of the named region."""
         return self.cell_tags.find(self._tag(name, self.cell_names, key))
 
@@ -80,12 +77,12 @@ class Domain:
         measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)
         return measure(tags, metadata=metadata)
 
-    def owners(self, facets: IntArray) -> IntArray:
+    def owners(self, facets: IndexArray) -> IndexArray:
         """The local cell of each of the given exterior facets."""
         to_cell = self.mesh.topology.connectivity(self.dim - 1, self.dim)
         return to_cell.array[to_cell.offsets[facets]]
 
-    def facet_diameter(self, facets: IntArray) -> float:
+    def facet_diameter(self, facets: IndexArray) -> float:
         """The largest edge among the given facets, over all ranks."""
         fdim = self.dim - 1
         self.mesh.topology.create_connectivity(fdim, self.dim)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from contact_locking import _compat
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.problem.domain import Domain
-
-FloatArray = npt.NDArray[np.float64]
 
 # Mean normals this long are those of a plane, and this short of what closes, or nearly so.
 _FLAT, _CLOSED = 1.0 - 1e-6, 1e-2
@@ -90,6 +88,6 @@ def _normals(corners: FloatArray) -> FloatArray:
     return 0.5 * np.cross(edges[:, 0], edges[:, 1])
 
 
-def _corners(domain: Domain, dim: int, entities: npt.NDArray[np.int32]) -> FloatArray:
+def _corners(domain: Domain, dim: int, entities: IndexArray) -> FloatArray:
     nodes = _compat.entities_to_geometry(domain.mesh, dim, entities)
     return domain.mesh.geometry.x[nodes, : domain.dim]

@@ -13,21 +13,17 @@ from typing import Any
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
 from contact_locking import _compat
+from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import with_key
 from contact_locking.expressions import Expression, parse
 from contact_locking.parallel import agree
 from contact_locking.parameters import LoadParameters
-from contact_locking.problem.coefficients import AXES
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.plausibility import about_a_load
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 # Expressions are integrated to the first degree; P1 test functions need no more.  The second is
 # that of another rule, to compare with: one with other points, none of them in the middle.
@@ -94,7 +90,7 @@ class _Load:
         places = {axis: x[i] for i, axis in enumerate(AXES[: self._domain.dim])}
         return ufl.as_vector([component.ufl(**places) for component in self._components])
 
-    def check(self, dim: int, entities: IntArray, warnings: list[str]) -> float:
+    def check(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
         """The largest |g| on cells or facets, from the points where it is integrated; collective.
 
         Raises and warns as `build_loads`.
@@ -124,7 +120,7 @@ class _Load:
         )
         return largest
 
-    def _sample(self, dim: int, entities: IntArray, degree: int) -> _Sample:
+    def _sample(self, dim: int, entities: IndexArray, degree: int) -> _Sample:
         total, largest, where = 0.0, -1.0, (0.0,) * self._domain.dim
         for x, weights in _quadrature(self._domain, dim, entities, degree):
             places = dict(zip(AXES, x.T, strict=False))
@@ -148,7 +144,7 @@ class _Sample:
 
 
 def _quadrature(
-    domain: Domain, dim: int, entities: IntArray, degree: int
+    domain: Domain, dim: int, entities: IndexArray, degree: int
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Points (k, d) and weights (k,) of the rule that the form compiler takes, chunk by chunk."""
     points, weights = basix.make_quadrature(_SHAPES[dim], degree)

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem import compiled, forms
@@ -23,9 +23,6 @@ from contact_locking.problem.conditions import (
 )
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
-
-BoolArray = npt.NDArray[np.bool_]
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

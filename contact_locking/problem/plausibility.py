@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.problem.domain import Domain
-
-FloatArray = npt.NDArray[np.float64]
 
 # The theory drops squares of the displacement gradient: from here on they are the larger part.
 _LARGE_STRAIN = 1.0

@@ -9,14 +9,12 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.surface_mesh import SurfaceMesh
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Smoothing(Protocol):

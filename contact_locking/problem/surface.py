@@ -7,20 +7,17 @@ affine gap the condition at the nodes is the condition everywhere.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.problem import compiled
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.spaces import CONTACT_RULE
 from contact_locking.problem.surface_mesh import SurfaceMesh
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # A normal that has this little of itself in free directions is prescribed.
 _PRESCRIBED = 1e-6

@@ -7,20 +7,18 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.conditions import Constraints, rigid_motions
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.surface import NodalAverage
-
-FloatArray = npt.NDArray[np.float64]
 
 # Rounding in a sum of products is a few times this share of what is summed.
 ROUNDING = 64.0 * float(np.finfo(float).eps)

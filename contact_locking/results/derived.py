@@ -7,13 +7,13 @@ from typing import Any
 
 import dolfinx
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
+from contact_locking.arrays import IntArray
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.locking import locking_stress
 from contact_locking.problem import compiled, forms
@@ -24,9 +24,6 @@ from contact_locking.problem.spaces import strain_space
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
 from contact_locking.solver.multipliers import ContactForces, Multipliers
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # |eps| >= M (1 - 1e-6) counts as locked.
 _LOCKED_MARGIN = 1e-6

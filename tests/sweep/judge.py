@@ -12,13 +12,13 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.parameters import Parameters
 
-from .discrete import Discrete, FloatArray, State, at
+from .discrete import Discrete, State, at
 
 # Forces relative to the forces there are, and works relative to the energy there is.
 FORCE, WORK = 1e-6, 1e-6
@@ -251,7 +251,7 @@ def own_bound(
     return mu * np.abs(state.pressure), wrong
 
 
-def _held(discrete: Discrete) -> npt.NDArray[np.bool_]:
+def _held(discrete: Discrete) -> BoolArray:
     """(k,) nodes of Gamma_C of which a component is prescribed."""
     contact = discrete.contact
     assert contact is not None

@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from .discrete import Discrete, FloatArray, IntArray
+from contact_locking.arrays import FloatArray
+
+from .discrete import Discrete, IntArray
 
 TIGHT = {"tol_gap_rel": 1e-9, "tol_gap_abs": 1e-12, "tol_feas": 1e-10, "max_iter": 200}
 

@@ -12,6 +12,7 @@ import numpy as np
 from mpi4py import MPI
 from pydantic import ValidationError
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import Problem, assemble
@@ -20,7 +21,7 @@ from contact_locking.solving import solve_assembled
 
 from . import judge, reference
 from .case import Case, Study, Truth
-from .discrete import Discrete, FloatArray, State, discretise, state_of
+from .discrete import Discrete, State, discretise, state_of
 from .families import case_of
 from .transforms import Transform
 

@@ -15,13 +15,12 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.domain import Domain
 
 from .case import Random, Study
 
-FloatArray = npt.NDArray[np.float64]
 Value = float | str | None
 
 _COORDINATE = re.compile(r"\b[xyzs]\b")
