@@ -1,4 +1,4 @@
-"""A mesh of arrays on rank 0 as a mesh of DOLFINx on all ranks."""
+"""From a mesh as arrays on rank 0 to a DOLFINx mesh on all ranks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _CELL = {2: "triangle", 3: "tetrahedron"}
 
 
 class Distributed(NamedTuple):
-    """A mesh with the groups of its cells and facets as tags, and the part of each local cell."""
+    """A mesh with the groups of cells and facets as tags, and the part (k,) of each local cell."""
 
     mesh: dmesh.Mesh
     cell_tags: Any
@@ -32,8 +32,8 @@ def distribute(
 ) -> Distributed:
     """Distribute cells and named facets; collective.
 
-    ``data`` and ``facets`` are there on rank 0 alone, as is ``parts`` (k,), the part of each cell.
-    Nodes of no cell are left out.
+    Only rank 0 has ``data``, ``facets`` and ``parts`` (k,), the part of each cell; the other ranks
+    pass None and an empty array.  Nodes without a cell are left out.
     """
     points: FloatArray = np.empty((0, dim))
     cells: IntArray = np.empty((0, dim + 1), dtype=np.int64)
@@ -47,12 +47,12 @@ def distribute(
         row = np.cumsum(used) - 1
         points, cells, marked = data.points[used], row[data.cells.nodes], row[facets.nodes]
         groups, index = np.unique(data.cells.groups, return_inverse=True)
-        # Part and group of a cell travel as one number.
+        # One number encodes the part and the group of a cell.
         values = (parts * len(groups) + index).astype(np.int32)
         marks = facets.groups.astype(np.int32)
     groups = comm.bcast(groups)
     element = basix.ufl.element("Lagrange", _CELL[dim], 1, shape=(dim,), dtype=default_real_type)
-    # By their names, as DOLFINx 0.10 has changed their order.
+    # Keyword arguments, because DOLFINx 0.10 changed the order.
     mesh = dmesh.create_mesh(
         comm=comm, cells=cells, x=points.astype(default_real_type), e=ufl.Mesh(element)
     )

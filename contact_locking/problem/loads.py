@@ -1,7 +1,8 @@
-"""Body force and tractions as UFL, checked at the points where they are integrated.
+"""Body force and tractions in UFL, checked at the quadrature points.
 
-Their values are numbers or expressions, which need be defined there only: a mesh that does not
-resolve them would integrate something else, and a pole gives a number that means nothing.
+A load is a number or an expression, which needs values at the quadrature points only.  The check
+warns of a load that the mesh does not resolve: its integral would be wrong, and meaningless at a
+pole.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ from contact_locking.parameters import LoadParameters
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.plausibility import about_a_load
 
-# Expressions are integrated to the first degree; P1 test functions need no more.  The second is
-# that of another rule, to compare with: one with other points, none of them in the middle.
+# The quadrature degree of an expression; P1 test functions need no more.  The check compares with a
+# rule of the other degree, whose points differ and do not include the midpoint of a cell.
 _DEGREE, _OTHER_DEGREE = 4, 6
-# Rules that agree in the mean square of a load up to this share resolve it: at a pole as 1/x they
-# differ by more on any mesh, at a jump by less from a handful of facets on.
+# A load is resolved if both rules give the same mean square up to this share.  At a pole like 1/x
+# the difference is larger on every mesh; at a jump it is smaller from a handful of facets on.
 _RESOLVED = 0.3
-# So many cells or facets at a time.
+# The quadrature points of so many cells or facets are in memory at a time.
 _CHUNK = 20_000
 _SHAPES = {
     1: basix.CellType.interval,
@@ -43,10 +44,10 @@ _SHAPES = {
 def build_loads(
     domain: Domain, given: LoadParameters, stiffness: float, warnings: list[str]
 ) -> list[tuple[Any, ufl.Measure]]:
-    """Each body force and traction as a vector of UFL with its measure; collective.
+    """Each body force and traction as a UFL vector with its measure; collective.
 
-    Raises InputError, with key and place, for a value that is no finite number, and adds a warning
-    for one that the mesh does not resolve or that is larger than the ``stiffness`` of the material.
+    Raises InputError with the key and the point for a value that is not finite.  Adds a warning for
+    a load that the mesh does not resolve, and for a load above the ``stiffness`` of the material.
     """
     found: list[tuple[Any, ufl.Measure]] = []
     if given.body_force is not None:
@@ -69,7 +70,7 @@ def build_loads(
 
 
 class _Load:
-    """A vector of numbers or expressions of x, y[, z]."""
+    """One load: a vector of numbers or expressions of x, y[, z]."""
 
     def __init__(self, domain: Domain, values: Sequence[float | str], key: str) -> None:
         self._domain = domain
@@ -79,7 +80,7 @@ class _Load:
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """For the form compiler."""
+        """The quadrature degree for the form compiler."""
         return {"quadrature_degree": 1 if self._constant else _DEGREE}
 
     def ufl(self) -> Any:
@@ -91,7 +92,7 @@ class _Load:
         return ufl.as_vector([component.ufl(**places) for component in self._components])
 
     def check(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
-        """The largest |g| on cells or facets, from the points where it is integrated; collective.
+        """The largest ``|g|`` at the quadrature points of cells or facets; collective.
 
         Raises and warns as `build_loads`.
         """
@@ -137,7 +138,7 @@ class _Load:
 
 @dataclass(frozen=True)
 class _Sample:
-    """The integral of |g|^2 and the largest |g| with its place, of the points of this rank."""
+    """``int |g|^2``, and the largest ``|g|`` with its point, from the points of this rank."""
 
     square: float
     top: tuple[float, tuple[float, ...]]
@@ -146,7 +147,7 @@ class _Sample:
 def _quadrature(
     domain: Domain, dim: int, entities: IndexArray, degree: int
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Points (k, d) and weights (k,) of the rule that the form compiler takes, chunk by chunk."""
+    """Points (k, d) and weights (k,) of the form compiler's quadrature rule, in chunks."""
     points, weights = basix.make_quadrature(_SHAPES[dim], degree)
     shares = np.column_stack([1.0 - points.sum(axis=1), points])
     mesh = domain.mesh
