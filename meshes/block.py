@@ -54,7 +54,7 @@ class Box(Geometry):
 
     @property
     def transition(self) -> float:
-        """The thickness of a layer of size ``h_contact`` with as many cells as the transition to h."""
+        """The thickness of a layer of size ``h_contact`` with as many cells as the growth to h."""
         return self.finest / GROWTH / (self.dim - 1)
 
     def limits(self, upper: float | None = None, lower: float | None = None) -> dict[str, float]:

@@ -113,7 +113,7 @@ class Disc(Round):
         return {"body": [body]}
 
     def facet_name(self, centre: Point) -> str:
-        """The name of the side with this centre of mass; for an arc it is between the end heights."""
+        """The name of the side with this centre of mass, for an arc between its ends in height."""
         x, y, _ = centre
         if self.quarter and self.at(x, 0):
             return "symmetry"

@@ -115,7 +115,7 @@ class Geometry(ABC):
 
     @abstractmethod
     def shape(self, occ: Any) -> dict[str, list[int]]:
-        """Add the body to the OpenCASCADE kernel ``occ``; returns the tags of each region by name."""
+        """Add the body to the OpenCASCADE kernel ``occ``; returns the tags of each named region."""
 
     @abstractmethod
     def facet_name(self, centre: Point) -> str:

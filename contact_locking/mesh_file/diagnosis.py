@@ -42,7 +42,7 @@ class Diagnosis:
 
     @staticmethod
     def of_sound(mesh: MeshData) -> Diagnosis:
-        """The result for a mesh of a builder: one part, and groups of facets on the boundary only."""
+        """The result for a mesh of a builder: one part, all groups of facets on the boundary."""
         named = mesh.facets.take(mesh.facets.groups != 0)
         return Diagnosis(("the body",), np.zeros(len(mesh.cells), dtype=np.int64), named, {}, [])
 

@@ -17,7 +17,7 @@ from contact_locking.mesh_file.trusted import trusted_copy
 
 _KEY = "mesh.file"
 _PROGRAM = "contact_locking.mesh_file.gmsh_process"
-# The environment of an MPI launcher would make the new process wait for the other ranks.
+# With these environment variables of an MPI launcher the new process would count as a rank.
 _LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_LOCAL", "HYDRA_")
 _MESSAGE_TAIL = 300
 
@@ -52,7 +52,7 @@ def read(path: Path) -> MeshData:
 
 
 def _environment() -> dict[str, str]:
-    """The environment of this process without the MPI launcher, and with the path of this package."""
+    """The environment of this process without the MPI launcher, with this package in the path."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHERS)}
     home = str(Path(__file__).resolve().parents[2])
     paths = [home, *map(os.path.abspath, kept.get("PYTHONPATH", home).split(os.pathsep))]

@@ -48,7 +48,7 @@ class Facets:
         return self._cell[start : start + self.shared[facet]]
 
     def pairs(self, facets: IntArray) -> tuple[IntArray, IntArray]:
-        """First and second cell, and their nodes opposite, of k facets with two cells: (k, 2) each."""
+        """The first two cells (k, 2) of k facets, and the nodes (k, 2) opposite to the facets."""
         both = self._first[facets][:, None] + [0, 1]
         return self._cell[both], self._opposite[both]
 
