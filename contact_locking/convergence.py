@@ -84,7 +84,7 @@ def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:
     padding = _PADDING * maximum(source.mesh.comm, np.abs(x))
     owners = fem.create_interpolation_data(space, source, everywhere, padding=padding)
     if on_any_rank(mesh.comm, _compat.point_owners(owners) < 0):
-        raise ValueError("the mesh of the reference reaches beyond that of the solution")
+        raise ValueError("the mesh of the reference reaches beyond the mesh of the solution")
     found.interpolate_nonmatching(u, everywhere, owners)
     found.x.scatter_forward()
     return found

@@ -134,8 +134,7 @@ def solve_assembled(
     solution = _collect(problem, system, target, report, settings)
     if unused := options.unused():
         solution.summary["warnings"].append(
-            f"without effect here, as PETSc has not asked for them: {', '.join(unused)} "
-            "(solver.petsc, or after --)"
+            f"PETSc has not used these options: {', '.join(unused)} (solver.petsc, or after --)"
         )
     solution.summary["restart"] = None if restarted is None else restarted.told(report)
     problem.close()

@@ -1,7 +1,7 @@
-"""What is told of a problem, as plain numbers by places, to compare it with the same of another.
+"""The answer to a problem as plain numbers, to compare with the answer to a transformed problem.
 
-A block of plain data is written to a mesh file in any unit, position, numbering and naming.  The
-answer to the problem there is transformed back: values by nodes and cells, integrals, verdicts.
+A study on a block is written to files in any unit, position, numbering and naming.  The answer to
+this transformed problem is transformed back: nodal and cell values, integrals and verdicts.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from contact_locking.parameters import Parameters
 from contact_locking.problem import compiled
 from contact_locking.results.solution import Solution
 
-# What is smaller than this share of its own scale is rounding of zero.
+# A value below this share of its scale is zero with rounding.
 _ROUNDING = 1e-9
 # A state is a tie where the pressure, or the distance of the traction to its bound, is a smaller
 # share than this of the largest pressure.
@@ -70,7 +70,7 @@ class Block:
         return cls(points, groups)
 
     def renumbered(self, random: np.random.Generator) -> Block:
-        """With nodes, elements and the corners of each element in another order."""
+        """The block with nodes, elements and the corners of each element in another order."""
         order = random.permutation(len(self.points))
         number = np.argsort(order)
         groups = {
@@ -80,7 +80,7 @@ class Block:
         return Block(self.points[order], groups)
 
     def relabelled(self, names: dict[str, str]) -> Block:
-        """With other names, and in another order, which gives other tags."""
+        """The block with other names of groups in another order, which gives other tags."""
         groups = {names[name]: self.groups[name] for name in reversed(self.groups)}
         return Block(self.points, groups)
 
@@ -172,7 +172,7 @@ def told(solution: Solution, transform: Transform) -> Answer:
     stress = transform.stress * transform.load
     energy, force = stress * move * length ** (dim - 1), stress * length ** (dim - 1)
 
-    # What locking does to nodes that are free to move.
+    # The nodal forces of the locking stress, at free nodes.
     v = ufl.TestFunction(solution.displacement.function_space)
     pull = fem.Function(solution.displacement.function_space)
     work = ufl.inner(solution.locking_stress, ufl.sym(ufl.grad(v))) * ufl.dx
@@ -250,7 +250,7 @@ def _dofs(space: fem.FunctionSpace, facets: Any) -> IntArray:
 
 
 def rotation(*angles: float) -> FloatArray:
-    """By an angle in 2D, by angles about the three axes in 3D."""
+    """The rotation by one angle in 2D, or by angles about the three axes in 3D."""
     if len(angles) == 1:
         c, s = math.cos(angles[0]), math.sin(angles[0])
         return np.array([[c, -s], [s, c]])

@@ -1,4 +1,4 @@
-"""Manufactured solutions: sources by sympy for a displacement and a pressure that are chosen.
+"""Manufactured solutions: sources by sympy for a chosen displacement and a chosen pressure.
 
 The body is the unit square or cube on its foundation below; all other sides have the exact
 displacement prescribed.  With ``t = mu(|u_tau|) R p u_tau/sqrt(|u_tau|^2 + eps^2)`` the sources are
@@ -147,7 +147,7 @@ class Manufactured:
         return solution
 
     def errors(self, solution: Solution) -> Errors:
-        """Against the exact displacement and total stress; collective."""
+        """The errors against the exact displacement and total stress; collective."""
         mesh, u = solution.domain.mesh, solution.displacement
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 6})
         exact = _ufl(self.displacement, mesh)
@@ -191,7 +191,7 @@ def sampled(expression: Any, dim: int, count: int = 21) -> FloatArray:
 
 
 def _text(expression: Any) -> str:
-    """As the study file says it."""
+    """The expression in the syntax of the study file."""
     return str(expression).replace("Max(", "max(")
 
 

@@ -1,4 +1,4 @@
-"""A solution made of known functions instead of a solve."""
+"""A solution that consists of known functions, without a solve."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ KINDS: dict[str, Callable[[Solution], None] | None] = {
 
 
 def _nodal(points: ContactPoints) -> Any:
-    """What pictures take from the nodal fields of each contact, all of it on rank 0."""
+    """The nodal fields of each contact that pictures use, all on rank 0."""
     own = slice(None if MPI.COMM_WORLD.rank == 0 else 0)
     return tuple(
         SimpleNamespace(
@@ -170,7 +170,7 @@ def _nodal(points: ContactPoints) -> Any:
 
 
 def _facets(dim: int) -> IntArray:
-    """Of the regular grid of points: segments, or the halves of its squares."""
+    """The facets of a regular grid of points: segments, or the halves of the squares."""
     line = np.arange(DIVISIONS)
     if dim == 2:
         return np.column_stack([line, line + 1])

@@ -198,7 +198,7 @@ def test_a_coefficient_of_place_alone_has_exact_constants() -> None:
 
 
 def constants_of(law: Any, bound: type[FrictionBound] = FrictionBound) -> dict[str, Any]:
-    """Of a soft block that is solved with another coefficient than that of its study file."""
+    """The constants of a soft block with another friction law than the study file's."""
     study = block(h=0.2, penalty__epsilon=0.1, certificate__constants=True)
     problem = assemble(study, MPI.COMM_WORLD)
     (contact,) = problem.contacts

@@ -105,7 +105,7 @@ def test_the_longest_step_ends_on_the_boundary_of_a_cone(
     lorentz: Lorentz, case: Case, inwards: float
 ) -> None:
     points, steps = case[:2], np.array(case[2:])
-    # As long as no cone is left, there is no limit.
+    # The step has no limit if no point leaves its cone.
     steps[:, 0] += inwards
     t = Scaling.of(lorentz, *points).longest_step(*steps)
 

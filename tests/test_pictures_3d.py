@@ -1,4 +1,4 @@
-"""Pictures in three dimensions: what PyVista draws, and what becomes of it where it cannot."""
+"""Pictures in three dimensions: with PyVista, and where PyVista cannot draw."""
 
 from __future__ import annotations
 

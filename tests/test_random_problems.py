@@ -71,7 +71,7 @@ def problems(draw: st.DrawFn) -> Parameters:
 
 
 def _is_infeasible(solution: Solution) -> bool:
-    """What Clarabel says of the same inequality: penalties can hide that nothing is admissible."""
+    """The verdict of Clarabel on the inequality: penalties can hide that no field is admissible."""
     pytest.importorskip("clarabel")
     _, *moved = solution.parameters.loads.displacements
     sides = {"right": 0, "top": solution.domain.dim - 1}

@@ -95,7 +95,7 @@ def annulus(h: float, n: float) -> Solution:
 
 
 def errors(solution: Solution) -> tuple[float, float]:
-    """In V and in L2, relative."""
+    """The relative errors in V and in L2."""
     mesh = solution.domain.mesh
     exact = fem.Function(fem.functionspace(mesh, ("P", 3, (2,))))
 

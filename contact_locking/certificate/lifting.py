@@ -42,7 +42,7 @@ class Lifting:
         """
         state = self._state
         if state.problem.data.own_energy is not None:
-            raise NotApplicable("there is an energy of the user's own, which no proof knows")
+            raise NotApplicable("no proof covers the user's own energy")
         prescribed = fem.Function(state.problem.u.function_space)
         given = [c.g.x.array for c in state.problem.constraints.conditions]
         overlaps = any(np.any(fields.gap < 0.0) for fields in state.contacts)
@@ -94,17 +94,19 @@ class Lifting:
         size = np.linalg.norm(state.cells.interpolated(strain(lifted)), axis=(1, 2))
         if not self._nowhere(size - state.cells.limit * (1.0 + _ROUNDING)):
             raise NotApplicable(
-                "the elastic displacement that follows the prescribed values exceeds the locking "
-                "limit, and no other admissible one was sought"
+                "the elastic displacement with the prescribed values exceeds the locking limit, "
+                "and no other field was tried"
             )
         small = _ROUNDING * state.target.length
         for fields in state.contacts:
             normal, tangential = fields.contact.split(lifted)
             slip = np.linalg.norm(tangential, axis=1)
             if not self._nowhere(normal - fields.gap - small):
-                raise NotApplicable("displacements prescribed on the edge of Gamma_C enter the gap")
+                raise NotApplicable(
+                    "prescribed displacements at the edge of Gamma_C exceed the gap"
+                )
             if not fields.contact.friction.frictionless and not self._nowhere(slip - small):
-                raise NotApplicable("displacements prescribed on the edge of Gamma_C make it slip")
+                raise NotApplicable("prescribed displacements at the edge of Gamma_C slip")
 
     def _nowhere(self, values: FloatArray) -> bool:
         """Whether no value of any rank is positive; collective."""

@@ -129,7 +129,7 @@ def _check_entered(state: SolvedState, w: fem.Function) -> None:
     for fields in state.contacts:
         local = max(local, float(np.max(fields.contact.split(w)[0] - fields.gap, initial=0.0)))
     if maximum(state.comm, local) > _ROUNDING * state.target.length:
-        raise NotApplicable("displacements prescribed on the edge of Gamma_C enter the foundation")
+        raise NotApplicable("prescribed displacements at the edge of Gamma_C enter the foundation")
 
 
 def _gap(state: SolvedState, w: fem.Function) -> float:

@@ -262,8 +262,8 @@ def _another_mesh(
     if record.mesh.get("content") != identity.get("content"):
         changes = ["the mesh file is another one or has changed"]
     # Another version of Gmsh makes another mesh of the same parameters.
-    told = "; ".join(changes) or "by another version of Gmsh? A mesh.file stays what it is"
+    told = "; ".join(changes) or "perhaps another version of Gmsh; a mesh.file would not change"
     return (
         f"the checkpoint in {directory} is of another mesh: {difference} ({told}); "
-        "a restart takes the mesh that the state was solved on"
+        "restart with the mesh of the checkpoint"
     )

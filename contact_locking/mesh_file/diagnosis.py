@@ -92,7 +92,7 @@ def _check_coordinates(mesh: MeshData) -> None:
     bad = ~np.isfinite(mesh.points).all(axis=1)
     if bad.any():
         raise InputError(
-            f"the coordinates of {places.node(mesh, int(np.argmax(bad)))} are no finite numbers"
+            f"the coordinates of {places.node(mesh, int(np.argmax(bad)))} are not finite numbers"
             f"{places.more(int(bad.sum()))}"
         )
 
@@ -208,14 +208,14 @@ def _named_facets(
             warnings.append(f"group {unusable[name]}")
         elif inner.sum() == own.sum():
             unusable[name] = (
-                f"{name!r} lies inside the body, and is no part of its boundary: "
+                f"{name!r} lies inside the body and is not a part of its boundary: "
                 f"{places.facet(named, int(np.argmax(own)))} has cells on both sides"
             )
         elif inner.any():
             warnings.append(
                 f"group {name!r} is boundary in part only: "
                 f"{places.facet(named, int(np.argmax(inner)))} has cells on both sides"
-                f"{places.more(int(inner.sum()))}; such are left out"
+                f"{places.more(int(inner.sum()))}; these facets are left out"
             )
     boundary = shared == 1
     order = np.flatnonzero(boundary)

@@ -141,7 +141,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         both = sum(len(np.intersect1d(facets, contact)) for contact in contacts)
         if domain.comm.allreduce(both):
             raise InputError(
-                "Gamma_C and Gamma_D overlap: contact and a displacement are both asked for on "
+                "Gamma_C and Gamma_D overlap: contact and a displacement condition share facets of "
                 f"{_quoted(condition.on)}",
                 key,
             )

@@ -115,14 +115,14 @@ def _foundation_from(
         gap, normals = body.gap(points), body.contact_normal(points).T
     if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
         raise InputError(
-            "the distance to it is no number; it lies too far away or is too large", key
+            "its distance is not a finite number: the foundation is too far away or too large", key
         )
     facing = np.sum(normals * body_normals, axis=1)
     if on_any_rank(comm, facing <= 0.0):
         raise InputError(
-            "the foundation lies behind a part of Gamma_C: there the outward normal of the "
-            "body points away from it; turn the half space's normal towards the body, or "
-            f"take away from {given.key}.on what does not face the foundation",
+            "the foundation lies behind a part of Gamma_C, where the outward normal of the body "
+            "points away from the foundation; turn the normal of the half space towards the body, "
+            f"or remove from {given.key}.on the boundary parts that do not face the foundation",
             key,
         )
     return gap, normals

@@ -107,8 +107,8 @@ class _Load:
         )
         if largest <= 0.0:
             warnings.append(
-                f"{self._key}: is zero at all points where it is integrated; is it meant for "
-                "another place, or for one smaller than the elements?"
+                f"{self._key}: is zero at all points of the quadrature; is the load meant for "
+                "another place, or for a place smaller than the elements?"
             )
             return 0.0
         if abs(squares[0] - squares[1]) <= _RESOLVED * squares.max():
@@ -116,8 +116,8 @@ class _Load:
         place = ", ".join(f"{a} = {v:.6g}" for a, v in zip(AXES, where, strict=False))
         warnings.append(
             f"{self._key}: changes too sharply for this mesh near {place}, where it reaches "
-            f"{largest:.3g}; its resultant may be far off: refine the mesh there, or, if it has a "
-            "pole, give another load"
+            f"{largest:.3g}; its resultant may be wrong: refine the mesh there, or give a load "
+            "without a pole"
         )
         return largest
 

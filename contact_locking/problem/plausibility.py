@@ -57,8 +57,8 @@ def about_the_strain(largest: float) -> list[str]:
         return []
     return [
         f"the largest strain is {largest:.3g}, and this theory is of small strains: do the units "
-        "of loads, elasticity and lengths agree, and is the body held and supported as it should "
-        "be?"
+        "of loads, elasticity and lengths agree, and do displacement conditions or contact hold "
+        "the body?"
     ]
 
 

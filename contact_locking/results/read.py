@@ -134,7 +134,7 @@ def _text(path: Path) -> str:
             raise InputError(f"{path}: is too large to be a result")
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise InputError(f"{path}: is damaged: no text in UTF-8") from None
+        raise InputError(f"{path}: is damaged: it is not text in UTF-8") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
 
@@ -143,9 +143,9 @@ def _mapping(text: str, name: str) -> dict[str, Any]:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):
-        raise InputError(f"{name}: is damaged: no JSON") from None
+        raise InputError(f"{name}: is damaged: it is not JSON") from None
     if not isinstance(content, dict):
-        raise InputError(f"{name}: is damaged: no mapping of names to values")
+        raise InputError(f"{name}: is damaged: it is not a mapping of names to values")
     return content
 
 

@@ -238,7 +238,7 @@ def _distance(given: Any, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatA
 
 @dataclass(frozen=True)
 class State:
-    """What a solution says: nodal ``u``, stresses ``locking`` (c, m), and on Gamma_C by nodes.
+    """A solution: nodal ``u``, stresses ``locking`` (c, m), and nodal values on Gamma_C.
 
     ``traction`` is sigma_tau, ``bound`` the friction bound, ``smoothed`` R sigma_nu.
     """

@@ -25,7 +25,7 @@ TIGHT = {"tol_gap_rel": 1e-9, "tol_gap_abs": 1e-12, "tol_feas": 1e-10, "max_iter
 
 
 class NoReference(Exception):
-    """Clarabel did not get there."""
+    """Clarabel did not converge."""
 
 
 @dataclass
@@ -165,7 +165,7 @@ def minimiser(discrete: Discrete, bound: FloatArray) -> FloatArray:
 
 
 def energy(discrete: Discrete, bound: FloatArray, u: FloatArray) -> float:
-    """What is minimised, at a displacement: with the least q, r and t it allows."""
+    """The objective at a displacement, with the least q, r and t that are feasible."""
     value = 0.5 * u @ (discrete.stiffness @ u) - discrete.load @ u
     if math.isfinite(discrete.n):
         over = np.linalg.norm(discrete.strains(u), axis=1) - discrete.limit

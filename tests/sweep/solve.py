@@ -40,7 +40,7 @@ _TRANSFORMED = 1e-14
 
 @dataclass
 class Outcome:
-    """What became of a problem: ``study`` is the one solved, ``notes`` tell of the checks."""
+    """The outcome of a problem: ``study`` is the solved study, ``notes`` are about the checks."""
 
     family: str
     seed: int
