@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-#: Numbers of cells, facets and degrees of freedom on one rank, as DOLFINx stores them.
+#: The local numbers of cells, facets and degrees of freedom have 32 bits in DOLFINx.
 IndexArray = npt.NDArray[np.int32]
 BoolArray = npt.NDArray[np.bool_]
 

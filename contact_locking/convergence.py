@@ -1,4 +1,4 @@
-"""Distances between solutions, also on different meshes, their rates, and tables of them."""
+"""Distances between solutions, also on different meshes, rates of convergence, and tables."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.errors import InputError
 from contact_locking.files.atomic import write_text
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import strain
+from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.domain import Domain
 from contact_locking.results.derived import integral
 from contact_locking.results.names import TABLE_LINES
 from contact_locking.results.read import Row, read_rows
 from contact_locking.results.solution import Solution
 
-# A node outside the other mesh by less than this share of the body is there by rounding.
+# A node may lie outside the other mesh by this share of the body because of rounding.
 _PADDING = 1e-8
 
 
 @dataclass(frozen=True)
 class Norms:
-    """``v = |w|_V``, the L2 norm of eps(w) (10); ``l2`` and ``contact`` are the L2 norms of w.
+    """``v = |w|_V``, the L2 norm of eps(w) (10), and the L2 norms of w.
 
-    ``l2`` is the norm over the body, ``contact`` the norm over Gamma_C.
+    ``l2`` is the L2 norm over the body, and ``contact`` is the L2 norm over Gamma_C.
     """
 
     v: float
@@ -41,7 +41,7 @@ class Norms:
     contact: float
 
     def over(self, other: Norms) -> Norms:
-        """Each norm divided by the same norm of ``other``; a norm of 0 divides nothing."""
+        """Each norm divided by the same norm of ``other``, unless that norm is 0."""
         mine, theirs = dataclasses.astuple(self), dataclasses.astuple(other)
         return Norms(*(a / b if b > 0.0 else a for a, b in zip(mine, theirs, strict=True)))
 
@@ -55,11 +55,11 @@ def norms(w: fem.Function, domain: Domain, contact: tuple[str, ...] = ()) -> Nor
 
 
 def distance(solution: Solution, reference: Solution) -> Norms:
-    """The norms of ``u - u_ref``, integrated on the reference's mesh; collective.
+    """The norms of ``u - u_ref`` on the mesh of the reference; collective.
 
-    u is interpolated on the reference's mesh.  The interpolation is exact where the reference's
-    mesh refines the mesh of u: the meshes of structured blocks are nested if their numbers of cells
-    divide each other.  Raises ValueError if the reference's mesh reaches beyond the mesh of u.
+    u is interpolated on the mesh of the reference.  The interpolation is exact if that mesh refines
+    the mesh of u; the meshes of structured blocks are nested if their numbers of cells divide each
+    other.  Raises ValueError if the mesh of the reference reaches beyond the mesh of u.
     """
     difference = fem.Function(reference.displacement.function_space)
     difference.interpolate(on_mesh_of(solution.displacement, reference.displacement))
@@ -68,9 +68,9 @@ def distance(solution: Solution, reference: Solution) -> Norms:
 
 
 def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:
-    """``u`` interpolated into the space of ``other``, whose mesh may be another one; collective.
+    """``u`` interpolated into the space of ``other``, on the same or another mesh; collective.
 
-    Raises ValueError if a node of ``other`` lies in no cell of u's mesh.
+    Raises ValueError if a node of ``other`` lies in no cell of the mesh of u.
     """
     space, source = other.function_space, u.function_space
     found = fem.Function(space)
@@ -81,19 +81,17 @@ def on_mesh_of(u: fem.Function, other: fem.Function) -> fem.Function:
     cells = mesh.topology.index_map(mesh.topology.dim)
     everywhere = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     x = source.mesh.geometry.x
-    local = float(np.abs(x).max(initial=0.0))
-    padding = _PADDING * source.mesh.comm.allreduce(local, op=MPI.MAX)
+    padding = _PADDING * maximum(source.mesh.comm, np.abs(x))
     owners = fem.create_interpolation_data(space, source, everywhere, padding=padding)
-    missing = bool(np.any(_compat.point_owners(owners) < 0))
-    if mesh.comm.allreduce(missing, op=MPI.LOR):
-        raise ValueError("the mesh of the reference reaches beyond that of the solution")
+    if on_any_rank(mesh.comm, _compat.point_owners(owners) < 0):
+        raise ValueError("the mesh of the reference reaches beyond the mesh of the solution")
     found.interpolate_nonmatching(u, everywhere, owners)
     found.x.scatter_forward()
     return found
 
 
 def fitted_rate(sizes: Sequence[float], errors: Sequence[float]) -> float:
-    """The exponent r of ``error = C size^r``: the least-squares slope of the logarithms.
+    """The exponent r in ``error = C size^r``: the least-squares slope of the logarithms.
 
     Raises ValueError for fewer than two sizes, and for errors or sizes that are not positive.
     """

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-# No room on the disk, no more for this user, and no more in one file (ulimit -f).
+# The disk is full, the quota of the user is used up, or the file is too large (ulimit -f).
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 MAKE_ROOM = "Make room, and start it again."
 
@@ -21,7 +21,7 @@ MAKE_ROOM = "Make room, and start it again."
 class ContactLockingError(Exception):
     """Base of every error that this package raises on purpose.
 
-    ``exit_code`` is what the command line returns for it.
+    ``exit_code`` is the exit code of the command line for this error.
     """
 
     exit_code = 1
@@ -30,9 +30,9 @@ class ContactLockingError(Exception):
 class InputError(ContactLockingError):
     """The study file, the mesh or an argument cannot be used as given.
 
-    The message names the offending key or name, what was given and what would be right.
-    ``key`` is the dotted key of the study file where it is known, so that a caller that holds
-    the file can add the line.
+    The message names the offending key or name, the value given and a value that would be right.
+    ``key`` is the dotted key of the study file, if one is known, so that a caller that holds the
+    file can add the line.
     """
 
     exit_code = 2
@@ -43,7 +43,7 @@ class InputError(ContactLockingError):
 
 
 class NotConverged(ContactLockingError):
-    """A solver stopped before its criteria held; the message says which one and the way out."""
+    """A solver stopped before its criteria held; the message names the criterion and a remedy."""
 
     exit_code = 3
 
@@ -51,8 +51,8 @@ class NotConverged(ContactLockingError):
 class Infeasible(NotConverged):
     """No admissible field on this mesh has the prescribed values, by Farkas's lemma.
 
-    The prescribed values times any number above ``factor`` exclude all of them, too; it is infinite
-    if scaling them is not the way out.
+    The prescribed values times any number above ``factor`` exclude every field, too.  ``factor`` is
+    infinite if smaller prescribed values are no remedy.
     """
 
     def __init__(self, message: str, factor: float) -> None:
@@ -61,7 +61,7 @@ class Infeasible(NotConverged):
 
 
 class NoRoom(ContactLockingError):
-    """The disk is full; once there is room, the same will be written."""
+    """The disk is full; the same files can be written once there is room."""
 
 
 class NoRendering(ContactLockingError):
@@ -76,10 +76,10 @@ def is_full(error: OSError) -> bool:
 def not_written(
     what: str, error: OSError, place: str | Path, key: str | None = None, more: str = ""
 ) -> ContactLockingError:
-    """The error for ``what`` could not be done at ``place``, as the system said.
+    """The error with the message ``what``, the reason of the system, and the file or ``place``.
 
-    A disk without room is no bad input: what was asked for is right, once there is room; ``more``
-    says what else to do then.
+    A full disk gives NoRoom and not InputError, because the input is right; ``more`` then replaces
+    the advice to make room.
     """
     message = f"{what}: {error.strerror or error} ({error.filename or place})"
     if is_full(error):
@@ -91,7 +91,7 @@ def not_written(
 def explained(
     what: str, place: str | Path, key: str | None = None, more: str = ""
 ) -> Iterator[None]:
-    """Turn an OSError of the block into the error of `not_written`."""
+    """Raise the error of `not_written` in place of an OSError of the block."""
     try:
         yield
     except BrokenPipeError:
@@ -101,7 +101,7 @@ def explained(
 
 
 def with_key(key: str, work: Callable[[], T]) -> T:
-    """Run ``work``; an InputError that comes out of it without a key is given this one."""
+    """Run ``work``, and give ``key`` to an InputError that has no key."""
     try:
         return work()
     except InputError as error:

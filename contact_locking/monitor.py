@@ -1,24 +1,25 @@
-"""How a running solve tells its progress; the base class says nothing."""
+"""The interface through which a solve reports its progress."""
 
 from __future__ import annotations
 
 
 class Monitor:
-    """Hears of the progress of a solve and does nothing; derived classes show it.
+    """Receives the progress of a solve and shows nothing; derived classes show the progress.
 
-    Every rank calls its monitor with the same values: give a monitor that prints to rank 0 only.
+    Every rank calls its monitor with the same values.  A monitor that prints belongs to rank 0
+    only.
     """
 
     def message(self, text: str) -> None:
-        """A text that deserves a line of its own."""
+        """Show a text on a line of its own."""
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        """The solve with penalties n and epsilon begins, number ``index`` from 1."""
+        """Stage ``index``, counted from 1, begins: the solve with the penalties n and epsilon."""
 
     def friction_update(self, k: int, change: float, factor: float | None) -> None:
         """Update k changed the friction bound by the relative amount ``change``.
 
-        ``factor`` is the contraction observed so far; None before it can be observed.
+        ``factor`` is the contraction observed so far, None while none can be observed.
         """
 
     def iteration(self, k: int, residual: float) -> None:

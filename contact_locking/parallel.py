@@ -1,6 +1,6 @@
-"""Work on one rank or on all of them whose error every rank raises.
+"""Errors that all ranks raise together, and values over all ranks.
 
-An error on one rank alone would leave the other ranks waiting.
+An error that only one rank raises would leave the other ranks waiting.
 """
 
 from __future__ import annotations
@@ -8,15 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
+import numpy as np
 from mpi4py import MPI
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 
 T = TypeVar("T")
 
 
 def on_root(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
-    """Run ``work`` on rank 0, and return its result or raise its error on all ranks; collective.
+    """Run ``work`` on rank 0; return the result, or raise the error, on all ranks; collective.
 
     A ValueError, RuntimeError or OSError of ``work`` is raised as an InputError.
     """
@@ -39,7 +41,7 @@ def on_root(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
 def agree(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
     """Run ``work`` on every rank, and raise the first error of any rank on all; collective.
 
-    Use it where user data is evaluated at the points of each rank.
+    This is for the data of the user, which each rank evaluates at its own points.
     """
     failure: ContactLockingError | None = None
     try:
@@ -50,3 +52,21 @@ def agree(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
         if raised is not None:
             raise raised
     return result
+
+
+def maximum(comm: MPI.Intracomm, values: FloatArray | float, least: float = 0.0) -> float:
+    """The largest of the values of all ranks and of ``least``; collective.
+
+    A rank may have no values.
+    """
+    return float(comm.allreduce(float(np.max(values, initial=least)), op=MPI.MAX))
+
+
+def on_any_rank(comm: MPI.Intracomm, marks: BoolArray | bool) -> bool:
+    """Whether any mark of any rank is true; collective."""
+    return bool(comm.allreduce(bool(np.any(marks)), op=MPI.LOR))
+
+
+def on_every_rank(comm: MPI.Intracomm, marks: BoolArray | bool) -> bool:
+    """Whether all marks of all ranks are true; collective."""
+    return bool(comm.allreduce(bool(np.all(marks)), op=MPI.LAND))

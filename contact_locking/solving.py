@@ -1,4 +1,4 @@
-"""From parameters to a solution: assemble, solve, collect."""
+"""From parameters to a solution: assemble the problem, solve it, collect the results."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -40,8 +38,6 @@ from contact_locking.solver import solve as solve_system
 from contact_locking.solver.options import UserOptions, require_harmless, require_known
 from contact_locking.solver.target import Target
 
-FloatArray = npt.NDArray[np.float64]
-
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
 )
@@ -59,11 +55,10 @@ def solve(
 ) -> Solution:
     """Solve (25)/(26) for the given parameters; collective.
 
-    ``petsc_options`` override ``solver.petsc``, and both the defaults.  ``restart`` is the folder
-    of a run that saved its state on the same mesh: what is found does not depend on it, only the
-    way there.  A solve that does not reach its criteria still returns what it reached, with
-    ``summary["converged"]`` False and the reason beside it.  Raises InputError for data that cannot
-    be used.
+    ``petsc_options`` override ``solver.petsc``, and both override the defaults.  ``restart`` is the
+    folder of a run that saved its state on the same mesh; a restart changes the iterations and not
+    the solution.  A solve that does not converge returns its last state, with ``converged`` False
+    and the reason in the summary.  Raises InputError for data that cannot be used.
     """
     monitor = monitor or Monitor()
     start = time.perf_counter()
@@ -72,7 +67,7 @@ def solve(
     _require_known_options(parameters, petsc_options)
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm)
-    # Now, as the mesh file may be another one when the solve is over.
+    # Before the solve, because the mesh file may change during the solve.
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
@@ -93,11 +88,11 @@ def solve_assembled(
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
 ) -> Solution:
-    """Solve what :func:`assemble` has made, once; collective.
+    """Solve a problem of :func:`assemble`, which can be solved only once; collective.
 
-    Between the two, data that no study file can say may be put into ``problem.data``.  An
-    ``own_energy`` there is for ``solver.method: newton``, which auto then stands for; raises
-    InputError for any other.
+    Before this call ``problem.data`` may be changed, to data that no study file can describe.  With
+    an ``own_energy`` the method is ``newton``, also for ``auto``.  Raises InputError for an
+    ``own_energy`` with another method.
     """
     monitor = monitor or Monitor()
     restarted = None if restart is None else Restart(restart, problem)
@@ -139,8 +134,7 @@ def solve_assembled(
     solution = _collect(problem, system, target, report, settings)
     if unused := options.unused():
         solution.summary["warnings"].append(
-            f"without effect here, as PETSc has not asked for them: {', '.join(unused)} "
-            "(solver.petsc, or after --)"
+            f"PETSc has not used these options: {', '.join(unused)} (solver.petsc, or after --)"
         )
     solution.summary["restart"] = None if restarted is None else restarted.told(report)
     problem.close()
@@ -148,7 +142,7 @@ def solve_assembled(
 
 
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
-    """Do all that :func:`solve` does before its first iteration and say what would be solved."""
+    """The facts and warnings of the assembled problem, without a solve; collective."""
     _require_known_options(parameters)
     problem = assemble(parameters, comm)
     problem.close()
@@ -158,7 +152,7 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
 def _require_known_options(
     parameters: Parameters, petsc_options: Mapping[str, Any] | None = None
 ) -> None:
-    """Raise InputError for a misspelt or harmful option, before PETSc asks for it, or does not."""
+    """Raise InputError for a misspelt or harmful PETSc option."""
     for options, section in (
         (parameters.solver.petsc, "solver.petsc"),
         (petsc_options or {}, None),
@@ -255,7 +249,7 @@ def _collect(
 def _measure_against_limit(
     solution: Solution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
 ) -> None:
-    """Solve the inequality itself on the same mesh and add the distance to the certificate."""
+    """Solve the inequality on the same mesh and add the distance to the certificate; collective."""
     monitor.message("solving for n = .inf, to measure the distance")
     problem = assemble(solution.parameters.limit(), solution.domain.comm, solution.domain)
     exact = solve_assembled(problem, monitor, petsc_options)

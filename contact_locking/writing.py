@@ -1,4 +1,4 @@
-"""Write the folder of a run: all files of a solution appear together, or none."""
+"""The folder of a run: all files of a solution appear together, or none of them."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ from contact_locking.results.summary import summary_text
 T = TypeVar("T")
 
 KEY = "output.directory"
-# The summary comes last: where there is a summary, there are all other files.
+# The summary is the last file: a folder with a summary has all other files.
 _ORDER = (PARAMETERS, CONTACT, FACETS, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
 
-# More than a summary, parameters and some hundred points of contact take.
+# More than the size of a summary, the parameters and some hundred contact points.
 _TEXTS_BYTES = 65_536
 
 
@@ -46,9 +46,9 @@ _TEXTS_BYTES = 65_536
 def reserved(directory: str | Path, comm: MPI.Intracomm) -> Iterator[None]:
     """Keep ``directory`` for the results of one run; collective.
 
-    Enter the block before the solve, which may take hours.  The files of a killed run are removed,
-    and a new folder goes again if nothing is written.  Raises what `prepare` raises, and InputError
-    if another run or a study is writing there.
+    Enter the block before the solve, which may take hours.  The unfinished files of a killed run
+    are removed, and a new folder is removed again if no file is written.  Raises the errors of
+    `prepare`, and InputError if another run or a study writes to the folder.
     """
     target = Path(directory)
     with contextlib.ExitStack() as stack:
@@ -80,14 +80,14 @@ def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
 def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
-    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv, as ``output``
-    of the parameters asks for them fields.bp, and picture.png with snapshot.npz, and with
-    ``checkpoint`` the state to restart from.  No file of an earlier run stays in the folder.  The
-    files are made in a staging folder and moved when all are complete.
+    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv.  The section
+    ``output`` of the parameters adds fields.bp, and picture.png with snapshot.npz; ``checkpoint``
+    adds the folder checkpoint.  The files are written into a staging folder and moved when all are
+    complete.  No file of an earlier run stays in the folder.
 
-    A picture or a checkpoint that cannot be made is a warning, in the summary too.  Raises
-    InputError for a folder that cannot be written to, and ContactLockingError where the disk is
-    full; if only the picture or the checkpoint has no room, all other files are written before.
+    If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
+    InputError for a folder that cannot be written to, and ContactLockingError for a full disk; if
+    only the picture or the checkpoint has no room, all other files are written first.
     """
     comm, target = solution.domain.comm, Path(directory)
     wanted = solution.parameters.output
@@ -122,10 +122,10 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
 
 
 def save(solution: Solution, directory: str | Path) -> None:
-    """Save the state in ``directory``/checkpoint, for ``restart=directory``; collective.
+    """Save a checkpoint in ``directory``/checkpoint, for ``restart=directory``; collective.
 
-    Any number of ranks can read it, on the same mesh.  Raises ContactLockingError where
-    adios4dolfinx is missing, InputError for a folder that cannot be written to.
+    Any number of ranks can read the checkpoint on the same mesh.  Raises ContactLockingError if
+    adios4dolfinx is missing, and InputError for a folder that cannot be written to.
     """
     comm, target = solution.domain.comm, Path(directory)
     with _staging(comm, target) as staging:
@@ -135,31 +135,31 @@ def save(solution: Solution, directory: str | Path) -> None:
 
 
 def _require_writable(directory: Path) -> None:
-    """Raise OSError if there is no room for a folder with the text files; leave no trace."""
+    """Raise OSError if the folder has no room for the text files; leave no trace."""
     with atomic.staging(directory) as folder:
         atomic.require_room(folder, _TEXTS_BYTES)
 
 
 def _write_fields(solution: Solution, target: Path, path: Path) -> None:
-    """Write fields.bp if there is room for it; collective."""
+    """Write fields.bp, if the disk has room for the file; collective."""
     comm, functions = solution.domain.comm, fields.discontinuous(solution)
     size = fields.size(functions, comm)
     _on_root(comm, target, partial(atomic.require_room, path.parent, size))
-    # On several ranks the others may be waiting inside ADIOS2, where no error reaches them: the
-    # OSError of one rank ends all.
+    # On several ranks the other ranks may wait inside ADIOS2, where no error reaches them: there
+    # the OSError of one rank has to end all ranks.
     with _explained(target) if comm.size == 1 else contextlib.nullcontext():
         fields.write(functions, path, comm)
 
 
 def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
-    """Write a checkpoint and return None, or the reason why there is none; collective."""
+    """Write a checkpoint and return None, or return why it failed; collective."""
     try:
         _write_checkpoint(solution, target, staging)
         return None
     except ContactLockingError as error:
         reason = str(error).splitlines()[0]
-    # ADIOS2 closes its files, which frees their room, once nothing refers to the error any more;
-    # frames may refer to each other.
+    # ADIOS2 closes its files, and so frees the disk, when no reference to the error is left; the
+    # frames of the error may refer to each other in a circle.
     gc.collect()
     comm = solution.domain.comm
     _on_root(comm, target, lambda: shutil.rmtree(staging / checkpoints.NAME, ignore_errors=True))
@@ -168,7 +168,7 @@ def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
 
 def _write_checkpoint(solution: Solution, target: Path, staging: Path) -> None:
     folder, comm = staging / checkpoints.NAME, solution.domain.comm
-    # The text files, which are written later, need room as well.
+    # The text files are written later and need room as well.
     size = checkpoints.size(solution) + _TEXTS_BYTES
 
     def make_folder() -> None:
@@ -180,7 +180,7 @@ def _write_checkpoint(solution: Solution, target: Path, staging: Path) -> None:
 
 
 def _write_texts(solution: Solution, folder: Path) -> None:
-    """Write the files that rank 0 writes alone."""
+    """Write the text files; for rank 0."""
     (folder / PARAMETERS).write_text(study_file.dump(solution.parameters), encoding="utf-8")
     (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
     points, facets = solution.contact_points, solution.contact_facets
@@ -192,12 +192,12 @@ def _write_texts(solution: Solution, folder: Path) -> None:
 
 
 def _explained(directory: Path) -> contextlib.AbstractContextManager[None]:
-    """Turn an OSError into an error about the folder of the results."""
+    """Raise an error about the folder of the results in place of an OSError."""
     return explained(not_writable(directory), directory, KEY)
 
 
 def _on_root(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
-    """``on_root``, where an OSError becomes an error about the folder; collective."""
+    """`on_root` with an error about the folder in place of an OSError; collective."""
 
     def attempt() -> T:
         with _explained(directory):
@@ -208,7 +208,7 @@ def _on_root(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
 
 @contextlib.contextmanager
 def _staging(comm: MPI.Intracomm, directory: Path) -> Iterator[Path]:
-    """A staging folder of rank 0 that all ranks write into; collective."""
+    """A staging folder that rank 0 makes and all ranks use; collective."""
     with contextlib.ExitStack() as stack:
 
         def attempt() -> Path:

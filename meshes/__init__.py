@@ -1,10 +1,10 @@
-"""Geometries that Gmsh meshes, by name.
+"""The mesh builders by name: geometries that Gmsh meshes.
 
-A geometry is a frozen dataclass that checks its parameters without Gmsh. It is meshed by
+A geometry is a frozen dataclass that checks its parameters without Gmsh. Gmsh meshes it in
 
     with build(BUILDERS["block"](h=0.05)) as model: ...
 
-on one process; `model` is ``gmsh.model`` with physical groups named as the class says.
+on one process, where `model` is ``gmsh.model`` with the physical groups that the class names.
 """
 
 from .annulus import Annulus

@@ -21,7 +21,7 @@ class Annulus(Geometry):
     quarter: bool = parameter(False, "1", "only x > 0 and y > 0")
 
     def validate(self) -> None:
-        """Check that there is something between the circles."""
+        """Check that the outer circle is larger."""
         if self.outer_radius <= self.inner_radius:
             raise ValueError(
                 f"outer_radius: {self.outer_radius:g} is not more than the inner radius, "
@@ -30,22 +30,22 @@ class Annulus(Geometry):
 
     @property
     def dim(self) -> int:
-        """2."""
+        """The dimension, 2."""
         return 2
 
     @property
     def thickness(self) -> float:
-        """Distance of the circles."""
+        """The distance between the circles."""
         return self.outer_radius - self.inner_radius
 
     @property
     def angle(self) -> float:
-        """Of the sector that is kept."""
+        """The angle of the sector."""
         return math.pi / 2 if self.quarter else 2 * math.pi
 
     @property
     def measure(self) -> float:
-        """Area of the sector."""
+        """The area of the sector."""
         return self.angle / 2 * (self.outer_radius**2 - self.inner_radius**2)
 
     @property
@@ -57,11 +57,11 @@ class Annulus(Geometry):
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """As far as they are there."""
+        """The circles and, for a quarter, the straight sides."""
         return ("inner", "outer", "bottom", "left") if self.quarter else ("inner", "outer")
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
-        """Quarters of circles, so that the centre of mass of each tells its radius."""
+        """The sector between arcs of a quarter circle, whose centres of mass tell the radii."""
         origin = occ.addPoint(0, 0, 0)
         axes = [(1, 0), (0, 1), (-1, 0), (0, -1)][: 2 if self.quarter else 4]
         rings = [
@@ -83,7 +83,10 @@ class Annulus(Geometry):
         return {"body": [occ.addPlaneSurface(loops)]}
 
     def facet_name(self, centre: Point) -> str:
-        """By its centre of mass, for a quarter of a circle at sin(pi/4) / (pi/4) of the radius."""
+        """The name of the side with this centre of mass.
+
+        The centre of a quarter circle is at sin(pi/4)/(pi/4) of the radius along the bisector.
+        """
         x, y, _ = centre
         if self.at(y, 0):
             return "bottom"

@@ -20,27 +20,27 @@ class Ball(Round):
 
     @property
     def dim(self) -> int:
-        """3."""
+        """The dimension, 3."""
         return 3
 
     @property
     def measure(self) -> float:
-        """Volume of the part that is kept."""
+        """The volume of the body."""
         return 2 / 3 * math.pi * self.radius**3 / (4 if self.quarter else 1)
 
     @property
     def zone(self) -> Zone:
-        """What is within ``contact_width`` of the origin."""
+        """The part of the body within ``contact_width`` of the origin."""
         volume = 2 / 3 * math.pi * self.reach**3 / (4 if self.quarter else 1)
         return Zone("Ball", {"Radius": self.reach}, volume)
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """As far as they are there."""
+        """The parts of the sphere, the top, and for a quarter the planes of symmetry."""
         return ("contact", "side", "top", *["symmetry_x", "symmetry_y"][: 2 * self.quarter])
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
-        """A part of a sphere with its poles on the edge of the top, cut by the contact circle."""
+        """The part of a ball with its poles on the edge of the top, cut by the contact circle."""
         # The parametrisation of a sphere is singular at its poles: keep them off the contact.
         lowest, longitude = (0.0, math.pi / 2) if self.quarter else (-math.pi / 2, math.pi)
         ball = (3, occ.addSphere(0, 0, 0, self.radius, -1, lowest, math.pi / 2, longitude))
@@ -49,7 +49,7 @@ class Ball(Round):
         turn = math.pi / 2 if self.quarter else 2 * math.pi
         cuts = [(1, occ.addCircle(0, 0, self.rise, self.reach, angle1=0, angle2=turn))]
         if not self.quarter:
-            # Two arcs across the contact, so that the origin is a node as in the quarter.
+            # Two arcs across the contact make the origin a node, as in the quarter.
             centre, origin = occ.addPoint(0, 0, self.radius), occ.addPoint(0, 0, 0)
             ends = [occ.addPoint(x, 0, self.rise) for x in (-self.reach, self.reach)]
             cuts += [(1, occ.addCircleArc(origin, centre, end)) for end in ends]
@@ -57,7 +57,7 @@ class Ball(Round):
         return {"body": [tag for _, tag in parts]}
 
     def facet_name(self, centre: Point) -> str:
-        """By its centre of mass, which for a part of the sphere lies inside the ball."""
+        """The name of the side with this centre of mass, which lies inside the ball."""
         x, y, z = centre
         if self.quarter and self.at(x, 0):
             return "symmetry_x"

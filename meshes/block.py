@@ -9,7 +9,7 @@ from .geometry import GROWTH, Geometry, Point, Zone, dimension, length, paramete
 
 @dataclass(frozen=True, kw_only=True)
 class Box(Geometry):
-    """[0, a] x [0, c] or [0, a] x [0, b] x [0, c]: what the geometries cut from a block share.
+    """[0, a] x [0, c] or [0, a] x [0, b] x [0, c]: the base of all geometries cut from a block.
 
     The last axis points up. Facets: left, right (x), in 3D front, back (y), bottom, top.
     The contact zone is the bottom.
@@ -19,7 +19,7 @@ class Box(Geometry):
     size: tuple[float, ...] = parameter((), "length", "edges along x, (y,) and up; empty: all 1")
 
     def validate(self) -> None:
-        """Check dimension and edges."""
+        """Check the dimension and the edges."""
         object.__setattr__(self, "dim", dimension(self.dim))
         given = (1.0,) * self.dim if self.size in (None, (), []) else self.size
         edges = tuple(length("size", edge) for edge in vector("size", given, self.dim))
@@ -27,38 +27,38 @@ class Box(Geometry):
 
     @property
     def thickness(self) -> float:
-        """Shortest edge."""
+        """The shortest edge."""
         return min(self.size)
 
     @property
     def measure(self) -> float:
-        """Product of the edges."""
+        """The product of the edges."""
         return math.prod(self.size)
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """The sides."""
+        """The names of the sides."""
         return self.sides
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """Names of the sides of the block, two for each axis."""
+        """The names of the sides of the block, two for each axis."""
         return ("left", "right", *("front", "back")[: 2 * (self.dim - 2)], "bottom", "top")
 
     @property
     def zone(self) -> Zone:
-        """Two layers of elements on the bottom."""
+        """Two layers of elements at the bottom."""
         depth = 2 * self.finest
         area = self.measure / self.size[-1]
         return Zone("Box", self.limits(upper=depth), area * (depth + self.transition))
 
     @property
     def transition(self) -> float:
-        """Thickness of a layer of size ``h_contact`` with as many cells as the growth to ``h``."""
+        """The thickness of a layer of size ``h_contact`` with as many cells as the growth to h."""
         return self.finest / GROWTH / (self.dim - 1)
 
     def limits(self, upper: float | None = None, lower: float | None = None) -> dict[str, float]:
-        """Limits of Gmsh's box field that holds the body between two heights; None: no limit."""
+        """The limits of Gmsh's box field between two heights; None is no limit."""
         far = 2 * max(self.size)
         box = {f"{axis}Min": -far for axis in "XYZ"} | {f"{axis}Max": far for axis in "XYZ"}
         up = "YZ"[self.dim - 2]
@@ -70,17 +70,17 @@ class Box(Geometry):
         return {"body": [self.cuboid(occ, (0.0,) * self.dim, self.size)]}
 
     def cuboid(self, occ: Any, corner: tuple[float, ...], edges: tuple[float, ...]) -> int:
-        """Tag of a new rectangle or box, from its lowest corner."""
+        """The tag of a new rectangle or box with the given lowest corner and edges."""
         if self.dim == 2:
             return occ.addRectangle(*corner, 0, *edges)
         return occ.addBox(*corner, *edges)
 
     def facet_name(self, centre: Point) -> str:
-        """By the side."""
+        """The name of the side."""
         return self.side(centre)
 
     def side(self, centre: Point) -> str:
-        """Name of the side of the block on which a point lies; "" inside the block."""
+        """The name of the side of the block on which a point lies; "" inside the block."""
         names = iter(self.sides)
         for coordinate, edge in zip(centre, self.size, strict=False):
             for plane in (0.0, edge):
@@ -97,24 +97,24 @@ class Block(Box):
     structured: bool = parameter(False, "1", "regular grid: right triangles or split cubes")
 
     def validate(self) -> None:
-        """Refuse a refinement that the grid cannot have."""
+        """Refuse ``h_contact`` for a structured block."""
         super().validate()
         if self.structured and self.h_contact is not None:
             raise ValueError("h_contact: a structured block has one element size; leave it out")
 
     @property
     def divisions(self) -> tuple[int, ...]:
-        """Cells of the grid along each edge, none longer than ``h``."""
+        """The number of grid cells along each edge, none longer than ``h``."""
         return tuple(math.ceil(edge / self.h - 1e-9) for edge in self.size)
 
     def estimated_cells(self) -> float:
-        """As for every geometry; of the grid it is the exact number."""
+        """The exact number of cells for a structured block, else the estimate of the base class."""
         if not self.structured:
             return super().estimated_cells()
         return math.factorial(self.dim) * math.prod(self.divisions)
 
     def set_sizes(self, model: Any) -> None:
-        """By the grid, if it is structured."""
+        """Prescribe the grid of a structured block, else the element size of the base class."""
         if not self.structured:
             super().set_sizes(model)
             return

@@ -10,10 +10,10 @@ from .geometry import Geometry, Point, Zone, parameter
 
 @dataclass(frozen=True, kw_only=True)
 class Round(Geometry):
-    """A round body that touches the ground at the origin: what disc and ball share.
+    """A round body that touches the ground at the origin: the base of disc and ball.
 
-    Its centre is ``radius`` above the origin; contact is the part of the circle or sphere within
-    ``contact_width`` of the vertical axis at the bottom, side the rest of it.
+    The centre is ``radius`` above the origin. The boundary part contact is the part of the circle
+    or sphere at the bottom within ``contact_width`` of the vertical axis; side is the rest.
     """
 
     radius: float = parameter(1.0, "length", "radius of the body")
@@ -23,13 +23,13 @@ class Round(Geometry):
     quarter: bool = parameter(False, "1", "only the part between the planes of symmetry")
 
     def validate(self) -> None:
-        """Check the contact width."""
+        """Check the contact width against the radius and the element size."""
         if self.reach >= self.radius:
             raise ValueError(
                 f"contact_width: {self.reach:g} is not less than the radius, {self.radius:g}"
             )
         if self.reach < 1e-3 * self.radius:
-            # The contact would be as flat as the tolerances of the geometry kernel.
+            # The height of the contact part would be below the tolerances of the geometry kernel.
             raise ValueError(
                 f"contact_width: {self.reach:g} is less than a thousandth of the radius, "
                 f"{self.radius:g}"
@@ -52,7 +52,7 @@ class Round(Geometry):
 
     @property
     def rise(self) -> float:
-        """Height at which contact ends."""
+        """The height at which the contact part ends."""
         return self.radius - math.sqrt(self.radius**2 - self.reach**2)
 
 
@@ -67,41 +67,41 @@ class Disc(Round):
     half: bool = parameter(True, "1", "only the lower half, with a flat top")
 
     def validate(self) -> None:
-        """Refuse a quarter that is no half."""
+        """Check the contact width, and refuse a quarter of a whole disc."""
         super().validate()
         if self.quarter and not self.half:
             raise ValueError("quarter: only the half disc can be quartered; set half: true")
 
     @property
     def dim(self) -> int:
-        """2."""
+        """The dimension, 2."""
         return 2
 
     @property
     def measure(self) -> float:
-        """Area of the part that is kept."""
+        """The area of the body."""
         return math.pi * self.radius**2 / (4 if self.quarter else 2 if self.half else 1)
 
     @property
     def zone(self) -> Zone:
-        """What is within ``contact_width`` of the origin."""
+        """The part of the body within ``contact_width`` of the origin."""
         area = math.pi * self.reach**2 / (4 if self.quarter else 2)
         return Zone("Ball", {"Radius": self.reach}, area)
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """As far as they are there."""
+        """The parts of the circle, and those of top and symmetry that exist."""
         return ("contact", "side", *["top"] * self.half, *["symmetry"] * self.quarter)
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
-        """Arcs with a vertex at the origin, each less than half a circle."""
+        """The body between arcs of less than half a circle, with a vertex at the origin."""
         r, w = self.radius, self.reach
         end = (r, r) if self.half else (0.0, 2 * r)
         right = [(0.0, 0.0), (w, self.rise), end]
         left = [] if self.quarter else [(-x, y) for x, y in reversed(right[1:])]
         points = [occ.addPoint(x, y, 0) for x, y in left + right]
         if not self.half:
-            # Both sides end at the highest point.
+            # The arcs on both sides end at the same highest point.
             points[-1] = points[0]
         centre = occ.addPoint(0, r, 0)
         curves = [occ.addCircleArc(a, centre, b) for a, b in pairwise(points)]
@@ -113,7 +113,7 @@ class Disc(Round):
         return {"body": [body]}
 
     def facet_name(self, centre: Point) -> str:
-        """By its centre of mass, which for an arc lies between the heights of its ends."""
+        """The name of the side with this centre of mass, for an arc between its ends in height."""
         x, y, _ = centre
         if self.quarter and self.at(x, 0):
             return "symmetry"

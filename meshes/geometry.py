@@ -1,4 +1,4 @@
-"""What every geometry has in common: checked parameters, named groups, a graded element size."""
+"""The base class of geometries: checked parameters, named groups, graded element size."""
 
 import math
 from abc import ABC, abstractmethod
@@ -9,13 +9,13 @@ from typing import Any, Self
 
 Point = tuple[float, float, float]
 
-#: Lengths in this range have squares and cubes that are numbers.
+#: The squares and cubes of lengths in this range neither underflow nor overflow.
 LENGTHS = (1e-50, 1e50)
-#: Lengths below this share of the largest meet the tolerances of the geometry kernel.
+#: Lengths below this share of the largest length are near the tolerances of the geometry kernel.
 SMALLEST_SHARE = 1e-6
-#: Lengths are given to Gmsh with so many digits, in units of the largest.
+#: The number of digits of the lengths for Gmsh, in units of the largest length.
 DIGITS = 14
-#: More cells than this are taken for a mistake in an element size.
+#: A larger number of cells counts as a mistake in an element size.
 MOST_CELLS = 20_000_000
 #: Growth of the element size per unit of distance from the refined zone.
 GROWTH = 0.3
@@ -30,8 +30,8 @@ def parameter(default: Any, unit: str, description: str) -> Any:
 class Zone:
     """The region meshed with ``h_contact``, as one of Gmsh's mesh size fields.
 
-    ``kind`` is "Box" or "Ball", ``options`` are that field's own; ``measure`` is the area (2D) or
-    volume (3D) of the part of the body in it, with which the number of cells is estimated.
+    ``kind`` is "Box" or "Ball", and ``options`` are the options of this field. ``measure`` is the
+    area (2D) or volume (3D) of the body in the region, for the estimate of the number of cells.
     """
 
     kind: str
@@ -43,8 +43,8 @@ class Zone:
 class Geometry(ABC):
     """A body that Gmsh can mesh with first-order simplices.
 
-    A subclass gives its parameters as fields, the shape, and the name of every part of its
-    boundary. Raises ValueError("name: what is wrong") where a parameter cannot be used.
+    A subclass defines the parameters as fields, the shape, and the name of every part of the
+    boundary. Raises ValueError("name: reason") for a parameter that cannot be used.
     """
 
     h: float = parameter(0.1, "length", "target element size")
@@ -75,7 +75,7 @@ class Geometry(ABC):
                 )
         cells = self.estimated_cells()
         if cells > MOST_CELLS:
-            # The zone at the contact is the usual culprit where it holds most of the cells.
+            # Name h_contact if the contact zone holds most of the cells, else h.
             coarse = self._cells(self.measure, self.h)
             culprit = "h" if coarse > 0.5 * cells else "h_contact"
             raise ValueError(
@@ -86,17 +86,17 @@ class Geometry(ABC):
     @property
     @abstractmethod
     def dim(self) -> int:
-        """Dimension of the body, 2 or 3."""
+        """The dimension of the body, 2 or 3."""
 
     @property
     @abstractmethod
     def thickness(self) -> float:
-        """Smallest width of the body; the largest ``h`` that makes sense."""
+        """The smallest width of the body, and so the largest reasonable ``h``."""
 
     @property
     @abstractmethod
     def measure(self) -> float:
-        """Area (2D) or volume (3D) of the exact, curved body."""
+        """The area (2D) or volume (3D) of the exact, curved body."""
 
     @property
     @abstractmethod
@@ -106,27 +106,27 @@ class Geometry(ABC):
     @property
     @abstractmethod
     def facet_names(self) -> tuple[str, ...]:
-        """Names of the parts of the boundary, which cover it without overlap."""
+        """The names of the boundary parts, which cover the boundary without overlap."""
 
     @property
     def cell_names(self) -> tuple[str, ...]:
-        """Names of the parts of the body, which cover it without overlap."""
+        """The names of the regions, which cover the body without overlap."""
         return ("body",)
 
     @abstractmethod
     def shape(self, occ: Any) -> dict[str, list[int]]:
-        """Add the body to the OpenCASCADE kernel ``occ``; give the tags of its parts by name."""
+        """Add the body to the OpenCASCADE kernel ``occ``; returns the tags of each named region."""
 
     @abstractmethod
     def facet_name(self, centre: Point) -> str:
-        """Name of the boundary entity whose centre of mass is ``centre``."""
+        """The name of the boundary part with the entity whose centre of mass is ``centre``."""
 
     @abstractmethod
     def validate(self) -> None:
-        """Check what is particular to this geometry; lengths are positive and finite already."""
+        """Check the parameters of this geometry; its lengths are positive and finite already."""
 
     def lengths(self) -> Iterator[tuple[str, float]]:
-        """The lengths among the parameters that are given, with their names."""
+        """The names and values of the given parameters that are lengths."""
         for entry in fields(self):
             value = getattr(self, entry.name)
             if entry.metadata.get("unit") == "length" and value is not None:
@@ -135,13 +135,13 @@ class Geometry(ABC):
 
     @property
     def extent(self) -> float:
-        """The largest length of the body's parameters: the unit of length that Gmsh works in."""
+        """The largest length among the parameters of the body, the unit of length for Gmsh."""
         return max(value for name, value in self.lengths() if name not in ("h", "h_contact"))
 
     def in_units_of(self, unit: float) -> Self:
         """The same geometry in another unit of length, rounded to ``DIGITS``.
 
-        So a body has one mesh, whatever the unit its lengths were given in.
+        With this rounding the mesh of a body does not depend on the unit of length in the study.
         """
 
         def scaled(value: Any) -> Any:
@@ -154,11 +154,11 @@ class Geometry(ABC):
 
     @property
     def finest(self) -> float:
-        """Smallest element size, ``h_contact`` or else ``h``."""
+        """The smallest element size: ``h_contact``, or ``h`` without it."""
         return self.h if self.h_contact is None else self.h_contact
 
     def estimated_cells(self) -> float:
-        """Number of cells to expect, |body| / |cell of size h| summed over both sizes."""
+        """The expected number of cells: measure over cell measure, summed over both sizes."""
         coarse = self._cells(self.measure, self.h)
         if self.h_contact is None:
             return coarse
@@ -168,14 +168,14 @@ class Geometry(ABC):
         """Shape, name and mesh the body in the empty current ``model`` = ``gmsh.model``."""
         parts = self.shape(model.occ)
         model.occ.synchronize()
-        # The centre of an arc, say, would be meshed as a node of no cell.
+        # A point without a curve, such as the centre of an arc, would become a node without a cell.
         loose = [
             (0, tag) for _, tag in model.getEntities(0) if not len(model.getAdjacencies(0, tag)[0])
         ]
         model.occ.remove(loose)
         model.occ.synchronize()
         facets: dict[str, list[int]] = {name: [] for name in self.facet_names}
-        # The outer boundary only: what two parts share has no name.
+        # The outer boundary only: an interface between two regions has no name.
         for dim, tag in model.getBoundary(model.getEntities(self.dim), oriented=False):
             facets[self.facet_name(model.occ.getCenterOfMass(dim, tag))].append(tag)
         for dim, groups in ((self.dim, parts), (self.dim - 1, facets)):
@@ -196,11 +196,11 @@ class Geometry(ABC):
         size.setAsBackgroundMesh(tag)
 
     def at(self, coordinate: float, plane: float) -> bool:
-        """Whether a coordinate is that of a plane, up to the round-off of the kernel."""
+        """Whether a coordinate is the coordinate of a plane, up to rounding in the kernel."""
         return abs(coordinate - plane) <= 1e-6 * self.thickness
 
     def _cells(self, measure: float, h: float) -> float:
-        # Measure of the equilateral triangle and of the regular tetrahedron of edge 1.
+        # The measures of the equilateral triangle and the regular tetrahedron with edge 1.
         cell = math.sqrt(3) / 4 if self.dim == 2 else math.sqrt(2) / 12
         return measure / (cell * h**self.dim)
 

@@ -9,9 +9,9 @@ from .geometry import parameter, vector
 
 @dataclass(frozen=True, kw_only=True)
 class Inclusion(Box):
-    """A block with a disc or a ball in it, meshed as one.
+    """A block with a disc or a ball of another material inside, with one conforming mesh.
 
-    Cells: body and inclusion. Facets: those of the block. The contact zone is the bottom.
+    Cells: body and inclusion. Facets: the sides of the block. The contact zone is the bottom.
     """
 
     radius: float = parameter(0.25, "length", "radius of the inclusion")
@@ -20,7 +20,7 @@ class Inclusion(Box):
     )
 
     def validate(self) -> None:
-        """Check that the inclusion is inside, and not smaller than an element."""
+        """Check that the inclusion is inside the block and not smaller than an element."""
         super().validate()
         given = [edge / 2 for edge in self.size] if self.centre in (None, (), []) else self.centre
         centre = vector("centre", given, self.dim)
@@ -38,11 +38,11 @@ class Inclusion(Box):
 
     @property
     def cell_names(self) -> tuple[str, ...]:
-        """The block around it and the inclusion."""
+        """The block around the inclusion, and the inclusion."""
         return ("body", "inclusion")
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
-        """The block, divided by the inclusion."""
+        """The block, divided into body and inclusion."""
         (block,) = super().shape(occ)["body"]
         if self.dim == 2:
             core = occ.addDisk(*self.centre, 0, self.radius, self.radius)

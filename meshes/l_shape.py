@@ -12,9 +12,9 @@ from .geometry import Point, length, parameter, vector
 class LShape(Box):
     """A block without its upper right corner, the notch: a foot and an upright.
 
-    Facets: those of the block, where right is the end of the foot and top that of the upright;
-    inner_horizontal, the upper side of the foot; inner_vertical, the right side of the upright.
-    The contact zone is the bottom.
+    Facets: the sides of the block, where right is the end of the foot and top the end of the
+    upright; inner_horizontal, the upper side of the foot; inner_vertical, the right side of the
+    upright.  The contact zone is the bottom.
     """
 
     notch: tuple[float, ...] = parameter(
@@ -33,22 +33,22 @@ class LShape(Box):
 
     @property
     def thickness(self) -> float:
-        """The thinnest of upright, foot and, in 3D, depth."""
+        """The smallest of the widths of upright and foot and, in 3D, the depth."""
         return min(self.size[0] - self.notch[0], self.size[-1] - self.notch[1], *self.size)
 
     @property
     def measure(self) -> float:
-        """That of the block without the notch."""
+        """The measure of the block without the notch."""
         share = math.prod(self.notch) / (self.size[0] * self.size[-1])
         return super().measure * (1 - share)
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """The sides of the block, and the two of the notch."""
+        """The sides of the block and the two sides of the notch."""
         return (*self.sides, "inner_horizontal", "inner_vertical")
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
-        """The block, the notch cut away."""
+        """The block without the notch."""
         (block,) = super().shape(occ)["body"]
         depth = self.size[1:-1]
         corner = (
@@ -61,6 +61,6 @@ class LShape(Box):
         return {"body": [tag for _, tag in parts]}
 
     def facet_name(self, centre: Point) -> str:
-        """By the side, and in the notch by the height."""
+        """The name of the side; the height distinguishes the two sides of the notch."""
         inner = self.at(centre[self.dim - 1], self.size[-1] - self.notch[1])
         return self.side(centre) or ("inner_horizontal" if inner else "inner_vertical")

@@ -1,4 +1,4 @@
-"""Half of a block (in 3D a quarter) under a punch of which the axis is the plane of symmetry."""
+"""Half of a block, in 3D a quarter, under a punch on the plane of symmetry."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,12 +9,12 @@ from .geometry import GROWTH, Point, Zone, parameter
 
 @dataclass(frozen=True, kw_only=True)
 class Punch(Box):
-    """A block whose top is divided into what a punch may touch and what stays free.
+    """A block whose top has a contact part, which a punch may touch, and a free part.
 
-    ``size`` is that of the part kept, x > 0 (and y > 0). Facets: contact (on top, with
-    x, y < half_width), top (the rest of it), symmetry (x = 0), right, in 3D symmetry_y (y = 0)
-    and back, bottom. The contact zone is around contact. A flat punch is a gap of minus its depth;
-    a rounded one adds its profile.
+    ``size`` is the size of the part x > 0 (and y > 0). Facets: contact (on top, with x, y <
+    half_width), top (the rest of the top), symmetry (x = 0), right, in 3D symmetry_y (y = 0) and
+    back, bottom. The contact zone is around contact. The gap of a flat punch is minus its depth;
+    the gap of a rounded punch adds the profile.
     """
 
     half_width: float = parameter(0.25, "length", "half-width of the punch: contact ends there")
@@ -35,13 +35,13 @@ class Punch(Box):
 
     @property
     def facet_names(self) -> tuple[str, ...]:
-        """Those of the block, renamed on the planes of symmetry, and contact."""
+        """The sides of the block, with other names on the planes of symmetry, and contact."""
         sides = ("symmetry_y", "back") if self.dim == 3 else ()
         return ("symmetry", "right", *sides, "bottom", "top", "contact")
 
     @property
     def zone(self) -> Zone:
-        """Two layers of elements under and beside the punch."""
+        """Two layers of elements below and beside the punch."""
         margin = 2 * self.finest
         box = self.limits(lower=self.size[-1] - margin)
         for axis in "XY"[: self.dim - 1]:
@@ -50,7 +50,7 @@ class Punch(Box):
         return Zone("Box", box, reach ** (self.dim - 1) * (margin + self.transition))
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
-        """The block, its top cut at the end of the punch."""
+        """The block, with the top divided at the end of the punch."""
         (body,) = super().shape(occ)["body"]
         a, height = self.half_width, self.size[-1]
         if self.dim == 2:
@@ -61,9 +61,9 @@ class Punch(Box):
         return {"body": [tag for _, tag in parts]}
 
     def facet_name(self, centre: Point) -> str:
-        """By the side, and on top by the place."""
+        """The name of the side; the position distinguishes contact and top."""
         name = self.side(centre)
-        # The free part has its centre outside the punch, but perhaps in one direction only.
+        # The centre of the free part is outside the punch in one direction at least.
         if name == "top" and all(x < self.half_width for x in centre[: self.dim - 1]):
             return "contact"
         return {"left": "symmetry", "front": "symmetry_y"}.get(name, name)

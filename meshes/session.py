@@ -1,4 +1,4 @@
-"""A silent and repeatable Gmsh: the same geometry gives the same mesh each time."""
+"""Gmsh without output and with reproducible meshes."""
 
 import errno
 import os
@@ -18,7 +18,7 @@ OPTIONS = {
     "Mesh.Algorithm": 6,  # frontal Delaunay
     "Mesh.Algorithm3D": 1,  # Delaunay
     "Mesh.ElementOrder": 1,
-    # The size comes from the geometry's own field alone.
+    # Only the size field of the geometry sets the element size.
     "Mesh.MeshSizeFromPoints": 0,
     "Mesh.MeshSizeFromCurvature": 0,
     "Mesh.MeshSizeExtendFromBoundary": 0,
@@ -32,10 +32,9 @@ _END = b"$EndElements\n"
 
 @contextmanager
 def empty_model(model_name: str = "body") -> Iterator[Any]:
-    """``gmsh.model`` with nothing in it, which lives until the end of the block.
+    """An empty ``gmsh.model``, until the end of the block; for one process.
 
-    Leaves signal handlers, the command line and a Gmsh that the caller has initialised alone.
-    To be called on one process.
+    The signal handlers, the command line and a Gmsh that the caller has initialised do not change.
     """
     import gmsh
 
@@ -50,26 +49,26 @@ def empty_model(model_name: str = "body") -> Iterator[Any]:
 
 @contextmanager
 def build(geometry: Geometry, model_name: str = "body") -> Iterator[Any]:
-    """Mesh ``geometry``; gives ``gmsh.model``, which lives until the end of the block.
+    """``gmsh.model`` with the mesh of ``geometry``, until the end of the block; for one process.
 
-    As `empty_model`; raises RuntimeError if Gmsh cannot make the mesh.
+    Raises RuntimeError if Gmsh cannot make the mesh. See also `empty_model`.
     """
     unit = geometry.extent
     with empty_model(model_name) as model:
         try:
-            # The kernel of the geometry has absolute tolerances, made for lengths around 1.
+            # The geometry kernel has absolute tolerances for lengths around 1.
             geometry.in_units_of(unit).build(model)
             if unit != 1.0:
                 model.mesh.affineTransform([unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0])
-        except Exception as error:  # Gmsh's own errors have no type of their own
+        except Exception as error:  # Gmsh raises Exception itself
             raise RuntimeError(f"Gmsh cannot mesh {geometry}: {error}") from error
         yield model
 
 
 def write(geometry: Geometry, path: str | os.PathLike[str]) -> None:
-    """Mesh ``geometry`` and write it as a Gmsh file (format 4.1), complete or not at all.
+    """Mesh ``geometry`` and write a Gmsh file (format 4.1), complete or not at all.
 
-    Raises ValueError if the name does not end in .msh, OSError if it cannot be written.
+    Raises ValueError if the name does not end in .msh, and OSError if the file cannot be written.
     """
     import gmsh
 
@@ -86,7 +85,7 @@ def write(geometry: Geometry, path: str | os.PathLike[str]) -> None:
 
 
 def _check_complete(path: Path) -> None:
-    """Raise OSError for a file without its end: Gmsh does not notice that a disk is full."""
+    """Raise OSError for a file without its last line, because Gmsh does not report a full disk."""
     with path.open("rb") as stream:
         stream.seek(max(0, path.stat().st_size - len(_END)))
         if stream.read().strip() != _END.strip():
@@ -95,7 +94,7 @@ def _check_complete(path: Path) -> None:
 
 @contextmanager
 def _initialised(gmsh: Any) -> Iterator[None]:
-    """Gmsh with ``OPTIONS``, put back afterwards as it was."""
+    """Gmsh with ``OPTIONS``; after the block the options of the caller are restored."""
     ours = not gmsh.isInitialized()
     if ours:
         gmsh.initialize(readConfigFiles=False, interruptible=False)

@@ -1,7 +1,7 @@
-"""What is told of a problem, as plain numbers by places, to compare it with the same of another.
+"""The answer to a problem as plain numbers, to compare with the answer to a transformed problem.
 
-A block of plain data is written to a mesh file in any unit, position, numbering and naming.  The
-answer to the problem there is transformed back: values by nodes and cells, integrals, verdicts.
+A study on a block is written to files in any unit, position, numbering and naming.  The answer to
+this transformed problem is transformed back: nodal and cell values, integrals and verdicts.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from msh import write_msh
@@ -23,13 +22,12 @@ from sweep.case import Study
 from sweep.transforms import Transform
 
 from contact_locking import solving
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.parameters import Parameters
 from contact_locking.problem import compiled
 from contact_locking.results.solution import Solution
 
-FloatArray = npt.NDArray[np.float64]
-
-# What is smaller than this share of its own scale is rounding of zero.
+# A value below this share of its scale is zero with rounding.
 _ROUNDING = 1e-9
 # A state is a tie where the pressure, or the distance of the traction to its bound, is a smaller
 # share than this of the largest pressure.
@@ -42,7 +40,7 @@ class Block:
     """Points (k, d) and the elements of each group by numbers of points from 0."""
 
     points: FloatArray
-    groups: dict[str, npt.NDArray[np.int64]]
+    groups: dict[str, IntArray]
 
     @classmethod
     def unit(cls, dim: int, parts: int) -> Block:
@@ -72,7 +70,7 @@ class Block:
         return cls(points, groups)
 
     def renumbered(self, random: np.random.Generator) -> Block:
-        """With nodes, elements and the corners of each element in another order."""
+        """The block with nodes, elements and the corners of each element in another order."""
         order = random.permutation(len(self.points))
         number = np.argsort(order)
         groups = {
@@ -82,7 +80,7 @@ class Block:
         return Block(self.points[order], groups)
 
     def relabelled(self, names: dict[str, str]) -> Block:
-        """With other names, and in another order, which gives other tags."""
+        """The block with other names of groups in another order, which gives other tags."""
         groups = {names[name]: self.groups[name] for name in reversed(self.groups)}
         return Block(self.points, groups)
 
@@ -109,7 +107,7 @@ class Answer:
     numbers: dict[str, FloatArray]
     verdicts: dict[str, Any]
     tangents: int
-    ties: npt.NDArray[np.bool_]
+    ties: BoolArray
     scales: dict[str, float]
 
     def require_same(self, other: Answer, tolerance: float) -> None:
@@ -137,7 +135,7 @@ class Answer:
             found[name] = difference / size if difference > 0.0 else 0.0
         return found
 
-    def _order(self, other: Answer, where: str) -> npt.NDArray[np.int64]:
+    def _order(self, other: Answer, where: str) -> IntArray:
         """The rows of the other answer in the order of this one."""
         distance, rows = cKDTree(other.places[where]).query(self.places[where])
         assert distance.max() < 1e-6
@@ -174,7 +172,7 @@ def told(solution: Solution, transform: Transform) -> Answer:
     stress = transform.stress * transform.load
     energy, force = stress * move * length ** (dim - 1), stress * length ** (dim - 1)
 
-    # What locking does to nodes that are free to move.
+    # The nodal forces of the locking stress, at free nodes.
     v = ufl.TestFunction(solution.displacement.function_space)
     pull = fem.Function(solution.displacement.function_space)
     work = ufl.inner(solution.locking_stress, ufl.sym(ufl.grad(v))) * ufl.dx
@@ -244,7 +242,7 @@ def told(solution: Solution, transform: Transform) -> Answer:
     return Answer(places, fields, numbers, verdicts, tangents, ties, scales)
 
 
-def _dofs(space: fem.FunctionSpace, facets: Any) -> npt.NDArray[np.int64]:
+def _dofs(space: fem.FunctionSpace, facets: Any) -> IntArray:
     """All components at the nodes of some facets, on the rank that has them; collective."""
     mesh = space.mesh
     blocks = fem.locate_dofs_topological(space, mesh.topology.dim - 1, facets)
@@ -252,7 +250,7 @@ def _dofs(space: fem.FunctionSpace, facets: Any) -> npt.NDArray[np.int64]:
 
 
 def rotation(*angles: float) -> FloatArray:
-    """By an angle in 2D, by angles about the three axes in 3D."""
+    """The rotation by one angle in 2D, or by angles about the three axes in 3D."""
     if len(angles) == 1:
         c, s = math.cos(angles[0]), math.sin(angles[0])
         return np.array([[c, -s], [s, c]])

@@ -1,4 +1,4 @@
-"""Problems on a unit block, each a function of the dimension: what results are compared of.
+"""Problems on a unit block, each a function of the dimension, for comparisons of results.
 
 The mesh is left out; sides and cells have the names of `answers.Block`.
 """
@@ -63,14 +63,14 @@ def regularised(dim: int) -> Study:
 
 
 def half_space(dim: int) -> Study:
-    """An elastic body moved onto a tilted plane, with local Coulomb friction."""
+    """An elastic body moves onto a tilted plane, with local Coulomb friction."""
     plane = {"half_space": {"point": _point(dim, -0.01), "normal": [0.02, *[0.0] * (dim - 2), 1.0]}}
     loads = {"displacements": [{"on": "top", "value": _vector(dim, 0.01, 0.03)}]}
     return study({}, loads, gap=plane, friction=0.3, smoothing={"kernel": "none"})
 
 
 def sphere(dim: int) -> Study:
-    """Onto a sphere, where friction falls with the slip within a length."""
+    """A body moves onto a sphere, and the friction coefficient falls with the slip."""
     body = {"sphere": {"centre": _point(dim, -2.005), "radius": 2.0}}
     loads = {
         "displacements": [{"on": "top", "value": _vector(dim, 0.02, 0.02 if dim == 2 else 0.03)}]
@@ -103,7 +103,7 @@ def proportional_local(dim: int) -> Study:
 
 
 def proportional_penalised(dim: int) -> Study:
-    """Without friction, which is regularised at a length; where nothing locks n has no say."""
+    """Without friction, and without locking, so that n has no influence."""
     return study({}, _pulled(dim), penalty={"n": 1e3, "epsilon": 1e-2})
 
 
@@ -143,20 +143,20 @@ def exact_touch_of_a_plane(dim: int) -> Study:
 
 
 def _moved(dim: int, value: list[Any], **more: Any) -> Study:
-    """The top is moved, and the rest follows."""
+    """The top has a prescribed displacement."""
     loads = {"displacements": [{"on": "top", "value": value}]}
     return study({}, loads, limit=0.02, friction=0.3, **more)
 
 
 def corner(dim: int = 2) -> Study:
-    """On two sides, with the default radius of R."""
+    """Contact on two sides, with the default radius of R."""
     data = study({}, _pulled(dim), on=["bottom", "right"], friction=0.3)
     data["friction"]["smoothing"] = {"kernel": "convolution"}
     return data
 
 
 def pressed_builder(dim: int) -> Study:
-    """Steel in pascals and metres, on a mesh of the builder's; nothing is said of penalties."""
+    """Steel in pascals and metres, on a mesh of a builder, with the default penalties."""
     mesh = {"builder": "block", "dim": dim, "size": [0.2] + [0.1] * (dim - 1), "h": 0.05}
     loads = _pulled(dim, 3e7, 1e8)
     smoothing = {"kernel": "convolution", "radius": 0.08}

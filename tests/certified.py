@@ -1,4 +1,4 @@
-"""Solves whose certificate several tests look at."""
+"""Solves for several tests of the certificate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shared by all tests: the communicator, what pytest needs on several ranks, and the table."""
+"""Fixtures of all tests: the communicator, several ranks, and the verification table."""
 
 from __future__ import annotations
 

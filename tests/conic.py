@@ -20,9 +20,9 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
+from contact_locking.arrays import FloatArray
 from contact_locking.results.solution import Solution
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.integer[Any]]
 Place = Callable[[FloatArray], Any]
 
@@ -116,7 +116,7 @@ class ConicProblem:
     epsilon: float = 0.0
 
     def energy(self, u: FloatArray) -> float:
-        """What is minimised, at a displacement: with the least q, r and t it allows."""
+        """The objective at a displacement, with the least q, r and t that are feasible."""
         body, contact = self.body, self.contact
         energy = 0.5 * u @ (body.stiffness @ u) - self.load @ u
         slip = np.linalg.norm((self._tangents() @ u).reshape(len(contact.nodes), -1), axis=1)
@@ -130,7 +130,7 @@ class ConicProblem:
         return float(energy)
 
     def minimiser(self, **options: Any) -> FloatArray:
-        """The displacement by Clarabel; raises AssertionError where it does not get there."""
+        """The displacement by Clarabel; raises AssertionError if Clarabel does not converge."""
         solution = self.solver(**options).solve()
         assert str(solution.status) in ("Solved", "AlmostSolved"), solution.status
         return self.displacement(solution.x)
@@ -290,7 +290,7 @@ def conic_problem(
 
 
 def block_problem(solution: Solution) -> ConicProblem:
-    """That of ``problems.block``."""
+    """The conic problem of ``problems.block``."""
     pull = [0.03, -0.05] if solution.domain.dim == 2 else [0.03, 0.0, -0.05]
     return conic_problem(
         solution,

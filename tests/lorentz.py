@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.lorentz import Scaling
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def inside(random: np.random.Generator, size: int, count: int) -> FloatArray:

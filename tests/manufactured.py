@@ -1,4 +1,4 @@
-"""Manufactured solutions: sources by sympy for a displacement and a pressure that are chosen.
+"""Manufactured solutions: sources by sympy for a chosen displacement and a chosen pressure.
 
 The body is the unit square or cube on its foundation below; all other sides have the exact
 displacement prescribed.  With ``t = mu(|u_tau|) R p u_tau/sqrt(|u_tau|^2 + eps^2)`` the sources are
@@ -18,7 +18,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy as sp
 import ufl
 from dolfinx import fem
@@ -26,6 +25,7 @@ from mpi4py import MPI
 from problems import with_changes
 
 from contact_locking import solving
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.problem.assembly import Problem, assemble
 from contact_locking.results.solution import Solution
@@ -147,7 +147,7 @@ class Manufactured:
         return solution
 
     def errors(self, solution: Solution) -> Errors:
-        """Against the exact displacement and total stress; collective."""
+        """The errors against the exact displacement and total stress; collective."""
         mesh, u = solution.domain.mesh, solution.displacement
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 6})
         exact = _ufl(self.displacement, mesh)
@@ -183,7 +183,7 @@ def rate(sizes: Sequence[float], errors: Sequence[float]) -> float:
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
 
 
-def sampled(expression: Any, dim: int, count: int = 21) -> npt.NDArray[np.float64]:
+def sampled(expression: Any, dim: int, count: int = 21) -> FloatArray:
     """Values on a grid over the body."""
     grid = np.meshgrid(*[np.linspace(0.0, 1.0, count)] * dim)
     function = sp.lambdify(SYMBOLS[:dim], expression, "numpy")
@@ -191,7 +191,7 @@ def sampled(expression: Any, dim: int, count: int = 21) -> npt.NDArray[np.float6
 
 
 def _text(expression: Any) -> str:
-    """As the study file says it."""
+    """The expression in the syntax of the study file."""
     return str(expression).replace("Max(", "max(")
 
 

@@ -1,4 +1,4 @@
-"""A solution made of known functions instead of a solve."""
+"""A solution that consists of known functions, without a solve."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 from problems import block
 
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.problem.domain import from_geometry
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.solution import Solution
 
-FloatArray = npt.NDArray[np.float64]
 DIVISIONS = 4
 
 
@@ -160,7 +159,7 @@ KINDS: dict[str, Callable[[Solution], None] | None] = {
 
 
 def _nodal(points: ContactPoints) -> Any:
-    """What pictures take from the nodal fields of each contact, all of it on rank 0."""
+    """The nodal fields of each contact that pictures use, all on rank 0."""
     own = slice(None if MPI.COMM_WORLD.rank == 0 else 0)
     return tuple(
         SimpleNamespace(
@@ -170,8 +169,8 @@ def _nodal(points: ContactPoints) -> Any:
     )
 
 
-def _facets(dim: int) -> npt.NDArray[np.int64]:
-    """Of the regular grid of points: segments, or the halves of its squares."""
+def _facets(dim: int) -> IntArray:
+    """The facets of a regular grid of points: segments, or the halves of the squares."""
     line = np.arange(DIVISIONS)
     if dim == 2:
         return np.column_stack([line, line + 1])

@@ -1,4 +1,4 @@
-"""Imports run one way, from the command line down to the laws; modules are short, names apart."""
+"""Imports run one way, from the command line to the laws; modules are short, names differ."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LAYERS = (
     ("command",),
     ("__main__",),
 )
-# What a package must not know although it stands above.
+# Imports that are forbidden although the imported package stands above in the list.
 FORBIDDEN = (
     ("laws", "parameters"),
     ("laws", "problem"),

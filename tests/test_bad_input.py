@@ -223,7 +223,7 @@ def test_output_that_is_a_file_is_refused(
 
 
 def _warnings(folder: Path, changes: dict[str, Any]) -> list[str]:
-    """What ``check`` would warn of."""
+    """The warnings of ``check``."""
     return solving.check(study_file.load(_write(folder, changes)).parameters)["warnings"]
 
 
@@ -274,7 +274,7 @@ def test_a_body_wholly_inside_the_foundation_is_warned_of(
 def test_loads_and_strains_beyond_the_theory_are_warned_of_in_numbers_that_one_can_read(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As newtons and millimetres beside pascals give them."""
+    """Newtons and millimetres beside pascals lead to such loads."""
     changes = {"loads.tractions": [{"on": "top", "value": [0, -5e8]}]}
     words = ["--output", str(tmp_path / "out"), "--quiet", "--set", "output={picture: false}"]
     assert cli.main(["run", str(_write(tmp_path, changes)), *words]) == 0

@@ -51,7 +51,7 @@ def too_much_friction(state: SolvedState) -> None:
 
 
 def pressure_moves_aside(state: SolvedState) -> None:
-    """The resultant stays where it is in size, not in place."""
+    """The resultant keeps its size and changes its position."""
     (contact,) = state.contacts
     weights = contact.surface.weights
     total = state.sum(weights * contact.pressure)

@@ -6,12 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from certified import certificate, solved
 from mpi4py import MPI
 from problems import block, column, with_changes
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate import elliptic, indicator
 from contact_locking.certificate.constants import SAMPLED
 from contact_locking.laws.friction_law import FrictionLaw
@@ -20,8 +20,6 @@ from contact_locking.problem.assembly import assemble
 from contact_locking.problem.contact import FrictionBound
 from contact_locking.solver.linear import iterative_options
 from contact_locking.solving import solve_assembled
-
-FloatArray = npt.NDArray[np.float64]
 
 # Proved bounds ------------------------------------------------------------------------------------
 
@@ -200,7 +198,7 @@ def test_a_coefficient_of_place_alone_has_exact_constants() -> None:
 
 
 def constants_of(law: Any, bound: type[FrictionBound] = FrictionBound) -> dict[str, Any]:
-    """Of a soft block that is solved with another coefficient than that of its study file."""
+    """The constants of a soft block with another friction law than the study file's."""
     study = block(h=0.2, penalty__epsilon=0.1, certificate__constants=True)
     problem = assemble(study, MPI.COMM_WORLD)
     (contact,) = problem.contacts

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from mpi4py import MPI
 from problems import block
 
 from contact_locking import _compat, checkpoint, meshes, save, solving, study_file, writing
+from contact_locking.arrays import FloatArray
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files import atomic
@@ -52,10 +52,10 @@ def on_rank_0(comm: MPI.Intracomm, work: Callable[[], object]) -> None:
 
 
 class Values(NamedTuple):
-    """What no distribution changes: numbers, and columns over Gamma_C (empty off rank 0)."""
+    """Values that no distribution changes: numbers, and columns over Gamma_C on rank 0."""
 
     numbers: list[float]
-    columns: npt.NDArray[np.float64]
+    columns: FloatArray
 
     @classmethod
     def of(cls, solution: Solution) -> Values:
@@ -68,7 +68,7 @@ class Values(NamedTuple):
         return cls(numbers, np.column_stack([*columns, points.bound, points.state]))
 
     def agrees(self, other: Values) -> bool:
-        """To rounding in sums."""
+        """Whether all values agree up to the rounding of sums."""
         np.testing.assert_allclose(self.numbers, other.numbers, rtol=1e-12, atol=1e-15)
         if self.columns.size and other.columns.size:
             np.testing.assert_allclose(self.columns, other.columns, rtol=0.0, atol=1e-14)
@@ -146,7 +146,7 @@ def test_bodies_without_contact_are_saved_too(folder: Path) -> None:
     given = parameters(contact__on=[])
     save(solving.solve(given), folder)
     assert solving.solve(given, restart=folder).summary["iterations"]["tangents"] == 0
-    # Of contact the state knows nothing.
+    # The saved state has no contact.
     touching = solving.solve(parameters(), restart=folder)
     assert touching.converged
     assert touching.summary["iterations"]["tangents"] > 0
@@ -315,7 +315,7 @@ def test_run_saves_a_checkpoint_if_asked_and_says_what_a_restart_did(
         assert run("b", *start, *changes) == 0
         output = capsys.readouterr().out
         assert (told in output) == (comm.rank == 0)
-    # Of an earlier run in the folder nothing stays.
+    # No file of an earlier run stays in the folder.
     assert run("a", "--quiet") == 0
     assert run.names("a") == RESULTS
 

@@ -396,7 +396,7 @@ def launched(tmp_path: Path, body: str) -> subprocess.CompletedProcess[str]:
         """
     )
     (tmp_path / "script.py").write_text(script)
-    # What the MPI of this process has set for itself is not for the ranks.
+    # The environment variables of this process's MPI must not reach the ranks.
     ours = ("OMPI_COMM", "OMPI_FIRST", "PMIX_", "PMI_", "PRTE_LAUNCHED")
     environment = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
     assert LAUNCHER is not None

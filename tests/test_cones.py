@@ -6,15 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lorentz import inside, product, scaled, unit
 
+from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Case(NamedTuple):
@@ -107,7 +105,7 @@ def test_the_longest_step_ends_on_the_boundary_of_a_cone(
     lorentz: Lorentz, case: Case, inwards: float
 ) -> None:
     points, steps = case[:2], np.array(case[2:])
-    # As long as no cone is left, there is no limit.
+    # The step has no limit if no point leaves its cone.
     steps[:, 0] += inwards
     t = Scaling.of(lorentz, *points).longest_step(*steps)
 

@@ -102,7 +102,7 @@ def test_the_parts_are_overridden_by_their_number(file: Path) -> None:
     overrides = ["contact.0.gap=y", "contact.0.friction.coefficient=2", "contact.1.on=top"]
     floor, wall = load(file, overrides).parameters.contacts
     assert (floor.gap, floor.friction.coefficient, wall.on) == ("y", 2.0, ("top",))
-    # What is null is as the friction of all parts.
+    # A null key has the value of the section friction.
     _, wall = load(file, ["contact.1.friction.coefficient=null"]).parameters.contacts
     assert wall.friction.coefficient == "0.3 + s"
 

@@ -108,7 +108,7 @@ def test_the_distance_on_one_mesh_is_that_of_the_certificate() -> None:
 
 
 def measured_rate(key: str, values: list[float], **changes: Any) -> float:
-    """Of the distance to the solution of the inequality on the same mesh."""
+    """The rate of the distance to the solution of the inequality on the same mesh."""
     given = {"certificate__limit": True, **changes}
     runs = [solved(8, **{**given, f"penalty__{key}": value}) for value in values]
     errors = [run.summary["certificate"]["errors"][MEASURED] for run in runs]

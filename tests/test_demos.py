@@ -30,7 +30,7 @@ COARSE = {
 
 
 def compliance(folder: Path, ranks: int) -> float:
-    """Of the summary in ``folder``, after checking that it is of a converged solve."""
+    """The compliance in the summary of ``folder``, whose solve must have converged."""
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["converged"], summary["reason"]
     assert summary["ranks"] == ranks

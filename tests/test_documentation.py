@@ -36,7 +36,7 @@ def blocks(page: str, language: str) -> list[str]:
 
 
 def anchors(page: Path) -> set[str]:
-    """Of headings, as MyST and GitHub name them."""
+    """The anchors of the headings, in the form of MyST and GitHub."""
     text = generated_reference.fill(page.read_text(encoding="utf-8"))
     titles = re.findall(r"^#+ (.*)$", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}

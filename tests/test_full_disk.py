@@ -117,7 +117,7 @@ def test_a_picture_that_has_no_room_is_told_by_exit_code_1_and_all_else_is_kept(
     assert f"all other results are in {disk.out}" in done.stderr
     (warning,) = json.loads((disk.results / "summary.json").read_text())["warnings"]
     assert warning.startswith("no picture was drawn: No space left on device")
-    # What the picture would show may still have had room.
+    # The snapshot may have had room before the picture.
     snapshot = disk.results / "snapshot.npz"
     if snapshot.exists():
         assert load(snapshot).dim == 2
@@ -135,7 +135,7 @@ def test_earlier_results_survive_a_full_disk(disk: Disk) -> None:
 def test_fields_that_run_out_of_room_while_they_are_written_do_not_end_the_process(
     size: str, disk: Disk
 ) -> None:
-    """As where another program fills the disk: ADIOS2 would abort."""
+    """The wrong size stands for another program that fills the disk: ADIOS2 would abort."""
     script = """
     from contact_locking.results import fields
     fields.size = lambda *_: 1

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from lorentz import inside, product, scaled, unit
 from mpi4py import MPI
 from problems import block, column, with_changes
 
 from contact_locking import solving
+from contact_locking.arrays import FloatArray
 from contact_locking.parameters import Parameters
 from contact_locking.results.contact_points import OPEN
 from contact_locking.solver.interior_point.contact_cones import ContactCones
@@ -120,7 +120,7 @@ def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
 
 
 def test_penalised_solutions_tend_to_that_of_the_inequality() -> None:
-    def displacement(n: float) -> npt.NDArray[np.float64]:
+    def displacement(n: float) -> FloatArray:
         # Alone, since two meshes need not be distributed alike.
         solution = solving.solve(block(penalty__n=n), MPI.COMM_SELF)
         return solution.displacement.x.array.copy()

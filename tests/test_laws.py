@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem, la
@@ -14,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import (
     anisotropic_stress,
     isotropic_eigenvalues,
@@ -33,7 +33,7 @@ class Point:
     def __init__(self) -> None:
         self.mesh = dmesh.create_unit_square(MPI.COMM_SELF, 1, 1)
 
-    def value(self, expr: ufl.core.expr.Expr) -> npt.NDArray[np.float64]:
+    def value(self, expr: ufl.core.expr.Expr) -> FloatArray:
         shape = expr.ufl_shape
         parts = [expr] if shape == () else [expr[i] for i in np.ndindex(shape)]
         dx = ufl.Measure("dx", domain=self.mesh, metadata={"quadrature_degree": 0})

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem
@@ -16,6 +15,7 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking import Solution
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.convergence import norms
 from contact_locking.laws.convex import squared_norm
@@ -25,7 +25,6 @@ from contact_locking.problem.domain import Domain
 from contact_locking.results.derived import integral
 from contact_locking.solving import solve_assembled
 
-FloatArray = npt.NDArray[np.float64]
 Wave = Callable[[FloatArray], FloatArray]
 
 

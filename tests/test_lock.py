@@ -158,7 +158,7 @@ def test_a_lock_is_held_by_one_and_its_file_goes_with_it(tmp_path: Path) -> None
         with pytest.raises(InputError, match=f"a run, process {os.getpid()} on"):
             locked(tmp_path, "study").__enter__()
     assert list(tmp_path.iterdir()) == []
-    # As a killed process leaves it.
+    # A killed process leaves such a file.
     (tmp_path / ".lock").write_text("a run, process 1 on nowhere\n")
     with locked(tmp_path, "run") as held:
         assert held

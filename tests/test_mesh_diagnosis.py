@@ -57,7 +57,7 @@ REFUSED: dict[str, tuple[Points, Groups, list[str]]] = {
     "a coordinate that is no number": (
         moved(SQUARE, 3, (math.nan, 1)),
         BODY,
-        ["node 3 at (nan, 1)", "no finite numbers"],
+        ["node 3 at (nan, 1)", "not finite numbers"],
     ),
     "an infinite coordinate": (moved(SQUARE, 2, (1, math.inf)), BODY, ["node 2 at (1, inf)"]),
     "three triangles on an edge": (
@@ -332,7 +332,7 @@ def test_a_file_gives_the_same_domain_as_the_builder_that_wrote_it(
 
 
 def test_numbers_of_nodes_may_have_gaps(comm: MPI.Intracomm, tmp_path: Path) -> None:
-    """As those of a file from which something was taken away."""
+    """Such numbers stay in a file after nodes were removed."""
     path = Path(comm.bcast(str(tmp_path))) / "body.msh"
     if comm.rank == 0:
         path.write_text(msh(SQUARE, BODY, [54321, 7, 700, 3]))

@@ -144,7 +144,7 @@ def measures(points: Array, simplices: Array) -> Array:
 
 
 def longest_edge(points: Array, simplices: Array) -> Array:
-    """Of every simplex."""
+    """The longest edge of every simplex."""
     corners = points[simplices]
     return np.linalg.norm(corners[:, :, None] - corners[:, None], axis=-1).max(axis=(1, 2))
 

@@ -54,7 +54,7 @@ def newton(task: Task) -> Iterator[NewtonSolver]:
 
 
 def tangents_after(task: Task, newton: NewtonSolver, factor: float) -> int:
-    """Those that a solve takes for ``factor`` times the bound of the solve before it."""
+    """The number of tangents of a second solve with ``factor`` times the friction bound."""
     system, report = task.system, task.report
     newton.solve(TOLERANCE, least_steps=1)
     before = report.tangents

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contact_locking.arrays import FloatArray
 from contact_locking.results.ordering import along_curves, curves, facets_of, lexicographic
 
 
-def _polyline(points: npt.NDArray[np.float64], closed: bool = False) -> npt.NDArray[np.float64]:
+def _polyline(points: FloatArray, closed: bool = False) -> FloatArray:
     ends = np.roll(points, -1, axis=0) if closed else points[1:]
     return np.stack([points[: len(ends)], ends], axis=1)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem
@@ -13,6 +12,7 @@ from mpi4py import MPI
 from problems import block
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.locking import locking_energy
 from contact_locking.laws.penalty import Penalty
@@ -26,8 +26,6 @@ from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.lorentz import Lorentz
 from contact_locking.solver.target import Target
 from contact_locking.solving import solve_assembled
-
-FloatArray = npt.NDArray[np.float64]
 
 LIMIT = 0.01
 

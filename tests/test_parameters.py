@@ -354,7 +354,7 @@ def test_the_json_schema_has_the_bounds_of_numbers() -> None:
     sections = schema()["$defs"]
 
     def bounds(section: str, key: str) -> list[dict[str, Any]]:
-        """Of the numbers among the choices that the key has."""
+        """The bounds of the numbers that the key may have."""
         about = sections[section]["properties"][key]
         choices = [about, *about.get("anyOf", []), *about.get("oneOf", [])]
         choices += [inner for choice in about.get("anyOf", []) for inner in choice.get("oneOf", [])]

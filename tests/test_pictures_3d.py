@@ -1,4 +1,4 @@
-"""Pictures in three dimensions: what PyVista draws, and what becomes of it where it cannot."""
+"""Pictures in three dimensions: with PyVista, and where PyVista cannot draw."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from mpi4py import MPI
 from solutions import KINDS, made_up, of_kind
 
 from contact_locking import writing
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError, NoRendering
 from contact_locking.plotting import camera, offscreen, snapshot_file, views
 from contact_locking.plotting.gather import gather
@@ -67,7 +68,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Image
     return found
 
 
-def hue(image: Image, colour: tuple[float, float, float]) -> npt.NDArray[np.bool_]:
+def hue(image: Image, colour: tuple[float, float, float]) -> BoolArray:
     """Where a picture has a colour, in any light and behind glass."""
     parts = image.astype(float) / (image.astype(float).sum(axis=-1, keepdims=True) + 1e-9)
     return np.linalg.norm(parts - np.array(colour) / sum(colour), axis=-1) < 0.1
@@ -300,7 +301,7 @@ def test_a_file_that_is_no_snapshot_is_bad_input(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("normal", [*np.eye(3), *-np.eye(3), np.array([0.6, -0.64, 0.48])])
 def test_gamma_c_is_seen_from_below_and_the_foundation_is_behind_the_body(
-    normal: npt.NDArray[np.float64],
+    normal: FloatArray,
 ) -> None:
     assert camera.from_the_side(normal) @ normal < 0.0
     below = camera.from_below(normal)

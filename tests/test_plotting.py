@@ -56,7 +56,7 @@ def test_the_gathered_boundary_belongs_to_its_cells_and_contact_is_the_bottom(di
 
 @pytest.fixture
 def without_views(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As where PyVista is not installed; what it draws has tests of its own."""
+    """Draw without PyVista; the pictures of PyVista have tests of their own."""
 
     def fail(snapshot: Path) -> None:
         raise NoRendering("there is no PyVista")

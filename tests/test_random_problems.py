@@ -7,7 +7,6 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conic import conic_problem
 from hypothesis import given, settings
@@ -16,6 +15,7 @@ from problems import with_changes
 from scipy.spatial import cKDTree
 
 from contact_locking import solving
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.parameters import Parameters
 from contact_locking.results.solution import Solution
 
@@ -71,12 +71,12 @@ def problems(draw: st.DrawFn) -> Parameters:
 
 
 def _is_infeasible(solution: Solution) -> bool:
-    """What Clarabel says of the same inequality: penalties can hide that nothing is admissible."""
+    """The verdict of Clarabel on the inequality: penalties can hide that no field is admissible."""
     pytest.importorskip("clarabel")
     _, *moved = solution.parameters.loads.displacements
     sides = {"right": 0, "top": solution.domain.dim - 1}
 
-    def is_moved(x: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    def is_moved(x: FloatArray) -> BoolArray:
         found = np.zeros(x.shape[:-1], dtype=bool)
         for displacement in moved:
             found |= x[..., sides[displacement.on[0]]] > 1.0 - 1e-9

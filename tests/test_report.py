@@ -216,7 +216,7 @@ def test_rates_are_those_of_the_numbers(tmp_path: Path) -> None:
     names = {path.stem for path in (folder / "report").iterdir()}
     force, error = "contact_force-over-penalty.n", "penetration_max-over-penalty.n"
     assert {force, f"{force}-rate", f"{error}-rate"} <= names
-    # What vanishes is its own distance from its limit.
+    # A quantity with the limit 0 needs no second chart of its distance from the limit.
     assert error not in names
     n = np.array([1e2, 1e3, 1e4, 1e5])
     law: Any = 3.0 / n**1.5
@@ -254,12 +254,12 @@ CONTACT = (
 )
 DAMAGE = {
     "no summary": ("summary.json", None, "is not finished"),
-    "half a summary": ("summary.json", '{"converged": tr', "no JSON"),
-    "deep summary": ("summary.json", "[" * 100_000, "no JSON"),
-    "list": ("summary.json", "[1]", "no mapping"),
+    "half a summary": ("summary.json", '{"converged": tr', "not JSON"),
+    "deep summary": ("summary.json", "[" * 100_000, "not JSON"),
+    "list": ("summary.json", "[1]", "not a mapping"),
     "no verdict": ("summary.json", json.dumps({"version": __version__}), "does not say whether"),
     "other version": ("summary.json", '{"version": "0.0.1", "converged": true}', "version 0.0.1"),
-    "no UTF-8": ("summary.json", b"\xff\xfe", "no text in UTF-8"),
+    "no UTF-8": ("summary.json", b"\xff\xfe", "not text in UTF-8"),
     "no contact": ("contact.csv", None, "cannot be read"),
     "empty contact": ("contact.csv", "", "is empty"),
     "strange contact": ("contact.csv", "a,b\n1,2\n", "no column"),
@@ -304,7 +304,7 @@ def test_a_row_of_the_contact_table_that_is_no_row_is_named(cell: str, own_run: 
     [
         ("", "is empty"),
         ('{"state": 1}\n', "does not say the state"),
-        ("[]\n", "no mapping"),
+        ("[]\n", "not a mapping"),
         ('{"state": "not run"}\n', "no case of the study is finished"),
         ('{"state": "converged", "version": "9"}\n', "version 9"),
     ],

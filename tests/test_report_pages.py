@@ -89,7 +89,7 @@ def test_a_foreign_script_would_not_run(pages: dict[str, Path], tab: browser.Bro
 
 
 def column(tab: browser.Browser, name: str) -> Any:
-    """What is seen of a column, from top to bottom."""
+    """The visible contents of a column, from top to bottom."""
     return tab.evaluate(
         f"""(() => {{
             const table = document.getElementById("cases");

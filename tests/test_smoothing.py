@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
@@ -14,13 +13,13 @@ from mpi4py import MPI
 from problems import block, column
 
 from contact_locking import _compat
+from contact_locking.arrays import FloatArray
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Smoothing
 from contact_locking.problem.surface import ContactSurface
 
-FloatArray = npt.NDArray[np.float64]
 KERNELS = ("convolution", "helmholtz")
 
 
@@ -98,7 +97,7 @@ def test_a_helmholtz_filter_keeps_constants_for_a_radius_of_any_size() -> None:
     (contact,), comm = problem.contacts, problem.domain.comm
     smoothing, free, x = contact.friction.smoothing, contact.free, contact.surface.points[:, 0]
     assert smoothing.apply(np.full(len(x), 3.0))[free] == pytest.approx(3.0, rel=1e-14)
-    # What is left of any other pressure is its mean over the free nodes.
+    # For every other pressure R gives its mean over the free nodes.
     weights = np.where(free, contact.surface.weights, 0.0)
     mean = comm.allreduce(float(weights @ x)) / comm.allreduce(float(weights.sum()))
     assert smoothing.apply(x)[free] == pytest.approx(mean, rel=1e-9)
@@ -170,7 +169,7 @@ def test_a_closed_curve_is_measured_the_shorter_way_around() -> None:
     assert len(whole.facets) == len(whole.points) == 32
     rows, columns, distances = whole.within(2.0)
     assert distances.max(initial=0.0) <= 2.0
-    # Of a square of circumference 4 all nodes but the opposite one are nearer than 2.
+    # On a square of circumference 4 all nodes except the opposite node are nearer than 2.
     assert (np.bincount(rows, minlength=len(surface.nodes)) == 31).all()
     across = np.linalg.norm(whole.points[whole.own][rows] - whole.points[columns], axis=1)
     assert np.all(distances >= across - 1e-12)

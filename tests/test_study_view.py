@@ -1,4 +1,4 @@
-"""What a study shows while it runs, and where it has that from."""
+"""The view of a running study, and the sources of its numbers."""
 
 from __future__ import annotations
 

@@ -10,20 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.compiled import installed
 from contact_locking.solver import substructuring
 from contact_locking.solver.linear import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.options import PREFIX, InsertedOptions
 from contact_locking.solver.separator import Separator
 from contact_locking.solver.substructure import Substructure, is_available
-
-FloatArray = npt.NDArray[np.float64]
 
 SIDE = 40
 SEVERAL = MPI.COMM_WORLD.size > 1

@@ -114,7 +114,7 @@ def test_the_judge_finds_every_kind_of_mistake(penalty: Study) -> None:
 
 
 def test_a_wrong_claim_of_a_truth_is_found() -> None:
-    """What a case claims is compared: the same problem is wrong if it claims the contrary."""
+    """The judge compares the claims of a case: the contrary claims make the outcome wrong."""
     loads = {"displacements": [{"on": "top", "value": [0.0, -0.01]}]}
     data = study({"builder": "block", "dim": 2, "h": 0.25}, loads, friction=0.2)
     assert outcome_of_case(Case(data, Truth(touches=True)), checks=False).kind == SOLVED

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem
 from problems import block, column
 
 from contact_locking import solving
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
@@ -165,7 +165,7 @@ def test_equilibrium_of_forces_on_the_whole_body() -> None:
     assert solution.summary["contact_force"] == pytest.approx([0.0, 0.05], abs=1e-9)
 
 
-def _values(made: Problem) -> list[npt.NDArray[np.float64]]:
+def _values(made: Problem) -> list[FloatArray]:
     return [made.u.x.array.copy(), *(contact.bounds for contact in made.contacts)]
 
 

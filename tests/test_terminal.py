@@ -1,4 +1,4 @@
-"""What is said while a solve runs and when it is over, and what the package offers."""
+"""The output of a solve, during and after, and the public names of the package."""
 
 from __future__ import annotations
 

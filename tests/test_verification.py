@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem
@@ -12,6 +11,7 @@ from problems import block, column
 from verification_table import Row
 
 from contact_locking import solving
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.meshes.block import Block
 from contact_locking.parameters import Parameters
@@ -90,7 +90,7 @@ def test_v6_hertz_line_contact_has_the_half_width_and_peak_of_theory(found: list
         assert largest == pytest.approx(peak, rel=0.05)
 
 
-def _fingerprint(solution: Solution) -> npt.NDArray[np.float64]:
+def _fingerprint(solution: Solution) -> FloatArray:
     """Numbers that any error of the parallel code would change."""
     summary = solution.summary
     square = fem.assemble_scalar(
@@ -139,7 +139,7 @@ class Foot:
             return HelmholtzFilter(self.domain.comm, whole, laplacian, radius)
         return Identity()
 
-    def maximum(self, values: npt.NDArray[np.float64]) -> float:
+    def maximum(self, values: FloatArray) -> float:
         local = float(np.abs(values).max(initial=0.0))
         return float(self.domain.comm.allreduce(local, op=MPI.MAX))
 

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem
@@ -22,10 +21,9 @@ from scipy.integrate import solve_ivp
 from verification_table import Row
 
 from contact_locking import solving
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.results.solution import Solution
-
-FloatArray = npt.NDArray[np.float64]
 
 INNER, OUTER, EDGE, LIMIT = 1.0, 2.0, 1.4, 0.02
 ANGLE = 0.5  # phi at the edge
@@ -97,7 +95,7 @@ def annulus(h: float, n: float) -> Solution:
 
 
 def errors(solution: Solution) -> tuple[float, float]:
-    """In V and in L2, relative."""
+    """The relative errors in V and in L2."""
     mesh = solution.domain.mesh
     exact = fem.Function(fem.functionspace(mesh, ("P", 3, (2,))))
 

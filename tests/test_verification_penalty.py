@@ -23,7 +23,7 @@ SIGNORINI = Manufactured(
 
 
 def error(h: float, epsilon: float) -> Errors:
-    """Of a penalised solution against the exact one of Signorini's problem."""
+    """The errors of a penalised solution against the exact solution of Signorini's problem."""
     penalty = {"n": 1e4, "epsilon": epsilon} if epsilon > 0.0 else {"n": math.inf}
     return SIGNORINI.errors(SIGNORINI.solved(h, penalty=penalty))
 

@@ -31,7 +31,7 @@ class Row:
 
     @property
     def error(self) -> str:
-        """Relative to the exact value."""
+        """The relative error, or the absolute error where the exact value is 0."""
         if self.exact is None or self.exact == 0.0:
             return f"{abs(self.computed):.1e}"
         return f"{abs(self.computed / self.exact - 1.0):.1e}"
@@ -51,6 +51,6 @@ class Row:
 
 
 def table_text(rows: Iterable[Row]) -> str:
-    """In the order of the problems' numbers."""
+    """The table as text, sorted by the numbers of the problems."""
     ordered = sorted(rows, key=lambda row: int(row.id[1:]))
     return HEAD + "".join(f"{row.line()}\n" for row in ordered)

@@ -1,4 +1,4 @@
-"""What a user can trust a run by: proved bounds, constants, balances and error estimates."""
+"""The certificate of a solution: criteria, proved bounds, constants, balances, error estimates."""
 
 from contact_locking.certificate.verdict import Certificate, certify, is_solved
 

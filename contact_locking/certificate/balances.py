@@ -1,24 +1,22 @@
-"""Equilibrium: of every free node, and of the body as a whole in forces and moments."""
+"""Equilibrium of every free node, and balance of all forces and moments on the body."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled, forms
 
-FloatArray = npt.NDArray[np.float64]
-
-# Rounding in sums over all nodes is some 1e-14 of what is summed; the equilibrium of the free
-# nodes leaves more: their residuals, up to the solver's tolerance each, may add up.
+# The residuals of the free nodes, up to the tolerance of the solver, may add up in the sum of all
+# forces and moments.  The limit of a balance is this multiple of the tolerance.
 _BALANCE_SHARE = 10.0
 
 
@@ -28,10 +26,10 @@ class Equilibrium:
 
     ``residual`` is ``|a(u, v) + (Z, eps(v)) + int p v_nu - int sigma_tau . v_tau - (f, v)|`` over
     the free dofs, divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
-    Forces that rounding in ``u`` makes are not told from zero.
-    ``force`` and ``moment`` are what loads, contact and reactions together leave, relative to the
-    largest of the three sums of nodal force magnitudes, and to that times the body's extent.
-    An energy of the user's own takes part in both.
+    ``force`` and ``moment`` are the sums of loads, contact forces and reactions.  The force is
+    relative to the largest of the three sums of nodal force magnitudes, and the moment to this sum
+    times the extent of the body.  Forces as small as the rounding in ``u`` count as zero.  The
+    forces of a user's own energy take part in all three.
     """
 
     residual: float
@@ -53,8 +51,8 @@ class Equilibrium:
 def equilibrium(state: SolvedState) -> Equilibrium:
     """Balance the stored stress, pressure and traction with the loads; collective.
 
-    Contact enters node by node, by the weights of the vertex rule and not through the forms of the
-    solver, so that a sign lost in either shows.
+    The contact forces are sums over the nodes with the weights of the vertex rule.  They do not use
+    the forms of the solver, so that a wrong sign in either place shows.
     """
     u, data, constraints = state.problem.u, state.problem.data, state.problem.constraints
     space = u.function_space
@@ -86,16 +84,16 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
     total, magnitude, moment = [], 0.0, 0.0
     centre = _centre(state, x)
-    # An energy of the user's own may also hold the body from outside, as springs do.
+    # A user's own energy may also act from outside, as springs do.
     for vector in (load, touching, reaction, own):
         nodal = vector[:owned].reshape(-1, state.dim)
-        total.append(state.problem.domain.comm.allreduce(nodal.sum(axis=0)))
+        total.append(state.comm.allreduce(nodal.sum(axis=0)))
         if vector is not own:
             magnitude = max(magnitude, state.sum(np.linalg.norm(nodal, axis=1)))
         turning = _moments(x - centre, nodal).sum(axis=0)
-        moment = moment + state.problem.domain.comm.allreduce(turning)
-    # Sums of rounding over the nodes, at rest or in a rigid motion, are nothing to judge by.
-    count = np.sqrt(state.problem.domain.comm.allreduce(owned))
+        moment = moment + state.comm.allreduce(turning)
+    # At rest and in a rigid motion all forces are rounding, whose sums must not fail the balances.
+    count = np.sqrt(state.comm.allreduce(owned))
     size = max(magnitude, count * rounding / (_BALANCE_SHARE * tolerance)) or 1.0
     return Equilibrium(
         residual=norm(unbalanced) / scale,
@@ -108,7 +106,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
 
 
 def _centre(state: SolvedState, x: FloatArray) -> FloatArray:
-    comm = state.problem.domain.comm
+    comm = state.comm
     return np.asarray(comm.allreduce(x.sum(axis=0)) / comm.allreduce(len(x)))
 
 
@@ -120,7 +118,7 @@ def _moments(x: FloatArray, force: FloatArray) -> FloatArray:
 
 
 def _nodal(form: Expr) -> FloatArray:
-    """A linear form as local values, ghosts included; collective."""
+    """The assembled linear form at local dofs, ghosts included; collective."""
     vector = fem.assemble_vector(compiled.form(form))
     vector.scatter_reverse(la.InsertMode.add)
     vector.scatter_forward()

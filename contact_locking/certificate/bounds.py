@@ -1,4 +1,4 @@
-"""Bounds that the theory proves, each beside its measured value."""
+"""The bounds that the theory proves, each with the measured value."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 
 from contact_locking.certificate.elliptic import (
     NotApplicable,
@@ -21,6 +20,7 @@ from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.convex import squared_norm, unit_ball_excess
 from contact_locking.laws.elasticity import strain
+from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem import forms
 from contact_locking.results.derived import integral
 
@@ -30,7 +30,7 @@ _SLACK = 1e-6
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Of ``|u|_V``, of the penalties of locking and contact, and of ``M |Z|`` in L1."""
+    """Bounds of ``|u|_V``, of the penalties of locking and contact, and of ``int M |Z|``."""
 
     displacement_norm: float
     locking_penalty: float
@@ -50,16 +50,17 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
 
         a(u, u) + W + L + C <= (f, u) <= |f|_V |u|_V,   a(u, u) >= alpha |u|_V^2,
 
-    with terms >= 0 on the left.  So ``|u|_V <= |f|_V/alpha``, and as ``|f| x - alpha x^2`` is never
-    more than ``|f|^2/(4 alpha)``, that bounds W, L and C, a quarter of what the theorem states.  L
-    and C vanish for n = inf and eps = 0; W does not.
+    with terms >= 0 on the left.  So ``|u|_V <= |f|_V/alpha``.  Because ``|f| x - alpha x^2`` is at
+    most ``|f|^2/(4 alpha)``, this number bounds W, L and C: a quarter of the bounds of the theorem.
+    L vanishes for n = inf, and C for eps = 0; W does not vanish.
 
     Displacements that are not zero and a negative gap enter through an admissible field ``w``
-    without slip, tested with ``v = u - w`` (:func:`_held_bounds`); where contact alone holds a
-    rigid motion the load is carried by a pressure on Gamma_C (:func:`_pressed_bounds`).
+    without slip, and the test function is ``v = u - w`` (:func:`_held_bounds`).  If contact alone
+    stops a rigid motion, a pressure on Gamma_C carries the load (:func:`_pressed_bounds`).
 
-    Each entry holds ``value``, ``bound`` and ``holds``; where no bound is proved, ``bound`` and
-    ``holds`` are None and ``reason`` says why.  Collective; one linear solve, two with ``w``.
+    Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
+    ``holds`` are None, and ``reason`` says why.  Collective; takes one linear solve, two with
+    ``w``.
     """
     values = _measured(state)
     try:
@@ -83,7 +84,7 @@ def _open(value: float, reason: str) -> dict[str, Any]:
 
 
 def _measured(state: SolvedState) -> dict[str, float]:
-    """``|u|_V``, ``int M |Z|`` and the penalties; these are no more for n = inf and eps = 0."""
+    """``|u|_V``, ``int M |Z|``, and the penalties unless n = inf or eps = 0; collective."""
     domain, data, u = state.problem.domain, state.problem.data, state.problem.u
     eps = strain(u)
     values = {"displacement_norm": norm(state, u)}
@@ -115,11 +116,11 @@ def norm(state: SolvedState, u: fem.Function) -> float:
 
 
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
-    """For a body that its displacement conditions hold.
+    """The bounds for a body that the displacement conditions hold.
 
-    Tested with ``v = u - w``, friction is not negative, as ``w_tau = 0``, contact gives
-    ``C + int p (gap - w_nu) >= C``, and with ``theta = max |eps(w)|/M`` locking gives
-    ``L + int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with ``(f_w, v) = (f, v) - a(w, v)``
+    With the test function ``v = u - w`` friction is not negative, because ``w_tau = 0``; contact
+    gives ``C + int p (gap - w_nu) >= C``; and locking gives, with ``theta = max |eps(w)|/M``, ``L +
+    int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with ``(f_w, v) = (f, v) - a(w, v)``
 
         a(v, v) + (1 - theta) W + L + C <= |f_w|_V |v|_V,
 
@@ -133,12 +134,11 @@ def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
 
 
 def _room_to_lock(state: SolvedState, w: fem.Function | None) -> float:
-    """``1 - max |eps(w)|/M``, 1 without w and 0 where that is at its limit; collective."""
+    """``1 - max |eps(w)|/M``, at least 0; 1 without w; collective."""
     if w is None:
         return 1.0
     ratio = np.linalg.norm(state.cells.interpolated(strain(w)), axis=(1, 2)) / state.cells.limit
-    largest = state.problem.domain.comm.allreduce(float(ratio.max(initial=0.0)), op=MPI.MAX)
-    return max(1.0 - float(largest), 0.0)
+    return max(1.0 - maximum(state.comm, ratio), 0.0)
 
 
 def _over(most: float, room: float) -> float:
@@ -146,11 +146,11 @@ def _over(most: float, room: float) -> float:
 
 
 def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
-    """For a body that contact alone keeps from a rigid motion, so that ``|.|_V`` is no norm.
+    """The bounds where contact alone stops a rigid motion, so that ``|.|_V`` is not a norm.
 
-    Springs on Gamma_C carry the load: ``a(z, v) + int q v_nu = (f_w, v)`` for all v, with
-    ``q = k z_nu``.  If they are all pressed, ``q >= 0``, then ``v_nu <= gap - w_nu + eps p`` for
-    ``v = u - w`` in (25) gives, with W, L, C and theta as above and ``C = eps |p|^2``,
+    Springs on Gamma_C carry the load: ``a(z, v) + int q v_nu = (f_w, v)`` for all v, with ``q = k
+    z_nu``.  Let all springs be pressed, ``q >= 0``.  Then ``v_nu <= gap - w_nu + eps p`` for ``v =
+    u - w`` in (25) gives, with W, L, C and theta as above and ``C = eps |p|^2``,
 
         a(v, v) + (1 - theta) W + L + C <= a(z, v) + B + 2 sqrt(D C),
         B = int q (gap - w_nu),   D = eps/4 |q|^2.
@@ -170,7 +170,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     carried = soft = 0.0
     for fields in state.contacts:
         pressure = stiffness * fields.contact.split(z)[0]
-        if domain.comm.allreduce(bool(np.any(pressure < 0.0)), op=MPI.LOR):
+        if on_any_rank(domain.comm, pressure < 0.0):
             raise NotApplicable(
                 "contact alone holds a rigid motion, and the load is not carried by a pressure all "
                 "over Gamma_C"
@@ -192,7 +192,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
 def dual_norm(state: SolvedState, w: fem.Function | None = None) -> float:
     """``|f_w|_V = |z|_V`` with ``(z, v)_V = (f, v) - a(w, v)`` (10), (13); collective.
 
-    The conditions on Gamma_D are taken as homogeneous.
+    The displacement conditions are homogeneous.
     """
     space, data = state.problem.u.function_space, state.problem.data
     conditions = state.problem.constraints.conditions

@@ -1,4 +1,4 @@
-"""The constants of the theorems for the given data, and what they say of uniqueness."""
+"""The constants of the theorems for the given data, and the verdict on uniqueness."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx.fem import petsc
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.certificate.elliptic import (
@@ -18,20 +16,18 @@ from contact_locking.certificate.elliptic import (
     inner_product,
 )
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.parallel import maximum
 from contact_locking.problem import compiled
 from contact_locking.problem.contact import Contact
 
-FloatArray = npt.NDArray[np.float64]
-
 _PREFIX = "contact_locking_steklov_"
-# The eigenvalue to this relative accuracy; a bound needs no more.
+# The relative accuracy of the eigenvalue; a bound needs no more.
 _RTOL = 1e-6
-# Slips at which mu(x, s) is sampled: 0, and from this share of the body's extent to all of it.
+# mu(x, s) is sampled at the slip 0, and from this share of the extent of the body to the extent.
 _LEAST_SLIP = 1e-8
 _SLIPS = 400
 
-
-# Above what a law states of itself by rounding.
+# Samples may exceed the constants of a friction law by this share because of rounding.
 _ROUNDING = 1e-9
 # The verdicts on uniqueness.
 COVERED = "covered by theory"
@@ -43,8 +39,8 @@ UNKNOWN = "not known"
 class Coefficient:
     """``mu* = max mu`` and ``L_mu``, the Lipschitz constant of mu in s (12).
 
-    ``exact`` says whether the friction law states them, else they are sampled; ``exceeded``
-    whether samples are above what the law states.
+    ``exact`` says that the friction law states both constants, which are sampled otherwise.
+    ``exceeded`` says that samples exceed a constant that the friction law states.
     """
 
     largest: float
@@ -56,8 +52,8 @@ class Coefficient:
 def constants(state: SolvedState) -> dict[str, Any]:
     """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
 
-    c_0 costs an eigenproblem, one to two elastic solves, and is left out unless the study file
-    asks for it.
+    c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless the study
+    file asks for the constants.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
     if not state.contacts:
@@ -83,7 +79,7 @@ def _smoothing_norm(state: SolvedState) -> float:
 
 
 def coefficient_range(state: SolvedState) -> Coefficient:
-    """mu* and L_mu of all contacts, as the friction laws state them, else sampled; collective."""
+    """mu* and L_mu over all contacts, stated by the friction laws or sampled; collective."""
     found = [_coefficient_range(contact, state) for contact in state.problem.contacts]
     return Coefficient(
         max(item.largest for item in found),
@@ -94,10 +90,10 @@ def coefficient_range(state: SolvedState) -> Coefficient:
 
 
 def _coefficient_range(contact: Contact, state: SolvedState) -> Coefficient:
-    """Of one contact.
+    """mu* and L_mu of one contact; collective.
 
-    Samples are taken at the nodes of Gamma_C, where alone the discrete problem asks for mu, and at
-    slips up to the body's extent.  They prove nothing, but for a mu that does not depend on s.
+    The samples are at the nodes of Gamma_C, as in the discrete problem, and at slips up to the
+    extent of the body.  Samples prove nothing, except for a mu that does not depend on s.
     """
     law = contact.friction.law
     if law.lipschitz == 0.0 and law.largest is not None:
@@ -107,11 +103,8 @@ def _coefficient_range(contact: Contact, state: SolvedState) -> Coefficient:
     everywhere = np.ones(len(contact.free))
     values = np.stack([contact.friction.coefficient(slip * everywhere) for slip in slips])
     steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
-    comm = state.problem.domain.comm
-    largest, steepest = (
-        float(comm.allreduce(float(found.max(initial=0.0)), op=MPI.MAX))
-        for found in (values, steps)
-    )
+    comm = state.comm
+    largest, steepest = maximum(comm, values), maximum(comm, steps)
     stated = (
         largest if law.largest is None else law.largest,
         steepest if law.lipschitz is None else law.lipschitz,
@@ -126,11 +119,11 @@ def _coefficient_range(contact: Contact, state: SolvedState) -> Coefficient:
 def trace_constant(state: SolvedState) -> float:
     """``c_0 = max |v|_{L2(Gamma_C)}/|v|_V`` over the discrete fields (11); collective.
 
-    The largest eigenvalue of ``int v . w = lambda (v, w)_V`` is its square.  Gamma_C is integrated
-    by the vertex rule, as in the discrete problem; by convexity that is never less than exact.
-    The eigenvalue solver comes from below, to its tolerance, and the discrete fields are fewer than
-    those of V: this is no upper bound of the constant in (11).
-    Raises NotApplicable where the eigenvalue solver fails.
+    ``c_0^2`` is the largest eigenvalue of ``int v . w = lambda (v, w)_V``.  The integral over
+    Gamma_C uses the vertex rule, as the discrete problem does; by convexity the rule never gives
+    less than the exact integral.  The result is not an upper bound of the constant in (11): the
+    eigenvalue solver approaches from below, and V has more fields.  Raises NotApplicable if the
+    eigenvalue solver fails.
     """
     from slepc4py import SLEPc
 
@@ -145,7 +138,7 @@ def trace_constant(state: SolvedState) -> float:
         mask = surface.createVecLeft()
         mask.array_w[:] = np.where(problem.fixed[: mask.getLocalSize()], 0.0, 1.0)
         surface.diagonalScale(mask, mask)
-        solver = SLEPc.EPS().create(state.problem.domain.comm)
+        solver = SLEPc.EPS().create(state.comm)
         solver.setOptionsPrefix(_PREFIX)
         solver.setOperators(surface, problem.matrix)
         solver.setProblemType(SLEPc.EPS.ProblemType.GHEP)
@@ -178,21 +171,22 @@ def _trace(state: SolvedState) -> tuple[float | None, str | None]:
 def _uniqueness(
     state: SolvedState, trace: float | None, why: str | None, coefficient: Coefficient
 ) -> dict[str, Any]:
-    """Whether another solution can be excluded.
+    """Whether the theory excludes another solution.
 
-    Let u_1 be another solution of (25) than this one, u_2.  Subtracted and tested with their
-    difference v, with ``q`` that of the pressures, contact gives at least ``eps |q|^2``, so that
+    Let u_2 be this solution of (25), u_1 another one, ``v = u_1 - u_2``, and ``q`` the difference
+    of the pressures.  The difference of both equations, tested with v, contains at least ``eps
+    |q|^2`` from contact, so that
 
         alpha |v|_V^2 + eps |q|^2 <= (mu* |R| |q| + L_mu |R sigma_nu(u_2)|_inf |v|_C) |v|_C
 
-    with ``|v|_C <= c_0 |v|_V``.  That leaves v = 0 if
+    with ``|v|_C <= c_0 |v|_V``.  So v = 0 if
 
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)).
 
-    It is the condition of Theorem 4.2 with its constant written out; it fails for eps -> 0, as
-    there the constant of Theorem 4.1 is not explicit.  Norms on Gamma_C are those of the vertex
-    rule, c_0 is that of the discrete fields and comes from below, and mu* and L_mu may be sampled:
-    the condition speaks of the discrete problem, and as far as these numbers are right.
+    This is the condition of Theorem 4.2 with an explicit constant.  The condition fails for eps ->
+    0, where the constant of Theorem 4.1 is not explicit.  The norms on Gamma_C use the vertex rule,
+    c_0 is the constant of the discrete fields, approached from below, and mu* and L_mu may be
+    sampled.  The verdict is therefore about the discrete problem, and as certain as these numbers.
     """
     bounds = [contact.friction for contact in state.problem.contacts]
     if all(bound.frictionless for bound in bounds):
@@ -207,10 +201,7 @@ def _uniqueness(
         return _verdict(UNKNOWN, "the constant L* of Theorem 4.1 is not explicit") | report
     if trace is None:
         return _verdict(UNKNOWN, f"c_0 is not known ({why})") | report
-    local = max(
-        float(np.max(np.abs(fields.smoothed_stress), initial=0.0)) for fields in state.contacts
-    )
-    stress = float(state.problem.domain.comm.allreduce(local, op=MPI.MAX))
+    stress = max(maximum(state.comm, np.abs(fields.smoothed_stress)) for fields in state.contacts)
     left = coefficient.largest * _smoothing_norm(state) * trace
     slack = state.problem.material.ellipticity - coefficient.lipschitz * stress * trace**2
     right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))

@@ -1,7 +1,7 @@
-"""What has to hold of a solution, and how far from exact it may be.
+"""The criteria of a solution, each a relative value with a limit.
 
-Every value is relative: forces to the forces that act, work to the elastic energy, the friction
-bound to itself.  A value that is no number does not hold.
+Forces are relative to the acting forces, work to the elastic energy, and the change of the friction
+bound to the friction bound.  A criterion whose value is NaN does not hold.
 """
 
 from __future__ import annotations
@@ -31,5 +31,5 @@ class Criterion:
 
 
 def complaints(criteria: Mapping[str, Criterion]) -> str:
-    """Which criteria fail, in words; nothing if all hold."""
+    """The criteria that do not hold, in words; empty if all hold."""
     return "; ".join(item.complaint() for item in criteria.values() if not item.holds)

@@ -1,4 +1,4 @@
-"""Linear elliptic problems beside the solve: dual norms and lifts of boundary values."""
+"""Linear elliptic problems of the certificate: dual norms and lifts of boundary values."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc
@@ -18,16 +17,14 @@ from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled, forms
 from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
 
-FloatArray = npt.NDArray[np.float64]
-
-# Options for the nonlinear solve do not reach these solves.
+# A prefix of its own: the options for the nonlinear solve do not concern these solves.
 _PREFIX = "contact_locking_certificate_"
-# Enough for a bound that holds with a margin; only where CG solves.
+# The tolerance of CG, enough for a bound that holds with a margin.
 _RTOL = 1e-8
 
 
 class NotApplicable(Exception):
-    """Something of the certificate cannot be had for this problem; the message says why."""
+    """A part of the certificate does not exist for this problem; the message says why."""
 
 
 class EllipticProblem:
@@ -54,15 +51,15 @@ class EllipticProblem:
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._nullspace = state.system.near_nullspace()
         self.matrix.setNearNullSpace(self._nullspace)
-        comm = state.problem.domain.comm
+        comm = state.comm
         options = default_options(state.settings.linear, state.dim, state.system.size, comm)
         self.ksp = create_ksp(comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
         self.ksp.setOperators(self.matrix)
 
     def solve(self, right: Expr | None, values: fem.Function | None = None) -> fem.Function:
-        """The z with ``b(z, v) = r(v)`` that equals ``values`` at the fixed dofs; collective.
+        """The z with ``b(z, v) = r(v)`` and the given ``values`` at the fixed dofs; collective.
 
-        Raises NotApplicable where the linear solver fails.
+        Without ``values`` z is zero there.  Raises NotApplicable if the linear solver fails.
         """
         solution = fem.Function(self._space)
         if values is not None:
@@ -76,7 +73,7 @@ class EllipticProblem:
             self.ksp.solve(b, x)
         except PETSc.Error as error:
             raise NotApplicable("the linear solve that it takes failed") from error
-        # CG may move what is fixed.
+        # CG may change the values at fixed dofs.
         step = np.where(self.fixed[: self._owned], 0.0, x.array_r)
         solution.x.array[: self._owned] += step
         solution.x.scatter_forward()
@@ -94,7 +91,7 @@ class EllipticProblem:
 def elliptic_problem(
     state: SolvedState, bilinear: Expr, conditions: list[fem.DirichletBC]
 ) -> Iterator[EllipticProblem]:
-    """An :class:`EllipticProblem` that is destroyed afterwards; collective."""
+    """An :class:`EllipticProblem` that is destroyed after the block; collective."""
     problem = EllipticProblem(state, bilinear, conditions)
     try:
         yield problem
@@ -109,7 +106,7 @@ def inner_product(space: fem.FunctionSpace, dx: ufl.Measure) -> Expr:
 
 
 def elasticity(state: SolvedState) -> Expr:
-    """``a(w, v)``."""
+    """The bilinear form ``a(w, v)``."""
     space = state.problem.u.function_space
     return forms.elastic_form(ufl.TrialFunction(space), ufl.TestFunction(space), state.problem.data)
 

@@ -1,24 +1,21 @@
-"""An a posteriori indicator of the error in h: recovery of the total stress and of the strain."""
+"""An indicator of the discretisation error by recovery of the total stress and the strain."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem, la
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
 from contact_locking.problem.spaces import nodal_space
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-
 
 @dataclass(frozen=True)
 class ErrorIndicator:
-    """``eta_K`` as a P0 function, ``sqrt(sum eta_K^2)``, and the same of the elastic part alone."""
+    """``eta_K`` as a P0 function, ``sqrt(sum eta_K^2)``, and the same for the elastic stress."""
 
     field: fem.Function
     total: float
@@ -28,16 +25,16 @@ class ErrorIndicator:
 def error_indicator(state: SolvedState) -> ErrorIndicator:
     """``eta_K^2 = |int_K (s* - s) : (e* - e)|``, total stress ``s = A eps(u) + Z``, ``e = eps(u)``.
 
-    Stars are continuous and piecewise linear: at each node the mean over the cells around it,
-    weighted by their volumes (Zienkiewicz and Zhu, doi:10.1002/nme.1620240206).  Cells of another
-    named region do not count, as stress and strain may jump there.
+    s* and e* are continuous and piecewise linear: their values at a node are the means over the
+    cells around the node, weighted by volume (Zienkiewicz and Zhu, doi:10.1002/nme.1620240206).
+    The mean includes only cells of one named region, because stress and strain may jump between
+    regions.
 
-    It estimates, and does not bound, ``int (s_exact - s) : (e_exact - e)``, which the monotone
-    locking law makes at least ``a(u_exact - u, u_exact - u)``; that alone is what ``elastic``
-    estimates.  The stress alone, in the norm of A^-1, would not do: P1 elements reach the limit in
-    about every second cell of a locked zone in 2D, and in fewer in 3D, so Z alternates on any mesh,
-    where strains hardly do.
-    Collective.
+    ``total`` estimates ``int (s_exact - s) : (e_exact - e)`` and is not a bound.  Because the
+    locking law is monotone, this integral is at least ``a(u_exact - u, u_exact - u)``, which
+    ``elastic`` estimates.  The product with the strain is necessary: in a locked zone P1 elements
+    reach the limit in about every second cell in 2D and in fewer cells in 3D, so that Z alternates
+    between cells on every mesh, while the strain hardly does.  Collective.
     """
     cells, m = state.cells, len(MANDEL_PAIRS[state.dim])
     elastic, strain = _mandel(cells.of(state.body.elastic_stress)), _mandel(cells.strain)
@@ -69,7 +66,10 @@ def _mandel(tensors: FloatArray) -> FloatArray:
 
 
 def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
-    """Cell values (k, m) averaged at the corners of each owned cell, (k, d + 1, m); collective."""
+    """The nodal means (k, d + 1, m) of cell values (k, m) at the corners of each owned cell.
+
+    Collective.
+    """
     mesh, cells, size = state.problem.domain.mesh, state.cells, values.shape[1]
     space = nodal_space(mesh, size + 1)
     corners = space.dofmap.list[: len(values)]
@@ -87,7 +87,7 @@ def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
 
 
 def _regions(state: SolvedState, count: int) -> list[BoolArray]:
-    """Masks (k,) of the owned cells of each region with a material of its own, and of the rest."""
+    """Masks (k,) of the owned cells: one for each region of the material, one for all others."""
     rest = np.ones(count, dtype=bool)
     masks = []
     for name in sorted(state.problem.parameters.material.regions):

@@ -1,39 +1,38 @@
-"""Whether the stored stress and tractions obey the laws of locking, contact and friction.
+"""The criteria for the laws of locking, contact and friction, for the stored stress and tractions.
 
-The formulas stand here a second time, in NumPy and from the conjugate functions, on purpose: what
-the solver's laws get wrong is not repeated.  For a frozen friction bound each law is
-``z in d phi(x)``, so Fenchel's ``phi(x) + phi*(z) - z x >= 0`` vanishes exactly where it holds.  It
-is a complementarity and, for finite n and eps > 0, ``n int ([|eps| - M]^+ - |Z|/(2n))^2`` and
-``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``.  With equilibrium the sum over the laws is the duality
-gap, and bounds ``a(u - w, u - w)/2`` for the exact discrete solution ``w`` with this friction
-bound, where the displacement violates no limit (n = inf) and no gap (eps = 0).
+This module repeats the formulas of the laws on purpose, in NumPy and from the conjugate functions,
+so that an error in the laws of the solver shows here.
+
+For a fixed friction bound each law reads ``z in d phi(x)``.  The sum ``phi(x) + phi*(z) - z x >=
+0`` of Fenchel vanishes exactly where the law holds.  The sum consists of a complementarity and, for
+finite n and eps > 0, of ``n int ([|eps| - M]^+ - |Z|/(2n))^2`` and ``int ([u_nu - gap]^+ - eps
+p)^2/(2 eps)``.  In equilibrium the sum over all laws is the duality gap.  The gap bounds ``a(u - w,
+u - w)/2`` for the exact discrete solution ``w`` with this friction bound, if the displacement keeps
+the strain limit for n = inf and the gap for eps = 0.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.parallel import maximum
 from contact_locking.results.derived import ContactFields
 
-FloatArray = npt.NDArray[np.float64]
-
-# Measured over all demos, the problems of the tests and some 1000 random ones, 2D and 3D, penalties
-# up to 1e10 times the stiffness and inf: work that should vanish is up to 1.4e-7 of the elastic
-# energy, where the interior point method stops at its duality gap of 1e-8.  A lost factor or sign
-# leaves 1e-5 and more up to n = 1e4.  A solver that was told to be coarser is judged accordingly.
+# The interior point method stops at a duality gap of this tolerance.  With the margin the criteria
+# accept the work that its solutions leave, 1.4e-7 of the elastic energy, and refuse a lost factor
+# or sign, which leaves 1e-5 and more for n up to 1e4.  A coarser solver has a coarser limit.
 _TOLERANCE = 1e-8
 _MARGIN = 100.0
-# R is applied once, by a product or a direct solve: rounding leaves 1e-14.
+# One product or one direct solve applies R: rounding leaves 1e-14.
 _CONSTANTS = 1e-10
 
 
 def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Criterion]:
-    """Complementarity and violation of every law, relative to the work of the state; collective.
+    """The criteria of all laws, relative to the work of the state; collective.
 
-    Limits are the solver's tolerances times ``margin``.
+    The limits are the tolerances of the solver times ``margin``.
     """
     law = margin * max(state.settings.tolerance, _TOLERANCE)
     products, violation, squares = locking(state)
@@ -80,18 +79,19 @@ def _friction_criteria(
 
 
 def locking(state: SolvedState) -> tuple[float, float, float]:
-    """``int |Z| max(M, |eps|) - Z : eps``, ``s int |[|eps| - M]^+ - |Z|/(2n)|``, and squares.
+    """Complementarity, violation and squares of the locking law, relative to the work; collective.
 
-    The last is ``n int ([|eps| - M]^+ - |Z|/(2n))^2``, 0 for n = inf.  Where the others vanish
-    ``Z`` is ``R_n(eps)`` (23), for n = inf an element of ``dI_B(eps)`` (1).  The stress s is the
-    mean stress; a soft penalty answers a strain by less, ``2n`` times the mean.
+    Complementarity is ``int |Z| max(M, |eps|) - Z : eps``, and violation is
+    ``s int |[|eps| - M]^+ - |Z|/(2n)|``.  Where both vanish, ``Z`` is ``R_n(eps)`` (23), or for
+    n = inf an element of ``dI_B(eps)`` (1).  The stress s is the mean stress or, if this is less,
+    ``2n`` times the mean strain.  Squares is ``n int ([|eps| - M]^+ - |Z|/(2n))^2``, 0 for n = inf.
     """
     cells = state.cells
     norm = np.linalg.norm(cells.strain, axis=(1, 2))
     size = np.linalg.norm(cells.locking_stress, axis=(1, 2))
     work = np.einsum("kij,kij->k", cells.locking_stress, cells.strain)
     locks = np.isfinite(cells.limit)
-    # What cannot lock has no locking stress to be parallel to.
+    # A cell without a limit must not turn M |Z| into inf times 0.
     largest = np.maximum(np.where(locks, cells.limit, norm), norm)
     products = np.abs(size * largest - work)
     excess = np.maximum(norm - cells.limit, 0.0)
@@ -107,12 +107,13 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
 
 
 def contact(state: SolvedState, fields: ContactFields) -> tuple[float, float, float]:
-    """``int |p c|``, ``s int [-c]^+ + |eps| L int [-p]^+``, and Fenchel's sum.
+    """Complementarity, violation and Fenchel's sum of contact, relative to the work; collective.
 
-    ``c = gap + eps p - u_nu``, and the sum is ``int |p (max(gap, u_nu) - u_nu)|`` and, for eps > 0,
-    ``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``.  Where the others vanish ``p = [u_nu - gap]^+/eps``
-    (25), for eps = 0 Signorini's conditions (5).  The stress s is the mean stress, or
-    ``|eps| L/eps`` if a soft foundation answers by less.
+    Complementarity is ``int |p c|`` and violation is ``s int [-c]^+ + |eps| L int [-p]^+`` with the
+    opening ``c = gap + eps p - u_nu``.  Where both vanish, ``p = [u_nu - gap]^+/eps`` (25) or, for
+    eps = 0, Signorini's conditions (5) hold.  The stress s is the mean stress or, if this is less,
+    ``|eps| L/eps``.  Fenchel's sum is ``int |p (max(gap, u_nu) - u_nu)|`` plus, for eps > 0,
+    ``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``.
     """
     weights = fields.surface.weights * fields.contact.free
     opening = fields.gap + state.target.penalty.epsilon * fields.pressure - fields.u_normal
@@ -133,11 +134,12 @@ def contact(state: SolvedState, fields: ContactFields) -> tuple[float, float, fl
 
 
 def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, float]:
-    """Complementarity, the cone, and the sign, with ``t = -sigma_tau``, ``s = u_tau``, ``G``.
+    """Complementarity, excess over the bound, and wrong sign of friction, all relative; collective.
 
-    ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the work, zero exactly where
-    (22) holds; ``int [|t| - G]^+`` over ``int G``; ``int [-t . s]^+`` over the work: friction takes
-    work, it never gives any.
+    With ``t = -sigma_tau``, ``s = u_tau`` and the friction bound G, complementarity is ``int G
+    sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the work, zero exactly where (22)
+    holds.  The excess is ``int [|t| - G]^+`` over ``int G``.  The wrong sign is ``int [-t . s]^+``
+    over the work: friction dissipates work and never adds work.
     """
     epsilon = float(fields.contact.regularisation.value)
     weights = fields.surface.weights * fields.contact.free
@@ -157,7 +159,10 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
 
 
 def bound_change(state: SolvedState, fields: ContactFields) -> float:
-    """``|G - mu(|u_tau|) |R sigma_nu||/|G|`` in L2 with the bound G that friction obeys."""
+    """``|G - mu(|u_tau|) |R sigma_nu||/|mu |R sigma_nu||`` in L2, with the bound G of the solver.
+
+    Collective.
+    """
     contact = fields.contact
     wanted = contact.friction_bound(state.problem.u, fields.pressure)
     size = max(contact.norm(wanted), state.target.least_bound(state.energy, state.dim))
@@ -166,15 +171,14 @@ def bound_change(state: SolvedState, fields: ContactFields) -> float:
 
 
 def smoothing_constants(fields: ContactFields) -> float:
-    """``max |R 1 - 1|`` over the free nodes: a mollifier keeps constants; collective."""
+    """``max |R 1 - 1|`` over the free nodes, where R has to keep constants; collective."""
     contact = fields.contact
     ones = np.ones(len(contact.free))
     change = np.abs(contact.friction.smoothing.apply(ones) - 1.0)[contact.free]
-    local = float(np.max(change, initial=0.0))
-    return float(max(contact.surface.domain.comm.allgather(local)))
+    return maximum(contact.surface.domain.comm, change)
 
 
 def _least_bound(state: SolvedState, fields: ContactFields) -> float:
-    """The integral of a bound below which its share says nothing."""
+    """The integral of a friction bound so small that it is not told from zero; collective."""
     area = state.sum(fields.surface.weights)
     return state.target.least_bound(state.energy, state.dim) * float(np.sqrt(area))

@@ -1,7 +1,7 @@
-"""Fields that the constraints admit: what proofs that test with ``v = 0`` need when 0 is not one.
+"""Admissible fields, for proofs with the test function ``v = 0`` where 0 is not admissible.
 
-A field is admissible if it has the prescribed values on Gamma_D, ``w_nu <= gap`` on Gamma_C and
-``|eps(w)| <= M``.  For proofs with friction it must not slip either: ``w_tau = 0``.
+A field w is admissible if w has the prescribed values on Gamma_D, ``w_nu <= gap`` on Gamma_C and
+``|eps(w)| <= M``.  For proofs with friction w must not slip either: ``w_tau = 0`` on Gamma_C.
 """
 
 from __future__ import annotations
@@ -9,24 +9,22 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
-from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import EllipticProblem, NotApplicable, elasticity
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
-
-FloatArray = npt.NDArray[np.float64]
+from contact_locking.parallel import on_any_rank, on_every_rank
 
 # Rounding in strains and displacements, relative to the limit and to the body.
 _ROUNDING = 1e-12
 
 
 class Lifting:
-    """Elastic fields with given values on Gamma_C and Gamma_D; one factorisation for all of them.
+    """Elastic fields with given values on Gamma_C and Gamma_D, with one factorisation for all.
 
-    Close it collectively.
+    :meth:`close` is collective.
     """
 
     def __init__(self, state: SolvedState) -> None:
@@ -35,24 +33,24 @@ class Lifting:
 
     @cached_property
     def admissible(self) -> fem.Function | None:
-        """An admissible field without slip, None if it is 0; collective, one factorisation.
+        """An admissible field without slip, None for the zero field; collective.
 
-        It takes the prescribed values on Gamma_D and ``w = min(gap, 0) nu`` on Gamma_C, with the
-        least elastic energy.  Raises NotApplicable if that exceeds the locking limit, if values
-        prescribed at nodes of Gamma_C slip or enter the foundation, and for an energy of the
-        user's own, of which nothing is known.
+        The field has the prescribed values on Gamma_D, ``w = min(gap, 0) nu`` on Gamma_C, and the
+        least elastic energy.  Raises NotApplicable if its strain exceeds the locking limit, if
+        values prescribed at nodes of Gamma_C slip or enter the foundation, and for a user's own
+        energy, which no proof covers.
         """
         state = self._state
         if state.problem.data.own_energy is not None:
-            raise NotApplicable("there is an energy of the user's own, which no proof knows")
+            raise NotApplicable("no proof covers the user's own energy")
         prescribed = fem.Function(state.problem.u.function_space)
         given = [c.g.x.array for c in state.problem.constraints.conditions]
         overlaps = any(np.any(fields.gap < 0.0) for fields in state.contacts)
         zero = not overlaps and all(not np.any(values) for values in given)
-        if state.problem.domain.comm.allreduce(zero, op=MPI.LAND):
+        if on_every_rank(state.comm, zero):
             return None
         for fields in state.contacts:
-            # At a node of two contacts both count, and the check below judges their sum.
+            # At a node of two contacts the values add up, and the check below judges the sum.
             values = np.minimum(fields.gap, 0.0)[:, None] * fields.normal
             prescribed.x.array.reshape(-1, state.dim)[fields.surface.blocks] += values
         prescribed.x.scatter_forward()
@@ -96,19 +94,20 @@ class Lifting:
         size = np.linalg.norm(state.cells.interpolated(strain(lifted)), axis=(1, 2))
         if not self._nowhere(size - state.cells.limit * (1.0 + _ROUNDING)):
             raise NotApplicable(
-                "the elastic displacement that follows the prescribed values exceeds the locking "
-                "limit, and no other admissible one was sought"
+                "the elastic displacement with the prescribed values exceeds the locking limit, "
+                "and no other field was tried"
             )
         small = _ROUNDING * state.target.length
         for fields in state.contacts:
             normal, tangential = fields.contact.split(lifted)
             slip = np.linalg.norm(tangential, axis=1)
             if not self._nowhere(normal - fields.gap - small):
-                raise NotApplicable("displacements prescribed on the edge of Gamma_C enter the gap")
+                raise NotApplicable(
+                    "prescribed displacements at the edge of Gamma_C exceed the gap"
+                )
             if not fields.contact.friction.frictionless and not self._nowhere(slip - small):
-                raise NotApplicable("displacements prescribed on the edge of Gamma_C make it slip")
+                raise NotApplicable("prescribed displacements at the edge of Gamma_C slip")
 
     def _nowhere(self, values: FloatArray) -> bool:
-        """Whether no value on any rank is positive; collective."""
-        local = bool(np.any(values > 0.0))
-        return not self._state.problem.domain.comm.allreduce(local, op=MPI.LOR)
+        """Whether no value of any rank is positive; collective."""
+        return not on_any_rank(self._state.comm, values > 0.0)

@@ -1,8 +1,9 @@
-"""How far a penalised solution is from the inequality's on the same mesh.
+"""The distance of a penalised solution from the solution of the inequality on the same mesh.
 
-For the friction bound G frozen at that of the solution, both solve convex problems, and what a
-penalised solution leaves behind bounds the distance: its stress and tractions are admissible for
-the dual of the inequality's problem, and a field near it is admissible for the primal one.
+For the friction bound G of the penalised solution, kept fixed, both solve convex problems.  Locking
+stress, pressure and friction traction of the penalised solution are admissible for the dual problem
+of the inequality, and a displacement near the solution is admissible for the primal problem.  The
+difference of both energies bounds the distance.
 """
 
 from __future__ import annotations
@@ -10,41 +11,41 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import strain
+from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.forms import ProblemData
 from contact_locking.results.derived import integral
 
-FloatArray = npt.NDArray[np.float64]
-
-# Rounding left when the penetration is taken back, relative to the body.
+# The rounding in w_nu - gap after the penetration is subtracted, relative to the body.
 _ROUNDING = 1e-10
 
 
 def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
-    """``a(u - u*, u - u*)/2 <= eta^2``, where u* solves (19) on this mesh with the bound G frozen.
+    """``a(u - u*, u - u*)/2 <= eta^2``, where u* solves (19) on this mesh with G kept fixed.
 
-    For an admissible field ``w`` (``|eps(w)| <= M``, ``w_nu <= gap``), with the solution's own Z, p
-    and ``t = -sigma_tau``,
+    For an admissible field w (``|eps(w)| <= M``, ``w_nu <= gap``), and with Z, p and
+    ``t = -sigma_tau`` of the penalised solution u,
 
         eta^2 = a(w - u, w - u)/2 + int (M |Z| - Z : eps(w)) + int p (gap - w_nu)
                 + int (G |w_tau| - t . w_tau),
 
-    every term of which is non-negative: it is the primal energy of w minus the dual energy of
-    (Z, p, t), to which u is the displacement in equilibrium (docs/certificate.md).
+    where every term is non-negative.  eta^2 is the primal energy of w minus the dual energy of
+    (Z, p, t), with which u is in equilibrium (docs/certificate.md).
 
-    ``w`` is u with its penetration taken back by an elastic field and then drawn towards an
-    admissible field until the strain keeps its limit.  Returns ``energy_norm``
-    (bounds ``sqrt(a(u - u*, u - u*))``), ``relative`` to that of u, and ``displacement_norm``
-    (bounds ``|u - u*|_V``), or None with a ``reason``.  Collective; one factorisation.
+    To obtain w, an elastic field is subtracted from u that removes the penetration, and the result
+    is moved towards an admissible field until the strain keeps the limit.  Returns ``energy_norm``,
+    a bound of ``sqrt(a(u - u*, u - u*))``; ``relative``, this bound over the energy norm of u; and
+    ``displacement_norm``, a bound of ``|u - u*|_V``; or None with a ``reason``.  Collective; takes
+    one factorisation.
     """
     target = state.target
     if target.penalty.is_inequality:
@@ -66,14 +67,16 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
 
 
 def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[str, float]:
-    """Two displacements on one mesh: ``energy_norm``, ``relative`` to u and ``displacement_norm``.
+    """The distance of two displacements on one mesh; collective.
 
-    Raises ValueError if their meshes are not distributed alike.  Collective.
+    Returns ``energy_norm`` and ``displacement_norm`` of the difference, and ``relative``, the
+    energy norm of the difference over the energy norm of u.  Raises ValueError if the meshes differ
+    or have different distributions.
     """
     mesh = u.function_space.mesh
     comm = mesh.comm
     here, there = mesh.geometry.x, other.function_space.mesh.geometry.x
-    if not comm.allreduce(here.shape == there.shape and np.array_equal(here, there), op=MPI.LAND):
+    if not on_every_rank(comm, np.array_equal(here, there)):
         raise ValueError("the two displacements do not live on the same mesh")
     difference = fem.Function(u.function_space)
     difference.x.array[:] = u.x.array - other.x.array
@@ -91,7 +94,7 @@ def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[st
 
 
 def _admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
-    """``w = w_0 + theta (u - c - w_0)`` with the largest theta that keeps the strain's limit."""
+    """``w = w_0 + theta (u - c - w_0)`` with the largest theta in [0, 1] and ``|eps(w)| <= M``."""
     start, back = lifting.admissible, lifting.push_back()
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
@@ -100,7 +103,7 @@ def _admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     if start is not None:
         a = state.cells.interpolated(strain(start))
     theta = _largest_step(a, state.cells.interpolated(strain(w)) - a, state.cells.limit)
-    theta = float(state.problem.domain.comm.allreduce(theta, op=MPI.MIN))
+    theta = float(state.comm.allreduce(theta, op=MPI.MIN))
     w.x.array[:] *= theta
     if start is not None:
         w.x.array[:] += (1.0 - theta) * start.x.array
@@ -125,13 +128,12 @@ def _check_entered(state: SolvedState, w: fem.Function) -> None:
     local = 0.0
     for fields in state.contacts:
         local = max(local, float(np.max(fields.contact.split(w)[0] - fields.gap, initial=0.0)))
-    largest = state.problem.domain.comm.allreduce(local, op=MPI.MAX)
-    if largest > _ROUNDING * state.target.length:
-        raise NotApplicable("displacements prescribed on the edge of Gamma_C enter the foundation")
+    if maximum(state.comm, local) > _ROUNDING * state.target.length:
+        raise NotApplicable("prescribed displacements at the edge of Gamma_C enter the foundation")
 
 
 def _gap(state: SolvedState, w: fem.Function) -> float:
-    """eta^2."""
+    """``eta^2`` of :func:`penalty_error`; collective."""
     u, data, cells = state.problem.u, state.problem.data, state.cells
     step = fem.Function(u.function_space)
     step.x.array[:] = w.x.array - u.x.array

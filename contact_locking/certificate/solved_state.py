@@ -1,4 +1,4 @@
-"""A solved state as the certificate looks at it, with what several of its parts need."""
+"""A solved state, with the quantities that several parts of the certificate need."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import strain
+from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import Problem
 from contact_locking.problem.spaces import strain_space
@@ -22,12 +23,10 @@ from contact_locking.results.derived import BodyFields, ContactFields, integral,
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver.target import Target
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass
 class SolvedState:
-    """The problem, its solution with the stored multipliers, and what the solver says of it."""
+    """A problem with its solution, the stored multipliers and the report of the solver."""
 
     problem: Problem
     system: PenalisedSystem
@@ -46,13 +45,20 @@ class SolvedState:
         settings: Settings,
         report: SolverReport,
     ) -> SolvedState:
-        """The state that ``problem.u`` and the report's multipliers are; collective."""
+        """The state with the displacement ``problem.u`` and the multipliers of the report.
+
+        Without multipliers the stresses are those of the penalty laws.  Collective.
+        """
         u, data, domain = problem.u, problem.data, problem.domain
         found = report.multipliers or penalised(domain, u, data)
         body = BodyFields(domain, u, data, problem.material, found.locking_stress)
         pairs = zip(data.contacts, found.contacts, strict=True)
         contacts = tuple(ContactFields(contact, u, forces) for contact, forces in pairs)
         return cls(problem, system, target, settings, report, body, contacts)
+
+    @property
+    def comm(self) -> MPI.Intracomm:
+        return self.problem.domain.comm
 
     @property
     def dim(self) -> int:
@@ -70,10 +76,10 @@ class SolvedState:
 
     @cached_property
     def mean_strain(self) -> float:
-        """``sqrt(a(u, u)/(alpha |Omega|))``, never less than rounding in ``u`` makes of a strain.
+        """``sqrt(a(u, u)/(alpha |Omega|))``, at least the rounding in the strain; collective.
 
-        With alpha, and not with the largest eigenvalue of A, it does not shrink for nearly
-        incompressible bodies, whose strains meet no more resistance than others.  Collective.
+        With the largest eigenvalue of A in the place of alpha, the mean strain would vanish for
+        nearly incompressible bodies.
         """
         tolerance = self.settings.tolerance
         return self.target.mean_strain(self.energy, self.largest_displacement, tolerance)
@@ -81,8 +87,7 @@ class SolvedState:
     @cached_property
     def largest_displacement(self) -> float:
         """The largest component of u; collective."""
-        local = float(np.max(np.abs(self.problem.u.x.array), initial=0.0))
-        return float(self.problem.domain.comm.allreduce(local, op=MPI.MAX))
+        return maximum(self.comm, np.abs(self.problem.u.x.array))
 
     @property
     def mean_stress(self) -> float:
@@ -91,10 +96,10 @@ class SolvedState:
 
     @cached_property
     def work(self) -> float:
-        """What work is compared with: ``alpha |Omega| |eps|^2/2 + |int Z : eps|``; collective.
+        """The work of the state: ``alpha |Omega| |eps|^2/2 + |int Z : eps|``; collective.
 
-        The first is the elastic energy, but for rounding; the second is the share of locking, next
-        to which the energy of a small strain can be nothing.
+        With the mean strain |eps| the first term is the elastic energy, except for rounding.  The
+        second term is the work of the locking stress, which can exceed the elastic energy by far.
         """
         elastic = 0.5 * self.mean_stress * self.mean_strain * self.cells.volume
         cells = self.cells
@@ -102,12 +107,12 @@ class SolvedState:
         return elastic + abs(self.sum(cells.volumes * products))
 
     def share_of_work(self, value: float) -> float:
-        """A work relative to :attr:`work`; a body at rest has none, and its share is the value."""
+        """A value relative to :attr:`work`; the value itself for a body at rest."""
         return value / self.work if self.work > 0.0 else value
 
     def sum(self, values: FloatArray) -> float:
         """The sum over all ranks; collective."""
-        return float(self.problem.domain.comm.allreduce(float(np.sum(values))))
+        return float(self.comm.allreduce(float(np.sum(values))))
 
 
 class Cells:
@@ -128,16 +133,16 @@ class Cells:
         self.strain = self.interpolated(strain(state.problem.u))
 
     def scalars(self, array: FloatArray, space: fem.FunctionSpace) -> FloatArray:
-        """The dofs of a scalar P0 function by cells."""
+        """The values of a scalar P0 function in the cells, from its dofs."""
         return np.asarray(array[space.dofmap.list.reshape(-1)[: self._owned]])
 
     def of(self, function: fem.Function) -> FloatArray:
-        """The tensors of a P0 tensor function."""
+        """The values of a P0 tensor function in the cells."""
         dofs = function.function_space.dofmap.list.reshape(-1)[: self._owned]
         return function.x.array.reshape(-1, self._dim, self._dim)[dofs]
 
     def interpolated(self, tensor: Expr) -> FloatArray:
-        """The tensors of a UFL expression that is constant in each cell."""
+        """The values of a UFL tensor that is constant in each cell."""
         function = fem.Function(self._space)
         function.interpolate(_compat.interpolation_expression(tensor, self._space))
         return self.of(function)

@@ -1,4 +1,4 @@
-"""The certificate of a solved state: everything measured against what is proved."""
+"""The certificate of a solved state: every measured value against its limit or proved bound."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from contact_locking.certificate.solved_state import SolvedState
 
 @dataclass(frozen=True)
 class Certificate:
-    """Criteria that hold or not, proved bounds, constants, resultants and error estimates.
+    """Criteria, proved bounds, constants, resultants and error estimates, for summary.json.
 
-    ``error_indicator`` is the P0 field of the indicator, the rest goes into summary.json.
+    ``error_indicator`` is the P0 field of the indicator.
     """
 
     criteria: dict[str, Criterion]
@@ -40,7 +40,7 @@ class Certificate:
 
     @property
     def complaint(self) -> str:
-        """Which criteria and bounds fail, in words; nothing if all hold."""
+        """The criteria and the bounds that do not hold, in words; empty if all hold."""
         broken = [
             f"the proved bound of {name.replace('_', ' ')} does not hold: {entry['value']:.3g} "
             f"exceeds {entry['bound']:.3g}"
@@ -50,7 +50,7 @@ class Certificate:
         return "; ".join(filter(None, [complaints(self.criteria), *broken]))
 
     def summary(self) -> dict[str, Any]:
-        """What summary.json says under ``certificate``."""
+        """The key ``certificate`` of summary.json."""
         return {
             "criteria": {name: item.summary() for name, item in self.criteria.items()},
             "bounds": self.bounds,
@@ -63,7 +63,8 @@ class Certificate:
 def is_solved(state: SolvedState, sharply: bool) -> bool:
     """Whether equilibrium and the laws hold as in a solution; collective.
 
-    ``sharply``: to the tolerances where a solver stops, without the certificate's margin.
+    With ``sharply`` the limits are the tolerances of the solver, without the margin of the
+    certificate.
     """
     laws = law_criteria(state, 1.0) if sharply else law_criteria(state)
     found = equilibrium(state).criteria(state.settings.tolerance) | laws
@@ -73,7 +74,7 @@ def is_solved(state: SolvedState, sharply: bool) -> bool:
 def certify(state: SolvedState) -> Certificate:
     """Judge a solved state; collective.
 
-    Costs one solve with the inner product of V and, for a finite n, one elastic solve.
+    Takes one solve with the inner product of V and, for a finite n, one elastic solve.
     """
     balance = equilibrium(state)
     indicator = error_indicator(state)

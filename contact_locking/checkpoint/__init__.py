@@ -1,4 +1,4 @@
-"""Solved states on disk, to be read on the same mesh by any number of ranks."""
+"""Solved states in files, which any number of ranks can read on the same mesh."""
 
 from contact_locking.checkpoint.record import NAME, locate
 from contact_locking.checkpoint.stored import Checkpoint, expect, read, size, unavailable, write

@@ -1,6 +1,6 @@
-"""What a checkpoint says of itself: a JSON file beside the fields, with a digest of each of them.
+"""The record of a checkpoint: a JSON file beside the fields, with a digest of each file.
 
-Nothing opens the fields before all of this has been found right.
+No field is opened before the record and the digests have been checked.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.errors import InputError
 
-# Raised when what is written changes.
+# A change of the written files raises this number.
 FORMAT = 3
-# The folder of a checkpoint in that of a run, and what is in it.
+# The folder of a checkpoint in the folder of a run, and the names in this folder.
 NAME, RECORD, FIELDS = "checkpoint", "record.json", "state.bp"
 _AGAIN = "save it again with contact-locking run --checkpoint"
 
@@ -26,9 +26,10 @@ _AGAIN = "save it again with contact-locking run --checkpoint"
 class Record:
     """Identifies the problem and the mesh that a checkpoint belongs to.
 
-    ``mesh`` are the parameters of the mesh, or the digest of its file; ``problem`` is the
-    fingerprint of all that defines the solution.  ``degree`` is that of the displacement,
-    ``contacts`` the number of contacts, each with its ``regularisations``.
+    ``mesh`` holds the parameters of the mesh, or the digest of the mesh file; ``problem`` is the
+    fingerprint of everything that defines the solution.  ``degree`` is the degree of the
+    displacement, ``contacts`` is the number of contacts, and ``regularisations`` has one length for
+    each contact.
     """
 
     version: str
@@ -48,7 +49,7 @@ class Record:
 def save(record: Record, folder: Path) -> None:
     """Write the record of a checkpoint whose fields are complete.  Raises OSError."""
     for path in (folder / FIELDS).glob("profiling*"):
-        path.unlink()  # times, of no use here
+        path.unlink()  # timings of ADIOS2, which differ from run to run
     data = asdict(record) | {
         "format": FORMAT,
         # JSON has no infinity.
@@ -61,15 +62,15 @@ def save(record: Record, folder: Path) -> None:
 
 
 def locate(directory: str | Path) -> Path:
-    """The checkpoint of a run's folder, or ``directory`` if it is one itself."""
+    """The folder of the checkpoint: ``directory`` itself, or in the folder of a run."""
     given = Path(directory)
     return given if (given / RECORD).is_file() else given / NAME
 
 
 def load(directory: str | Path) -> tuple[Record, dict[str, tuple[int, str]]]:
-    """The record, and size and digest of each file of the fields that it is about.
+    """The record, and for each file of the fields its size and digest.
 
-    Raises InputError that says what is missing or wrong, OSError if reading fails.
+    Raises InputError for a missing or damaged record, and OSError if the file cannot be read.
     """
     folder = locate(directory)
     if not Path(directory).is_dir():
@@ -91,9 +92,9 @@ def load(directory: str | Path) -> tuple[Record, dict[str, tuple[int, str]]]:
 
 
 def load_fields(directory: str | Path) -> tuple[Record, Path]:
-    """The record, and the fields that it is about, found complete and unchanged; raises as `load`.
+    """The record and the folder of the fields, whose files are complete and unchanged.
 
-    Reads them all.
+    Reads all files for their digests.  Raises as `load`.
     """
     record, files = load(directory)
     fields = locate(directory) / FIELDS

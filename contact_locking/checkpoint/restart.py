@@ -1,4 +1,4 @@
-"""What a saved state is good for: being the solution, being near it, or nothing."""
+"""A restart: the saved state is the solution, or the start of the solve, or of no use."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from contact_locking.solver.target import Target
 
 
 class Restart:
-    """The state saved in a run's folder beside the problem that is to be solved now; collective."""
+    """The saved state of a run's folder, for the problem to solve now; collective."""
 
     def __init__(self, directory: str | Path, problem: Problem) -> None:
         self._directory, self._problem = directory, problem
@@ -25,16 +25,16 @@ class Restart:
 
     @property
     def state(self) -> SavedState:
-        """What a solver may go on from."""
+        """The state that a solver may start from."""
         return self._saved.state
 
     def solved_already(
         self, system: PenalisedSystem, target: Target, settings: Settings
     ) -> SolverReport | None:
-        """The report if the saved state solves the problem as it is, else None; collective.
+        """The report if the saved state solves the problem, otherwise None; collective.
 
-        What was saved as the solution of the same problem has to meet the certificate's criteria
-        again; of another problem it is a solution only if it meets the tolerances of a solver.
+        The saved solution of the same problem has to meet the criteria of the certificate again.
+        The saved state of another problem has to meet the tolerances of a solver.
         """
         saved = self._saved
         if saved.multipliers is None:
@@ -58,7 +58,7 @@ class Restart:
         return None
 
     def told(self, report: SolverReport) -> str:
-        """What the saved state was good for, in words."""
+        """How the solve used the saved state, in words."""
         if not report.from_saved:
             return f"from nothing, as the state in {self._directory} is too far away"
         if report.tangents == 0:
@@ -67,10 +67,10 @@ class Restart:
 
 
 def _acting(state: SolvedState, multipliers: Multipliers) -> Multipliers:
-    """The multipliers without those that the problem has no law for; collective.
+    """The multipliers that the laws of the problem admit, zero elsewhere; collective.
 
-    No criterion but equilibrium looks at stresses in cells without a limit, at tractions where
-    displacements are prescribed, and at friction where there is none.
+    Zero are locking stresses in cells without a limit, tractions at held nodes, and friction
+    tractions on contacts without friction: no criterion except equilibrium checks these.
     """
     problem, dim = state.problem, state.dim
     stress = multipliers.locking_stress.copy()

@@ -1,7 +1,8 @@
 """The fields of a solved state, written and read by adios4dolfinx or io4dolfinx.
 
-They are stored in the order in which the mesh came from Gmsh, which no distribution changes.  The
-places of the nodes are stored with them, and what is read belongs to this mesh where they agree.
+The order of the stored values is the order of the mesh from Gmsh, which does not depend on the
+distribution.  The coordinates of the nodes are stored as well: the fields belong to a mesh with the
+same coordinates.
 """
 
 from __future__ import annotations
@@ -13,17 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking._version import __version__
+from contact_locking.arrays import FloatArray
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.record import Record
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
-from contact_locking.parallel import on_root
+from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.problem.assembly import Problem
 from contact_locking.problem.spaces import DEGREE, strain_space
 from contact_locking.results.contact_points import OPEN
@@ -31,14 +32,12 @@ from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
-FloatArray = npt.NDArray[np.float64]
-
 _BODY = ("displacement", "locking_stress")
 _PLACES = "places"
-# How far a node may be from where it was, as a share of the extent of the body: the same mesh made
-# on another machine may differ in its last digits.
+# The coordinates of the same mesh may differ by this share of the extent, because another machine
+# may have made the mesh.
 _SAME_PLACE = 1e-9
-# What ADIOS2 and the record write about the fields.
+# The bytes of the record and of the metadata of ADIOS2.
 _NOTES = 65_536
 
 
@@ -46,9 +45,10 @@ _NOTES = 65_536
 class Checkpoint:
     """A saved state on the present mesh.
 
-    ``multipliers`` are None, and ``bounds``, the friction bound (k,) of each contact, are empty
-    where the state knows nothing of the present Gamma_C.  ``is_solution`` says that it was saved as
-    the solution for the same mesh, material, loads, contact, friction and penalty.
+    ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts of the checkpoint are
+    not those of the problem, ``multipliers`` is None and ``bounds`` is empty.  ``is_solution`` says
+    that the state was saved as the solution for the same mesh, material, loads, contact, friction
+    and penalty.
     """
 
     state: SavedState
@@ -58,7 +58,7 @@ class Checkpoint:
 
 
 def unavailable() -> str | None:
-    """Why no checkpoint can be written or read here; None if it can be."""
+    """The reason why no checkpoint can be written or read here, otherwise None."""
     try:
         _compat.checkpoint_library()
     except ImportError as error:
@@ -70,7 +70,7 @@ def unavailable() -> str | None:
 
 
 def size(solution: Solution) -> int:
-    """The bytes that :func:`write` takes: values, and for each cell its degrees of freedom."""
+    """The bytes that :func:`write` needs: the values, and the dofs of each cell; collective."""
     total = _NOTES
     for function in _fields(solution).values():
         dofmap, mesh = function.function_space.dofmap, function.function_space.mesh
@@ -81,9 +81,9 @@ def size(solution: Solution) -> int:
 
 
 def write(solution: Solution, folder: Path) -> None:
-    """Write a checkpoint into a folder that exists and has room for it; collective.
+    """Write a checkpoint into an existing folder with enough room; collective.
 
-    Raises ContactLockingError where the library is missing or a file cannot be written.
+    Raises ContactLockingError if the library is missing or a file cannot be written.
     """
     _require_library()
     parameters, domain = solution.parameters, solution.domain
@@ -93,7 +93,7 @@ def write(solution: Solution, folder: Path) -> None:
             _compat.save_function(folder / records.FIELDS, function, name)
     except RuntimeError as error:
         if domain.comm.size > 1:
-            # The other ranks may be waiting inside ADIOS2, and cannot be told.
+            # The other ranks may wait inside ADIOS2, where no error reaches them.
             raise
         raise ContactLockingError(f"ADIOS2 cannot write it: {_plain(error)}") from error
     penalties = solution.summary["penalty"]
@@ -122,16 +122,16 @@ def write(solution: Solution, folder: Path) -> None:
 
 
 def expect(directory: str | Path, comm: MPI.Intracomm) -> None:
-    """Raise at once what :func:`read` would raise without a look at mesh or fields; collective."""
+    """Raise the errors of :func:`read` that need neither mesh nor fields; collective."""
     on_root(comm, lambda: records.load(directory))
     _require_library()
 
 
 def read(directory: str | Path, problem: Problem) -> Checkpoint:
-    """The state saved in a run's folder, on the mesh of ``problem``; collective.
+    """The saved state of a run's folder, on the mesh of ``problem``; collective.
 
-    Raises InputError if there is none, or if it is damaged, of another mesh or another format, and
-    ContactLockingError where the library is missing.
+    Raises InputError if the checkpoint is missing, damaged, of another mesh or of another format,
+    and ContactLockingError if the library is missing.
     """
     comm, parameters = problem.domain.comm, problem.parameters
     expect(directory, comm)
@@ -183,12 +183,12 @@ def _load_multipliers(
 
 
 def _of(name: str, number: int) -> str:
-    """The name under which the field of a contact is stored."""
+    """The name of the stored field of contact ``number``."""
     return f"{name}_{number}"
 
 
 def _fields(solution: Solution) -> dict[str, fem.Function]:
-    """What is stored, by name; collective."""
+    """The stored fields by name; collective."""
     found = {name: getattr(solution, name) for name in _BODY}
     found[_PLACES] = _places(solution.displacement.function_space)
     for number, contact in enumerate(solution.contacts):
@@ -206,7 +206,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
 
 
 def _plain(error: RuntimeError) -> str:
-    """The message in one line, without what ADIOS2 adds for terminals."""
+    """The message in one line, without the escape sequences that ADIOS2 adds for terminals."""
     return " ".join(re.sub(r"\x1b\[[\d;]*m", "", str(error)).split())
 
 
@@ -217,7 +217,7 @@ def _require_library() -> None:
 
 
 def _places(space: fem.FunctionSpace) -> fem.Function:
-    """``x`` as a function."""
+    """The coordinates x as a function; collective."""
     places = fem.Function(space)
     dim = space.mesh.geometry.dim
     places.interpolate(lambda x: x[:dim])
@@ -225,7 +225,10 @@ def _places(space: fem.FunctionSpace) -> fem.Function:
 
 
 def _difference_in_size(record: Record, problem: Problem) -> str:
-    """How the mesh of the record differs, nothing if it does not; InputError for the degree."""
+    """The difference in size between the two meshes, in words; empty if there is none.
+
+    Raises InputError if the degrees of the displacement differ.
+    """
     if record.degree != DEGREE:
         raise InputError(
             f"the checkpoint holds elements of degree {record.degree}; degree {DEGREE} is needed"
@@ -238,18 +241,18 @@ def _difference_in_size(record: Record, problem: Problem) -> str:
 
 
 def _difference_in_places(saved: fem.Function) -> str:
-    """The same by the places of the nodes; collective."""
+    """The difference between the coordinates of the nodes, in words; collective."""
     comm = saved.function_space.mesh.comm
     expected = _places(saved.function_space).x.array
-    extent = comm.allreduce(float(np.abs(expected).max(initial=0.0)), op=MPI.MAX)
-    here = bool(np.all(np.abs(saved.x.array - expected) <= _SAME_PLACE * extent))
-    return "" if comm.allreduce(here, op=MPI.LAND) else "its nodes lie elsewhere"
+    extent = maximum(comm, np.abs(expected))
+    same = np.abs(saved.x.array - expected) <= _SAME_PLACE * extent
+    return "" if on_every_rank(comm, same) else "its nodes lie elsewhere"
 
 
 def _another_mesh(
     directory: str | Path, difference: str, record: Record, identity: dict[str, Any]
 ) -> str:
-    """The message, with what differs in the parameters of the mesh."""
+    """The message about a checkpoint of another mesh, with the parameters that differ."""
     names = [name for name in {**record.mesh, **identity} if name != "content"]
     changes = [
         f"mesh.{name} was {record.mesh.get(name)}, is {identity.get(name)}"
@@ -258,9 +261,9 @@ def _another_mesh(
     ]
     if record.mesh.get("content") != identity.get("content"):
         changes = ["the mesh file is another one or has changed"]
-    # Of the same parameters another Gmsh makes another mesh.
-    told = "; ".join(changes) or "by another version of Gmsh? A mesh.file stays what it is"
+    # Another version of Gmsh makes another mesh of the same parameters.
+    told = "; ".join(changes) or "perhaps another version of Gmsh; a mesh.file would not change"
     return (
         f"the checkpoint in {directory} is of another mesh: {difference} ({told}); "
-        "a restart takes the mesh that the state was solved on"
+        "restart with the mesh of the checkpoint"
     )

@@ -1,1 +1,1 @@
-"""Files and folders: written whole or not at all, and used by one run at a time."""
+"""Files that appear complete or not at all, and folders for one run at a time."""

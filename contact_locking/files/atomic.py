@@ -1,6 +1,6 @@
 """Files and folders that appear complete or not at all.
 
-They are written into a staging folder beside their place and moved there when they are complete.
+A new file is written into a staging folder on the same disk and renamed when it is complete.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from contact_locking.files.lock import try_lock
 _PREFIX = ".partial-"
 # tempfile.mkdtemp ends its names with eight of these characters.
 _NAME = re.compile(re.escape(_PREFIX) + r"[a-z0-9_]{8}")
-# Errors of file systems that cannot reserve room.
+# The errors of file systems that cannot reserve disk space.
 _CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS, errno.ENODEV)
 
 
 @contextlib.contextmanager
 def staging(directory: Path) -> Iterator[Path]:
-    """Give a new folder in ``directory`` for files that are not complete, and remove it at the end.
+    """A new folder in ``directory`` for unfinished files, removed after the block.
 
-    A lock marks the folder as used, for `remove_abandoned`.  Raises OSError.
+    A lock tells `remove_abandoned` that the folder is in use.  Raises OSError.
     """
     folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=directory))
     mark = os.open(folder, os.O_RDONLY)
@@ -40,11 +40,12 @@ def staging(directory: Path) -> Iterator[Path]:
 
 
 def put_in_place(new: Path, place: Path) -> None:
-    """Move a file or folder from a staging folder to ``place``; if there is none, remove ``place``.
+    """Move a file or folder from a staging folder to ``place``, and replace what is there.
 
-    Raises OSError.
+    If ``new`` does not exist, ``place`` is removed.  Raises OSError.
     """
-    # One step replaces a file.  An old folder moves into the staging folder, which goes later.
+    # os.replace replaces a file in one step, but no folder: an old folder moves to the staging
+    # folder.
     if place.is_dir() or not new.exists():
         with contextlib.suppress(FileNotFoundError):
             place.rename(new.with_name(f"old-{new.name}"))
@@ -53,7 +54,7 @@ def put_in_place(new: Path, place: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Replace a text file in one step.  Raises OSError; the old file is still there then."""
+    """Replace a text file in one step.  Raises OSError, and keeps the old file then."""
     with staging(path.parent) as folder:
         new = folder / path.name
         new.write_text(text, encoding="utf-8", newline="")
@@ -63,7 +64,7 @@ def write_text(path: Path, text: str) -> None:
 def remove_abandoned(directory: Path) -> None:
     """Remove the staging folders whose process was killed.
 
-    Folders in use stay, and so do all of them where the file system has no locks to tell.
+    A staging folder in use stays.  All stay if the file system has no locks.
     """
     for path in directory.glob(f"{_PREFIX}*"):
         if not _NAME.fullmatch(path.name):
@@ -71,7 +72,7 @@ def remove_abandoned(directory: Path) -> None:
         try:
             mark = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         except OSError:
-            continue  # no folder of this program, or removed meanwhile
+            continue  # not a staging folder, or removed by another process
         try:
             if try_lock(mark):
                 shutil.rmtree(path, ignore_errors=True)
@@ -80,7 +81,7 @@ def remove_abandoned(directory: Path) -> None:
 
 
 def require_room(folder: Path, size: int) -> None:
-    """Raise OSError if a file of ``size`` bytes has no room in ``folder``; leave no trace."""
+    """Raise OSError if ``folder`` has no room for a file of ``size`` bytes; leave no trace."""
     allocate = getattr(os, "posix_fallocate", None)
     if allocate is None:
         return

@@ -1,4 +1,4 @@
-"""One run or study at a time in a folder, and the folders that it makes."""
+"""The lock that allows one run or study at a time in a folder, and new folders."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from pathlib import Path
 from contact_locking.errors import InputError
 
 _NAME = ".lock"
-# Linux's PATH_MAX, less the length of the names of results in a folder.
+# PATH_MAX of Linux minus the longest path of a result in a folder.
 _LONGEST_PATH = 4096 - 160
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EINVAL)
 
 
 @contextlib.contextmanager
 def locked(directory: Path, what: str) -> Iterator[bool]:
-    """Hold the lock of a folder for ``what``; give False where the file system has no locks.
+    """Hold the lock of a folder for ``what``; yields False if the file system has no locks.
 
-    The operating system takes the lock from a process that ends in any way, so the lock file of a
-    killed process locks nothing.  Raises InputError if another process holds the lock,
-    OSError if the folder cannot be written to.
+    The operating system releases the lock when the process ends, so that the lock file of a killed
+    process locks nothing.  Raises InputError if another process holds the lock, and OSError if the
+    folder cannot be written to.
     """
     path = directory / _NAME
     with contextlib.ExitStack() as stack:
         while True:
             file = stack.enter_context(path.open("a+", encoding="utf-8"))
             held = try_lock(file.fileno())
-            # The process that held the lock may have removed the file after it was opened here.
+            # The last holder of the lock may have removed the file between open and lock.
             if held is not True or _is_at(file.fileno(), path):
                 break
         if held is None:
@@ -53,7 +53,7 @@ def locked(directory: Path, what: str) -> Iterator[bool]:
 
 @contextlib.contextmanager
 def new_folders(directory: Path) -> Iterator[None]:
-    """Make a folder and its parents; at the end remove the new ones that are empty.
+    """Make a folder and its parents, and after the block remove the new folders that are empty.
 
     Raises OSError.
     """
@@ -68,8 +68,8 @@ def new_folders(directory: Path) -> Iterator[None]:
 
 
 def make_folders(directory: Path) -> list[Path]:
-    """Make a folder and its parents, and return the new ones.  Raises OSError."""
-    # One after the other: Path.mkdir calls itself for the parent, too often for very deep paths.
+    """Make a folder and its parents, and return the new folders.  Raises OSError."""
+    # Path.mkdir(parents=True) is recursive, too deep for very long paths.
     if len(os.fsencode(directory.absolute())) > _LONGEST_PATH:
         raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG))
     missing = [path for path in (directory, *directory.parents) if not path.exists()]
@@ -88,9 +88,10 @@ def make_folders(directory: Path) -> list[Path]:
 
 
 def try_lock(descriptor: int) -> bool | None:
-    """Lock an open file or folder; None if another process holds the lock, False without locks.
+    """Lock an open file or folder, and return True.
 
-    A file system without locks gives False.  Raises OSError.
+    Returns None if another process holds the lock, and False if the file system has no locks.
+    Raises OSError.
     """
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

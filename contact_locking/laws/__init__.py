@@ -1,1 +1,1 @@
-"""The laws as formulae: they know neither a mesh nor a solver."""
+"""The laws as formulae.  No law knows a mesh or a solver."""

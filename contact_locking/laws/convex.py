@@ -1,7 +1,7 @@
-"""The few pieces of convex analysis that every law is made of, in UFL, each named once.
+"""The functions of convex analysis that the laws are made of, in UFL.
 
-All of them are differentiable by UFL without a division by zero: where a norm can vanish it is
-taken of a quantity that is bounded away from zero.
+UFL can differentiate each function without a division by zero: no norm is taken of a quantity that
+can vanish.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ def squared_norm(a: Expr) -> Expr:
 
 
 def unit_ball_excess(a: Expr, inverse_radius: Expr) -> Expr:
-    """``1 - 1/max(|a|/M, 1)``: the share of ``a`` that sticks out of the ball ``|.| <= M``.
+    """``e(a) = 1 - 1/max(|a|/M, 1)``: the share of ``a`` outside the ball ``|.| <= M``.
 
-    ``excess * a = a - P(a)`` with ``P`` the projection onto the ball, and
-    ``excess * |a| = [|a| - M]^+``.  The radius enters as ``1/M`` so that an infinite radius is
-    the number 0 and gives exactly 0; the maximum is taken of squares so that neither the value
-    nor its derivative divides by zero at ``a = 0``.
+    ``e(a) a = a - P(a)`` with the projection ``P`` onto the ball, and ``e(a) |a| = [|a| - M]^+``.
+    The argument is ``1/M``, so that the number 0 stands for an infinite radius and gives exactly 0.
+    The maximum is taken of squares, so that neither the value nor its derivative divides by zero
+    at ``a = 0``.
     """
     return 1.0 - 1.0 / ufl.sqrt(ufl.max_value(inverse_radius**2 * squared_norm(a), 1.0))
 

@@ -1,9 +1,9 @@
 """Linear elasticity: the operator A of the paper's (h1)-(h4), isotropic or fully anisotropic.
 
-Symmetric tensors are written as Mandel vectors where a matrix acts on them:
-``(xx, yy, sqrt(2) xy)`` in 2D and ``(xx, yy, zz, sqrt(2) yz, sqrt(2) xz, sqrt(2) xy)`` in 3D.  The
-square roots make the Euclidean norm of the vector the Frobenius norm of the tensor, so the
-eigenvalues of the matrix are those of A.  Two dimensions mean plane strain.
+A matrix acts on symmetric tensors as Mandel vectors: ``(xx, yy, sqrt(2) xy)`` in 2D and
+``(xx, yy, zz, sqrt(2) yz, sqrt(2) xz, sqrt(2) xy)`` in 3D.  With these square roots the Euclidean
+norm of the vector equals the Frobenius norm of the tensor, and the matrix has the eigenvalues of A.
+Two dimensions mean plane strain.
 """
 
 from __future__ import annotations
@@ -12,11 +12,10 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from ufl.core.expr import Expr
 
-FloatArray = npt.NDArray[np.float64]
+from contact_locking.arrays import FloatArray
 
 MANDEL_PAIRS: dict[int, tuple[tuple[int, int], ...]] = {
     2: ((0, 0), (1, 1), (0, 1)),
@@ -25,7 +24,7 @@ MANDEL_PAIRS: dict[int, tuple[tuple[int, int], ...]] = {
 
 
 def mandel_factor(i: int, j: int) -> float:
-    """What the entry (i, j) of a tensor is multiplied by in its Mandel vector."""
+    """1 if i = j, else sqrt(2): the factor of the tensor's entry (i, j) in the Mandel vector."""
     return 1.0 if i == j else math.sqrt(2.0)
 
 
@@ -40,7 +39,7 @@ def isotropic_stress(eps: Expr, lame_lambda: Expr, lame_mu: Expr) -> Expr:
 
 
 def anisotropic_stress(eps: Expr, stiffness: Expr) -> Expr:
-    """``A eps`` with ``A`` given as a Mandel matrix: 3 x 3 in 2D, 6 x 6 in 3D."""
+    """``A eps`` for a Mandel matrix ``A``: (3, 3) in 2D, (6, 6) in 3D."""
     return mandel_tensor(ufl.dot(stiffness, mandel_vector(eps)), eps.ufl_shape[0])
 
 
@@ -76,11 +75,12 @@ def isotropic_stiffness(lame_lambda: Any, lame_mu: Any, dim: int) -> FloatArray:
 
 
 def mean_young(stiffness: FloatArray, dim: int) -> FloatArray:
-    """Young's modulus of the isotropic tensor that is nearest to A in Frobenius's norm (Voigt).
+    """Young's modulus of the isotropic tensor that is nearest to A in the Frobenius norm (Voigt).
 
-    ``stiffness`` holds Mandel matrices (k, s, s), the result is (k,).  An isotropic A has its own.
+    ``stiffness`` holds Mandel matrices (k, s, s), and the result is (k,).  For an isotropic A the
+    result is the Young's modulus of A.
     """
-    # I : A : I = d (2 mu + d lambda), and the trace of A is this over d and 2 mu (s - 1).
+    # I : A : I = d (2 mu + d lambda), and tr A = (2 mu + d lambda) + 2 mu (s - 1).
     volumetric = stiffness[:, :dim, :dim].sum(axis=(1, 2)) / dim
     trace = np.trace(stiffness, axis1=1, axis2=2)
     lame_mu = 0.5 * (trace - volumetric) / (stiffness.shape[1] - 1)
@@ -93,5 +93,5 @@ def young_from_lame(lame_lambda: Any, lame_mu: Any) -> Any:
 
 
 def isotropic_eigenvalues(lame_lambda: Any, lame_mu: Any, dim: int) -> tuple[Any, Any]:
-    """The two eigenvalues of isotropic A: ``2 mu`` (shear), ``2 mu + d lambda`` (volume)."""
+    """The eigenvalues of an isotropic A: ``2 mu`` (shear) and ``2 mu + d lambda`` (volume)."""
     return 2.0 * lame_mu, 2.0 * lame_mu + dim * lame_lambda

@@ -1,9 +1,9 @@
-"""Rigid foundations: where the body touches, as a gap and a contact normal at given points.
+"""Rigid foundations: the gap and the contact normal at given points.
 
-A foundation is described by its signed distance ``phi(x)``, positive outside of it.  Linearised,
-``phi(x + u) >= 0`` reads ``u . nu <= gap`` with ``gap = phi(x)`` and ``nu = -grad phi(x)``: the
-contact condition of the paper with the foundation's own normal, which is exact for a half space
-and second order in ``u`` for a curved foundation.
+A foundation is described by its signed distance ``phi(x)``, which is positive outside.  Linearised,
+``phi(x + u) >= 0`` reads ``u . nu <= gap`` with ``gap = phi(x)`` and ``nu = -grad phi(x)``.  This
+is the contact condition (5) with the normal of the foundation.  The linearisation is exact for a
+half space; for a curved foundation its error is of second order in ``u``.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from contact_locking.arrays import FloatArray
 
 
 class Foundation(Protocol):
-    """Points are given as an array (d, k)."""
+    """A rigid body; its methods take points as an array (d, k)."""
 
     def gap(self, x: FloatArray) -> FloatArray:
-        """Signed distance (k,) from the points to the foundation, negative inside it."""
+        """``phi(x)`` (k,): the signed distance, negative inside the foundation."""
 
     def contact_normal(self, x: FloatArray) -> FloatArray:
-        """Unit vectors (d, k) from the points towards the foundation."""
+        """``-grad phi(x)`` (d, k): unit vectors that point into the foundation."""
 
 
 def _unit(direction: tuple[float, ...]) -> FloatArray:
-    """The unit vector; the square of neither a tiny nor a huge component may leave the numbers."""
+    """The unit vector of ``direction``."""
     vector = np.asarray(direction, dtype=float)
+    # Scaled first, so that the squares of tiny and huge components neither underflow nor overflow.
     vector = vector / np.abs(vector).max()
     return vector / np.linalg.norm(vector)
 
@@ -55,7 +55,7 @@ class HalfSpace:
 class Round:
     """``phi(x) = |P (x - centre)| - radius``: a disc or a sphere, or a cylinder along ``axis``.
 
-    ``P`` removes the component along ``axis``, where there is one.
+    ``P`` removes the component along ``axis``; without an axis ``P`` is the identity.
     """
 
     centre: tuple[float, ...]
@@ -74,5 +74,5 @@ class Round:
 
     def contact_normal(self, x: FloatArray) -> FloatArray:
         radial, distance = self._radial(x)
-        # At the centre itself no direction is nearest; the point is far inside, any will do.
+        # No direction is the nearest at the centre itself: the normal there is the zero vector.
         return -radial / np.maximum(distance, np.finfo(float).tiny)

@@ -1,14 +1,12 @@
-"""The coefficient of friction as a function of place and slip, with what is known of it."""
+"""The coefficient of friction as a function of place and slip, with its constants."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
+from contact_locking.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 Coefficient = Callable[[FloatArray, FloatArray], FloatArray]
 
 
@@ -17,8 +15,9 @@ class FrictionLaw:
     """``mu(x, s) <= largest`` and ``|mu(x, s) - mu(x, t)| <= lipschitz |s - t|``, as (12) asks.
 
     ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,).  ``largest``
-    is mu* and ``lipschitz``, one over a length, L_mu.  The certificate takes both as they are
-    stated; what is None it samples, which proves nothing.
+    is mu*, and ``lipschitz`` is L_mu, one over a length.  The certificate takes both constants as
+    the law states them.  Where a constant is None, the certificate samples mu, which proves
+    nothing.
     """
 
     coefficient: Coefficient

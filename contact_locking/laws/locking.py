@@ -1,4 +1,4 @@
-"""The locking law: strain bounded by ``|eps| <= M``, and its penalty R_n."""
+"""The locking law: the strain limit ``|eps| <= M`` and the penalty R_n."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from contact_locking.laws.convex import squared_norm, unit_ball_excess
 def locking_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
     """``R_n(eps) = 2 n [|eps| - M]^+ eps/|eps| = 2 n (1 - 1/max(|eps|/M, 1)) eps`` (23).
 
-    ``inverse_limit`` is ``1/M``, 0 where the body does not lock; ``n`` has the unit of a stress.
-    Returns a (d, d) tensor, exactly zero inside the ball.
+    ``inverse_limit`` is ``1/M``, and 0 where the body does not lock; ``n`` has the unit of a
+    stress. The result is a (d, d) tensor, exactly zero where ``|eps| <= M``.
     """
     return 2.0 * n * unit_ball_excess(eps, inverse_limit) * eps
 

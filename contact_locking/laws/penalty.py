@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Penalty:
-    """``n`` penalises locking, ``epsilon`` contact; a regularisation smooths friction.
+    """``n`` penalises locking, ``epsilon`` contact; each regularisation smooths friction.
 
-    ``n`` is a stiffness in (0, inf], ``epsilon >= 0`` a length over a stress, and
-    ``regularisations`` holds one length >= 0 for each contact.  With n infinite and the others
-    zero nothing is penalised: the variational inequality itself.
+    ``n`` is a stress in (0, inf], ``epsilon >= 0`` is a length over a stress, and
+    ``regularisations`` holds one length >= 0 for each contact.  An infinite n, with zero for the
+    other parameters, penalises nothing: the problem is then the variational inequality itself.
     """
 
     n: float
@@ -30,5 +30,5 @@ class Penalty:
 
     @property
     def compliance(self) -> float:
-        """``1/(2n)``: what the locking limit gives way by for a unit of locking stress."""
+        """``1/(2n)``: the strain beyond the locking limit for a unit of locking stress."""
         return 0.5 / self.n

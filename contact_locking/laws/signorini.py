@@ -8,9 +8,9 @@ from contact_locking.laws.convex import positive_part
 
 
 def contact_pressure(u_normal: Expr, gap: Expr, epsilon: Expr) -> Expr:
-    """``p = (1/eps) [u_nu - gap]^+``, so that ``sigma_nu = -p`` (25).
+    """``p = -sigma_nu = (1/eps) [u_nu - gap]^+`` (25).
 
-    ``u_normal`` and ``gap`` are lengths; ``1/eps`` is a stress per length.
+    ``u_normal`` and ``gap`` are lengths, and ``epsilon`` is a length over a stress.
     """
     return positive_part(u_normal - gap) / epsilon
 

@@ -1,5 +1,5 @@
-"""Mesh files of the user's: read in a process of their own, and diagnosed before DOLFINx sees them.
+"""Mesh files of the user: read in a process of their own, and checked before DOLFINx uses them.
 
-Files come from anybody: see `trusted` for what may reach Gmsh, `reader` for what happens if Gmsh
-crashes, and `diagnosis` for what a mesh has to be.
+A file may come from anybody: `trusted` decides which files Gmsh may read, `reader` protects this
+process from a crash of Gmsh, and `diagnosis` checks the mesh.
 """

@@ -1,20 +1,20 @@
-"""Where a mesh comes apart unseen: duplicate nodes, hanging nodes, and parts that meet in nodes.
+"""The check that neighbouring cells share nodes: duplicate nodes, hanging nodes and hinges.
 
-Only nodes of the boundary can be such, the boundary being all facets of a single cell.
+Only nodes of the boundary, which consists of the facets of a single cell, need the check.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh_file import places
-from contact_locking.mesh_file.data import FloatArray, IntArray, MeshData
+from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.topology import Facets, longest_edges
 
-# What is this near, relative to the size of facets, is at one place: files hold rounded numbers.
+# Nodes are at one place if they are nearer than this share of a facet: files hold rounded numbers.
 _SAME_PLACE = 1e-5
 _FRAGMENT = (
     "make one mesh of what meets there (fragment in Gmsh before it is meshed, or "
@@ -44,9 +44,9 @@ def _check_duplicates(
     size: float,
     warnings: list[str],
 ) -> None:
-    # One neighbour tells, and all of them may be at one place.
+    # The nearest neighbour suffices, and the number of nodes at one place has no bound.
     distance, near = tree.query(tree.data, k=2, distance_upper_bound=_SAME_PLACE * size)
-    # Where all are at one place, a node need not be the first of its own neighbours.
+    # Of several nodes at one place, a node need not be the first in the list of its own neighbours.
     own = np.arange(len(nodes))
     other = np.where(near[:, 0] == own, near[:, 1], near[:, 0])
     double = np.isfinite(distance[:, 1])
@@ -61,7 +61,7 @@ def _check_duplicates(
         f"{places.at(mesh.points[one])}"
     )
     rest = len(np.unique(chosen)) - 2
-    said += f", and {rest} more nodes are such" if rest else ""
+    said += f", and so are {rest} more nodes" if rest else ""
     if apart.any():
         raise InputError(
             f"two parts of the body touch and share no nodes: {said}; {_FRAGMENT}, or leave a gap"
@@ -82,7 +82,7 @@ def _check_hanging(
     corners = mesh.points[boundary]
     middle = corners.mean(axis=1)
     reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
-    # Balls hold the facet's own corners, and seldom many others.
+    # The ball around a facet holds the corners of the facet, and seldom many other nodes.
     count = tree.query_ball_point(middle, reach, return_length=True)
     more = np.flatnonzero(count > mesh.dim)
     lists = tree.query_ball_point(middle[more], reach[more])
@@ -106,9 +106,9 @@ def _check_hanging(
     )
 
 
-def _inside(points: FloatArray, corners: FloatArray, size: FloatArray) -> npt.NDArray[np.bool_]:
-    """Whether points (k, d) lie on simplices with corners (k, d, d), and are no corner."""
-    # In units of the facet, so that nothing underflows.
+def _inside(points: FloatArray, corners: FloatArray, size: FloatArray) -> BoolArray:
+    """(k,) whether points (k, d) lie on facets with corners (k, d, d) without being a corner."""
+    # In units of the size of the facet, so that no product underflows.
     edges = (corners[:, :-1] - corners[:, -1:]) / size[:, None, None]
     gram = np.einsum("kia,kja->kij", edges, edges)
     away = (points - corners[:, -1]) / size[:, None]
@@ -121,7 +121,7 @@ def _inside(points: FloatArray, corners: FloatArray, size: FloatArray) -> npt.ND
 
 
 def _warn_of_hinges(mesh: MeshData, parts: IntArray, warnings: list[str]) -> None:
-    """Say where parts have nodes in common, and no facet."""
+    """Warn of parts that share nodes but no facet."""
     if not parts.any():
         return
     corners = mesh.cells.nodes

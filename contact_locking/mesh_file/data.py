@@ -1,4 +1,4 @@
-"""A mesh as arrays of NumPy, and a file of such arrays."""
+"""A mesh as NumPy arrays, and a file of these arrays."""
 
 from __future__ import annotations
 
@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
 class Simplices:
-    """Simplices of one dimension, with the groups that they belong to.
+    """Simplices of one dimension with their physical groups.
 
-    ``nodes`` (k, d + 1) are rows of the mesh's points, ``numbers`` (k,) those of the elements in
-    the file, and ``groups`` (k,) values of ``names``, or 0 for an element of no group.
+    ``nodes`` (k, d + 1) are indices of points, ``numbers`` (k,) are the numbers of the elements in
+    the file, and ``groups`` (k,) are values of ``names``, or 0 for an element without a group.
     """
 
     nodes: IntArray
@@ -33,14 +31,14 @@ class Simplices:
         """The name of a group."""
         return next(name for name, value in self.names.items() if value == group)
 
-    def take(self, which: npt.NDArray[np.bool_]) -> Simplices:
-        """Those that are marked; the names stay."""
+    def take(self, which: BoolArray) -> Simplices:
+        """The marked simplices; the names stay."""
         return Simplices(self.nodes[which], self.numbers[which], self.groups[which], self.names)
 
 
 @dataclass(frozen=True)
 class MeshData:
-    """Points (m, dim) with the nodes' numbers (m,) in the file, cells, and facets of groups."""
+    """Points (m, dim), the numbers (m,) of the nodes in the file, cells and facets."""
 
     dim: int
     points: FloatArray
@@ -67,7 +65,7 @@ class MeshData:
 
     @staticmethod
     def load(path: Path) -> MeshData:
-        """What `save` has written."""
+        """The mesh in a file of `save`."""
         with np.load(path, allow_pickle=False) as file:
             names = json.loads(file["names"].tobytes())
             cells, facets = (

@@ -1,7 +1,7 @@
-"""What is wrong with a mesh, found by NumPy before anything is computed on it.
+"""The check of a mesh file before any computation.
 
-What cannot be a body is an InputError that names nodes and elements as the file does, and where
-they are.  What is only suspicious is a warning.
+A mesh that cannot be a body raises an InputError, with the numbers of nodes and elements in the
+file and their coordinates.  A suspicious mesh causes a warning.
 """
 
 from __future__ import annotations
@@ -10,26 +10,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh_file import places
 from contact_locking.mesh_file.contiguity import check_contiguity
-from contact_locking.mesh_file.data import IntArray, MeshData, Simplices
+from contact_locking.mesh_file.data import MeshData, Simplices
 from contact_locking.mesh_file.topology import Facets, longest_edges, parts, signed_measures
 
-# A cell of this share of the volume that its longest edge allows has collapsed, or nearly so.
+# A cell has collapsed, or nearly collapsed, if |cell| d! over (longest edge)^d is below these
+# shares.
 _COLLAPSED = 1e-12
 _NEARLY_COLLAPSED = 1e-6
-# More parts than anyone would hold one by one: a mesh whose elements share no nodes.
+# A mesh of more parts is one whose elements share no nodes: nobody holds so many parts one by one.
 _MOST_PARTS = 100
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a sound mesh is made of.
+    """The result for a mesh that can be a body.
 
-    ``parts`` (k,) is, of each cell, which of the ``part_names`` it belongs to: cells of a part are
-    joined by facets.  ``facets`` are the named ones on the boundary; ``unusable`` says of other
-    groups of facets why they bound nothing.
+    ``parts`` (k,) gives for each cell the index of its connected part in ``part_names``; facets
+    connect the cells of a part.  ``facets`` are the named facets on the boundary.  ``unusable``
+    gives, for the name of every other group of facets, why the group bounds nothing.
     """
 
     part_names: tuple[str, ...]
@@ -40,13 +42,13 @@ class Diagnosis:
 
     @staticmethod
     def of_sound(mesh: MeshData) -> Diagnosis:
-        """The diagnosis of a mesh that is known to be one part with boundary groups alone."""
+        """The result for a mesh of a builder: one part, all groups of facets on the boundary."""
         named = mesh.facets.take(mesh.facets.groups != 0)
         return Diagnosis(("the body",), np.zeros(len(mesh.cells), dtype=np.int64), named, {}, [])
 
 
 def diagnose(mesh: MeshData, origin: str) -> Diagnosis:
-    """Raise InputError for a mesh that is no body; ``origin`` names the mesh in messages."""
+    """Check a mesh, which messages call ``origin``; raises InputError if it cannot be a body."""
     try:
         return _diagnose(mesh)
     except InputError as error:
@@ -73,7 +75,7 @@ def _diagnose(mesh: MeshData) -> Diagnosis:
 
 
 def _part_names(mesh: MeshData, count: int, labels: IntArray) -> tuple[str, ...]:
-    """For each part its regions, and the least and greatest coordinates."""
+    """The name of each part, from its regions and its least and greatest coordinates."""
     if count == 1:
         return ("the body",)
     names = []
@@ -90,7 +92,7 @@ def _check_coordinates(mesh: MeshData) -> None:
     bad = ~np.isfinite(mesh.points).all(axis=1)
     if bad.any():
         raise InputError(
-            f"the coordinates of {places.node(mesh, int(np.argmax(bad)))} are no finite numbers"
+            f"the coordinates of {places.node(mesh, int(np.argmax(bad)))} are not finite numbers"
             f"{places.more(int(bad.sum()))}"
         )
 
@@ -118,11 +120,11 @@ def _check_cells(mesh: MeshData, warnings: list[str]) -> None:
             f"{places.more(int(twice.sum()))}"
         )
     length = longest_edges(mesh.points, cells)
-    # Rounding of the coordinates themselves may leave a little of a collapsed cell.
+    # A collapsed cell may have a volume from the rounding of its coordinates.
     rounding = 8 * np.finfo(float).eps * np.abs(mesh.points).max() / np.maximum(length, 1e-300)
     with np.errstate(all="ignore"):
         share = np.abs(signed_measures(mesh.points, cells)) / length**mesh.dim
-    # A length that underflows, or volumes that overflow, make no number.
+    # The comparison is also false for NaN, from an underflow of lengths or an overflow of volumes.
     bad = ~(share > np.maximum(_COLLAPSED, rounding))
     if bad.any():
         raise InputError(
@@ -138,7 +140,7 @@ def _check_cells(mesh: MeshData, warnings: list[str]) -> None:
 
 
 def _check_sharing(mesh: MeshData, facets: Facets) -> None:
-    """No cell is there twice, and no facet has more than two cells."""
+    """Raise InputError for a duplicate cell and for a facet of more than two cells."""
     joined = np.flatnonzero(facets.shared >= 2)
     both, opposite = facets.pairs(joined)
     same = opposite[:, 0] == opposite[:, 1]
@@ -165,7 +167,7 @@ def _check_sharing(mesh: MeshData, facets: Facets) -> None:
 
 
 def _check_folds(mesh: MeshData, facets: Facets) -> None:
-    """The two cells of a facet lie on either side of it."""
+    """Raise InputError if both cells of a facet lie on the same side of the facet."""
     joined = np.flatnonzero(facets.shared == 2)
     both, opposite = facets.pairs(joined)
     rows = facets.nodes[joined]
@@ -187,7 +189,7 @@ def _check_folds(mesh: MeshData, facets: Facets) -> None:
 def _named_facets(
     mesh: MeshData, facets: Facets, warnings: list[str]
 ) -> tuple[Simplices, dict[str, str]]:
-    """Named facets on the boundary, each once, and why other groups bound nothing."""
+    """The named facets on the boundary, each once, and why every other group bounds nothing."""
     given = mesh.facets.take(mesh.facets.groups != 0)
     named = MeshData(mesh.dim, mesh.points, mesh.numbers, mesh.cells, given)
     found = facets.find(given.nodes)
@@ -206,14 +208,14 @@ def _named_facets(
             warnings.append(f"group {unusable[name]}")
         elif inner.sum() == own.sum():
             unusable[name] = (
-                f"{name!r} lies inside the body, and is no part of its boundary: "
+                f"{name!r} lies inside the body and is not a part of its boundary: "
                 f"{places.facet(named, int(np.argmax(own)))} has cells on both sides"
             )
         elif inner.any():
             warnings.append(
                 f"group {name!r} is boundary in part only: "
                 f"{places.facet(named, int(np.argmax(inner)))} has cells on both sides"
-                f"{places.more(int(inner.sum()))}; such are left out"
+                f"{places.more(int(inner.sum()))}; these facets are left out"
             )
     boundary = shared == 1
     order = np.flatnonzero(boundary)

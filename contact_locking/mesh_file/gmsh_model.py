@@ -1,4 +1,4 @@
-"""The arrays of a meshed model of Gmsh."""
+"""The arrays of a mesh in Gmsh."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from typing import Any
 
 import numpy as np
 
+from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file.data import IntArray, MeshData, Simplices
+from contact_locking.mesh_file.data import MeshData, Simplices
 
-# Gmsh's numbers of the first-order simplices, by dimension.
+# The numbers of the first-order simplices in Gmsh, by dimension.
 _SIMPLEX = {1: 1, 2: 2, 3: 4}
 _PLURAL = {1: "lines", 2: "triangles", 3: "tetrahedra"}
 _FLAT = 1e-12  # of the largest coordinate
 
 
 def extract(model: Any, origin: str) -> MeshData:
-    """Points, all cells, and the facets of physical groups.
+    """The points, the cells and the facets of a model.
 
-    Raises InputError, in which ``origin`` names the mesh, for what has no cells, or cells other
-    than first-order triangles in the plane z = 0 or first-order tetrahedra.
+    Raises InputError, where ``origin`` names the mesh, unless the cells are first-order triangles
+    in the plane z = 0 or first-order tetrahedra.
     """
     dim = max((d for d, _ in model.getEntities()), default=0)
     if dim < 2:
@@ -45,7 +46,7 @@ def extract(model: Any, origin: str) -> MeshData:
 
 
 def _simplices(model: Any, dim: int, node_numbers: IntArray, origin: str) -> Simplices:
-    """Elements of a dimension: those of groups one group after another, then the others."""
+    """The elements of one dimension: group after group, then the elements without a group."""
     names: dict[str, int] = {}
     owner: dict[int, str] = {}
     nodes: list[IntArray] = [np.empty((0, dim + 1), dtype=np.int64)]
@@ -91,7 +92,7 @@ def _name(model: Any, dim: int, tag: int, origin: str) -> str:
         raise InputError(
             f"{origin}: the name of physical group {tag} of dimension {dim} is not in UTF-8"
         ) from None
-    # Names are written to terminals, which take some characters for commands.
+    # Names are printed, and terminals read some characters as commands.
     if not name.isprintable():
         raise InputError(
             f"{origin}: the name of a physical group holds characters that cannot be printed: "

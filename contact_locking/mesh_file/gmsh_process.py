@@ -1,6 +1,7 @@
-"""The program that reads a mesh file with Gmsh: arguments are the file, the result, and its name.
+"""The program that reads a mesh file with Gmsh.
 
-Its exit code is that of InputError, with the message as output, for what a mesh may not be.
+The arguments are the file, the file for the arrays, and the name of the mesh for messages.  For an
+InputError the program prints the message and ends with the exit code of InputError.
 """
 
 from __future__ import annotations
@@ -14,14 +15,14 @@ from contact_locking.meshes import empty_model
 
 
 def main(source: str, target: str, origin: str) -> int:
-    """Read ``source`` and save its arrays as ``target``."""
+    """Read the mesh in ``source`` and save its arrays in ``target``."""
     import gmsh
 
     try:
         with empty_model() as model:
             try:
                 gmsh.merge(source)
-            except Exception as error:  # Gmsh's own errors have no type of their own
+            except Exception as error:  # Gmsh raises Exception itself
                 said = str(error).replace(source, origin)
                 raise InputError(f"Gmsh cannot read {origin}: {said}") from error
             extract(model, origin).save(Path(target))

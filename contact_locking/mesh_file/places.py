@@ -1,28 +1,29 @@
-"""How a message names nodes, elements and groups of a mesh file, with where they are."""
+"""The words of messages for nodes, elements and points of a mesh file."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from contact_locking.mesh_file.data import FloatArray, IntArray, MeshData, Simplices
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.mesh_file.data import MeshData, Simplices
 
 CELL = {2: "triangle", 3: "tetrahedron"}
 FACET = {2: "line", 3: "triangle"}
 
 
 def at(point: FloatArray) -> str:
-    """A point in brackets."""
+    """The coordinates of a point in brackets."""
     # Adding zero turns -0 into 0.
     return "(" + ", ".join(f"{x + 0.0:.6g}" for x in point) + ")"
 
 
 def node(mesh: MeshData, index: int) -> str:
-    """A node by its number, with its place."""
+    """A node by its number, with its coordinates."""
     return f"node {mesh.numbers[index]} at {at(mesh.points[index])}"
 
 
 def nodes(mesh: MeshData, indices: IntArray) -> str:
-    """Nodes by their numbers."""
+    """Several nodes by their numbers."""
     *most, last = [str(mesh.numbers[i]) for i in indices]
     return f"nodes {', '.join(most)} and {last}"
 
@@ -43,5 +44,5 @@ def centre(mesh: MeshData, simplices: Simplices, index: int) -> str:
 
 
 def more(count: int) -> str:
-    """How many others there are beside the one that is named."""
+    """The number of further cases, for a message that names one; empty without any."""
     return f", and {count - 1} more" if count > 1 else ""

@@ -1,6 +1,6 @@
 """A mesh file as arrays, read by Gmsh in a process of its own.
 
-A file can crash Gmsh, which would take this process with it, and under MPI all others.
+A damaged file can crash Gmsh.  In this process the crash would end all ranks.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from contact_locking.mesh_file.trusted import trusted_copy
 
 _KEY = "mesh.file"
 _PROGRAM = "contact_locking.mesh_file.gmsh_process"
-# How launchers of MPI tell a process that it is one of theirs, which the new one is not.
+# With these environment variables of an MPI launcher the new process would count as a rank.
 _LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_LOCAL", "HYDRA_")
 _MESSAGE_TAIL = 300
 
 
 def read(path: Path) -> MeshData:
-    """The arrays of a mesh file, which are not diagnosed yet; to be called on one process.
+    """The arrays of a mesh file, not checked yet; for one process.
 
-    Raises InputError with the name of the file for what is no mesh, or cannot be read.
+    Raises InputError with the name of the file if it is not a mesh or cannot be read.
     """
     with trusted_copy(path) as copy:
         target = copy.with_name("arrays.npz")
@@ -52,7 +52,7 @@ def read(path: Path) -> MeshData:
 
 
 def _environment() -> dict[str, str]:
-    """That of this process without its launcher's words, and where this package is found."""
+    """The environment of this process without the MPI launcher, with this package in the path."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHERS)}
     home = str(Path(__file__).resolve().parents[2])
     paths = [home, *map(os.path.abspath, kept.get("PYTHONPATH", home).split(os.pathsep))]

@@ -1,4 +1,4 @@
-"""The facets of cells, and the parts of a body whose cells are joined by facets."""
+"""The facets of cells, and the connected parts of a body."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from contact_locking.mesh_file.data import FloatArray, IntArray
+from contact_locking.arrays import FloatArray, IntArray
 
 
 def keys(rows: IntArray, count: int) -> npt.NDArray[Any]:
-    """One sortable value for each row (k, d) of numbers below ``count``: equal where rows are."""
+    """A sortable value for each row (k, d) of numbers below ``count``; equal rows, equal values."""
     width = rows.shape[1]
     if count**width < 2**63:
         return rows @ count ** np.arange(width - 1, -1, -1, dtype=np.int64)
@@ -21,9 +21,10 @@ def keys(rows: IntArray, count: int) -> npt.NDArray[Any]:
 
 
 class Facets:
-    """Every facet of cells (k, d + 1) once, with the cells that have it.
+    """Every facet of cells (k, d + 1), once, with the cells that share it.
 
-    ``nodes`` (f, d) are sorted in each row, and ``shared`` (f,) is the number of cells.
+    ``nodes`` (f, d) are the nodes of each facet, sorted, and ``shared`` (f,) is the number of its
+    cells.
     """
 
     def __init__(self, cells: IntArray, num_nodes: int) -> None:
@@ -47,23 +48,23 @@ class Facets:
         return self._cell[start : start + self.shared[facet]]
 
     def pairs(self, facets: IntArray) -> tuple[IntArray, IntArray]:
-        """First and second cell, and the nodes opposite, of facets of two or more: (k, 2) each."""
+        """The first two cells (k, 2) of k facets, and the nodes (k, 2) opposite to the facets."""
         both = self._first[facets][:, None] + [0, 1]
         return self._cell[both], self._opposite[both]
 
     def owner(self, facets: IntArray) -> IntArray:
-        """The (first) cell of facets."""
+        """The first cell (k,) of k facets."""
         return self._cell[self._first[facets]]
 
     def find(self, rows: IntArray) -> IntArray:
-        """The facets with these nodes (k, d), in any order; -1 where there is none."""
+        """The facets (k,) with these nodes (k, d), in any order; -1 without such a facet."""
         wanted = keys(np.sort(rows, axis=1), self._num_nodes)
         places = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
         return np.where(self._keys[places] == wanted, places, -1)
 
 
 def parts(facets: Facets, num_cells: int) -> tuple[int, IntArray]:
-    """How many parts the cells make that are joined by facets, and the part (k,) of each."""
+    """The number of connected parts of the body, and the part (k,) of each cell."""
     joined, _ = facets.pairs(np.flatnonzero(facets.shared >= 2))
     graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), (num_cells, num_cells))
     count, labels = connected_components(graph, directed=False)
@@ -71,7 +72,7 @@ def parts(facets: Facets, num_cells: int) -> tuple[int, IntArray]:
 
 
 def signed_measures(points: FloatArray, simplices: IntArray) -> FloatArray:
-    """``d!`` times the volume of simplices (k, d + 1), negative where they are turned over."""
+    """``d!`` times the signed volume (k,) of simplices (k, d + 1)."""
     origin = points[simplices[:, -1]]
     edges = [points[simplices[:, i]] - origin for i in range(points.shape[1])]
     if len(edges) == 2:

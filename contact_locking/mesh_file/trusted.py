@@ -1,9 +1,9 @@
-"""What may reach Gmsh of a mesh file that comes from anybody.
+"""The protection from mesh files that start programs.
 
-Gmsh runs whatever is no mesh as a script of its own, which can start programs; for some endings of
-a name it starts programs too, whatever the file holds; and it hands the names of compressed files
-to a shell.  So a file has to begin as Gmsh's mesh format does, and Gmsh sees a copy of it, by a
-name of ours in a folder that holds nothing else.
+Gmsh runs a file that is not a mesh as a Gmsh script, which can start programs.  For some endings of
+the name Gmsh starts programs whatever the file holds, and it passes the names of compressed files
+to a shell.  A file must therefore begin like a mesh, and Gmsh reads a copy with a fixed name in a
+folder of its own.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import BinaryIO
 from contact_locking.errors import InputError
 
 _KEY = "mesh.file"
-# The first two lines of the format: "$MeshFormat", then version, 0 (text) or 1 (binary), size.
+# The first two lines of a mesh: "$MeshFormat", then version, 0 (text) or 1 (binary), and size.
 _BEGIN = re.compile(rb"\$MeshFormat[ \t]*\r?\n[ \t]*(\d+(?:\.\d+)?)[ \t]+[01][ \t]+\d+[ \t]*\r?\n")
 _BEGIN_LENGTH = 200
 _VERSIONS = ("2", "2.1", "2.2", "4", "4.0", "4.1")
@@ -28,13 +28,13 @@ _VERSIONS = ("2", "2.1", "2.2", "4", "4.0", "4.1")
 
 @contextmanager
 def trusted_copy(path: Path) -> Iterator[Path]:
-    """A copy of the mesh file that Gmsh can only read as a mesh, until the end of the block.
+    """A copy of the mesh file that Gmsh can read as a mesh only; it lasts until the block ends.
 
-    Raises InputError for what is no file, or is not in Gmsh's mesh format (MSH 2 or 4).
+    Raises InputError unless the path is a file in Gmsh's mesh format (MSH 2 or 4).
     """
     if not path.exists():
         raise InputError(f"there is no mesh file {path}", _KEY)
-    # Before it is opened: a pipe would wait for someone to write.
+    # Checked before the file is opened: to open a pipe would wait for a writer.
     if not stat.S_ISREG(path.stat().st_mode):
         raise InputError(f"{path} is no file", _KEY)
     with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:

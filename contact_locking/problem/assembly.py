@@ -1,4 +1,4 @@
-"""The discrete problem of a parameter set: everything that exists before the first solve."""
+"""The discrete problem of a study, before the first solve."""
 
 from __future__ import annotations
 
@@ -34,7 +34,11 @@ from contact_locking.problem.spaces import displacement_space
 
 @dataclass
 class Problem:
-    """Everything that exists before the first solve; made by :func:`assemble`."""
+    """The discrete problem before the first solve; :func:`assemble` makes it.
+
+    ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
+    solve for, and ``held`` tells how each part of the body is held.
+    """
 
     parameters: Parameters
     domain: Domain
@@ -52,16 +56,16 @@ class Problem:
 
     @property
     def free(self) -> int:
-        """How many rigid motions contact alone holds."""
+        """The number of rigid motions that contact alone stops."""
         return sum(part.free for part in self.held)
 
     @property
     def sliding(self) -> int:
-        """How many of those friction alone holds."""
+        """The number of rigid motions that friction alone stops."""
         return sum(part.sliding for part in self.held)
 
     def facts(self) -> dict[str, Any]:
-        """What would be solved, for ``contact-locking check``; collective."""
+        """The facts that ``contact-locking check`` prints; collective."""
         dofmap = self.u.function_space.dofmap
         facts = {
             "dimension": self.domain.dim,
@@ -79,16 +83,16 @@ class Problem:
         return facts
 
     def close(self) -> None:
-        """Free what PETSc holds; collective."""
+        """Destroy the PETSc objects; collective."""
         for contact in self.contacts:
             contact.friction.smoothing.destroy()
 
 
 def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None = None) -> Problem:
-    """Mesh, material, loads, conditions, contact and friction; collective.
+    """Make mesh, material, loads, conditions, contact and friction; collective.
 
-    ``domain`` is used where it is given, in place of a new mesh.
-    Raises InputError for everything about the data that only the mesh can tell.
+    ``domain`` replaces the mesh of the study, if given.  Raises InputError for data that do not fit
+    the mesh.
     """
     domain = domain or _domain(parameters, comm)
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
@@ -98,8 +102,8 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
     _check_parts(domain, parameters)
     constraints = constrain(domain, space, _conditions(domain, parameters.loads))
     n, epsilon = parameters.penalty.n, parameters.penalty.compliance
-    # The paper has the same epsilon, a compliance, in (22) in the place of a length: Young's
-    # modulus makes a length of it.
+    # The paper uses the compliance epsilon also for the regularisation length in (22): here Young's
+    # modulus converts the compliance to a length.
     contacts = build_contacts(
         domain, space, constraints, parameters, material.young * epsilon, warnings
     )
@@ -129,7 +133,7 @@ def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
 
 
 def _check_parts(domain: Domain, parameters: Parameters) -> None:
-    """The names exist, and no part is both contact and subject to a displacement condition."""
+    """Raise InputError for unknown boundary parts, and where Gamma_C and Gamma_D overlap."""
     contacts = [domain.facets(part.on, f"{part.key}.on") for part in parameters.contacts]
     for i, condition in enumerate(parameters.loads.displacements):
         key = f"loads.displacements.{i}.on"
@@ -137,7 +141,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         both = sum(len(np.intersect1d(facets, contact)) for contact in contacts)
         if domain.comm.allreduce(both):
             raise InputError(
-                "Gamma_C and Gamma_D overlap: contact and a displacement are both asked for on "
+                "Gamma_C and Gamma_D overlap: contact and a displacement condition share facets of "
                 f"{_quoted(condition.on)}",
                 key,
             )

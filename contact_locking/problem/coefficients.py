@@ -1,7 +1,7 @@
-"""The material of a body as coefficients of the forms: constants where it is uniform, P0 else.
+"""The material as coefficients of the forms: constants for a uniform material, else P0 functions.
 
-P1 strains are constant in a cell, so a coefficient that varies in space is taken at the cell's
-midpoint.
+P1 strains are constant in a cell: a coefficient that varies in space is evaluated at the midpoint
+of each cell.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import SMALLEST, parse
 from contact_locking.laws import elasticity as law
@@ -25,20 +25,15 @@ from contact_locking.parameters import Elasticity, MaterialParameters
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.spaces import strain_space
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-
-AXES = ("x", "y", "z")
-
 
 @dataclass(frozen=True)
 class Material:
-    """What the forms and the certificate need to know of the material.
+    """The material on the mesh, for the forms and the certificate.
 
-    ``elastic_stress`` maps a UFL strain to a stress; ``limit`` is M as a P0 function (inf where
-    nothing locks) and ``inverse_limit`` 1/M; ``ellipticity`` and ``stiffness`` are the smallest
-    (alpha) and largest eigenvalue of A over the body, ``young`` is its smallest Young's modulus.
-    ``largest_eigenvalue`` is that of A in each cell, as a P0 function.
+    ``elastic_stress`` maps a UFL strain to a stress.  ``limit`` is M as a P0 function, inf where
+    nothing locks, and ``inverse_limit`` is 1/M.  ``ellipticity`` (alpha) and ``stiffness`` are the
+    smallest and the largest eigenvalue of A over the body, and ``young`` is the smallest Young's
+    modulus.  ``largest_eigenvalue`` is the P0 function of the largest eigenvalue of A in each cell.
     """
 
     elastic_stress: Callable[[Expr], Expr]
@@ -53,7 +48,7 @@ class Material:
 def build_material(domain: Domain, given: MaterialParameters) -> Material:
     """Evaluate the material on the mesh; collective.
 
-    Raises InputError if A is not symmetric or not elliptic somewhere, or M not positive.
+    Raises InputError if A is not symmetric or not elliptic somewhere, and if M is not positive.
     """
     cells = Cells(domain)
     limit, inverse = fem.Function(cells.space), fem.Function(cells.space)
@@ -76,7 +71,7 @@ def build_material(domain: Domain, given: MaterialParameters) -> Material:
 
 
 class Cells:
-    """All local cells with their midpoints (d, k), their regions and their P0 dofs."""
+    """All local cells (k,) with their midpoints (d, k) and their P0 dofs (k,)."""
 
     def __init__(self, domain: Domain) -> None:
         index_map = domain.mesh.topology.index_map(domain.dim)
@@ -88,22 +83,19 @@ class Cells:
         self.dofs = self.space.dofmap.list.reshape(-1)
 
     def evaluate(
-        self, value: float | str, cells: IntArray, key: str, infinite: bool = False
+        self, value: float | str, cells: IndexArray, key: str, infinite: bool = False
     ) -> FloatArray:
-        """A number or expression of x, y[, z] at the midpoints of the given cells.
-
-        Collective.
-        """
+        """A number or an expression of x, y[, z] at the midpoints of given cells; collective."""
         return evaluate(self._comm, value, self.midpoints[:, cells], key, infinite)
 
 
 def evaluate(
     comm: MPI.Intracomm, value: float | str, x: FloatArray, key: str, infinite: bool = False
 ) -> FloatArray:
-    """A number or expression of x, y[, z] at points (d, k), as (k,); collective.
+    """A number or an expression of x, y[, z] at points (d, k), as (k,); collective.
 
-    Raises InputError, with the key, on all ranks if a value on any rank is not a number or, unless
-    ``infinite``, not finite.
+    Raises InputError with the key on all ranks if a value of any rank is NaN, or infinite without
+    ``infinite``.
     """
     expression = parse(value, AXES, allow_infinite=infinite)
     places = dict(zip(AXES, x, strict=False))
@@ -113,7 +105,7 @@ def evaluate(
 
 def _locking_limits(
     domain: Domain, cells: Cells, given: MaterialParameters
-) -> Iterator[tuple[IntArray, float | str, str]]:
+) -> Iterator[tuple[IndexArray, float | str, str]]:
     yield cells.all, given.locking_limit, "material.locking_limit"
     for name, region in given.regions.items():
         if region.locking_limit is not None:
@@ -123,8 +115,8 @@ def _locking_limits(
 
 def _elasticities(
     domain: Domain, cells: Cells, given: MaterialParameters
-) -> list[tuple[IntArray, Elasticity, str]]:
-    parts: list[tuple[IntArray, Elasticity, str]] = [
+) -> list[tuple[IndexArray, Elasticity, str]]:
+    parts: list[tuple[IndexArray, Elasticity, str]] = [
         (cells.all, given.elasticity, "material.elasticity")
     ]
     for name, region in given.regions.items():
@@ -137,7 +129,7 @@ def _elasticities(
 def _elasticity(
     domain: Domain, cells: Cells, given: MaterialParameters
 ) -> tuple[Callable[[Expr], Expr], FloatArray, FloatArray, str]:
-    """The stress law, the eigenvalues of A (s, k), Young's moduli (k,), and the key given last."""
+    """The stress law, the eigenvalues of A (s, k), Young's moduli (k,), and the last key."""
     parts = _elasticities(domain, cells, given)
     if any(elasticity.stiffness is not None for _, elasticity, _ in parts):
         return _anisotropic(domain, cells, parts)
@@ -145,7 +137,7 @@ def _elasticity(
     for where, elasticity, key in parts:
         lame[:, where] = _lame(cells, where, elasticity, key)
     eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], domain.dim))
-    with np.errstate(all="ignore"):  # what is not elliptic is refused by its eigenvalues
+    with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
         young = law.young_from_lame(lame[0], lame[1])
     least = [_minimum(domain, row) for row in lame]
     if len(parts) == 1 and least == [-_minimum(domain, -row) for row in lame]:
@@ -160,7 +152,7 @@ def _elasticity(
 
 
 def _anisotropic(
-    domain: Domain, cells: Cells, parts: list[tuple[IntArray, Elasticity, str]]
+    domain: Domain, cells: Cells, parts: list[tuple[IndexArray, Elasticity, str]]
 ) -> tuple[Callable[[Expr], Expr], FloatArray, FloatArray, str]:
     size = len(law.MANDEL_PAIRS[domain.dim])
     matrices = np.empty((len(cells.all), size, size))
@@ -178,7 +170,7 @@ def _anisotropic(
         if -_minimum(domain, -skew) > 1e-10 * -_minimum(domain, -np.abs(part)):
             raise InputError("the stiffness matrix is not symmetric", f"{key}.stiffness")
     eigenvalues = np.asarray(np.linalg.eigvalsh(matrices), dtype=float).T
-    with np.errstate(all="ignore"):  # what is not elliptic is refused by its eigenvalues
+    with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
         young = law.mean_young(matrices, domain.dim)
     space = strain_space(domain.mesh, (size, size))
     field = fem.Function(space)
@@ -187,7 +179,7 @@ def _anisotropic(
     return partial(law.anisotropic_stress, stiffness=field), eigenvalues, young, parts[-1][2]
 
 
-def _lame(cells: Cells, where: IntArray, given: Elasticity, key: str) -> FloatArray:
+def _lame(cells: Cells, where: IndexArray, given: Elasticity, key: str) -> FloatArray:
     """Both Lame coefficients (2, k) at the given cells."""
     if given.young is not None and given.poisson is not None:
         young = cells.evaluate(given.young, where, f"{key}.young")
@@ -220,6 +212,6 @@ def _eigenvalue_range(domain: Domain, eigenvalues: FloatArray, key: str) -> tupl
 
 
 def _minimum(domain: Domain, values: FloatArray) -> float:
-    """The minimum over all ranks, NaN counted as less than anything."""
+    """The minimum over all ranks; NaN counts as -inf; collective."""
     local = float(np.min(np.where(np.isnan(values), -np.inf, values), initial=np.inf))
     return float(domain.comm.allreduce(local, op=MPI.MIN))

@@ -1,6 +1,6 @@
-"""Forms, and functions of C, as compiled code for the processor at hand.
+"""UFL forms and C functions, compiled for the processor of this machine.
 
-``dolfinx_jit_options.json``, where DOLFINx reads such options, overrides what is set here.
+The user's ``dolfinx_jit_options.json``, which DOLFINx reads, overrides the compiler options here.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from dolfinx import fem, jit
 from mpi4py import MPI
 
 _ARGUMENTS = "cffi_extra_compile_args"
-# Square roots that have to tell of errors are not vectorised.
+# GCC vectorises square roots only if they need not set errno.
 _FOR_LIBRARIES = ("-std=c17", "-fno-math-errno")
 
 
 class Installed(NamedTuple):
-    """A library of C that has been found: its name, where it is installed, and its header."""
+    """An installed C library: its name, the prefix of the installation, and the header."""
 
     name: str
     prefix: Path
@@ -33,7 +33,7 @@ class Installed(NamedTuple):
 
 
 def form(integrals: Any) -> fem.Form:
-    """A UFL form, compiled."""
+    """The compiled form of a UFL form."""
     return fem.form(integrals, jit_options=options())
 
 
@@ -44,10 +44,11 @@ def library(
     comm: MPI.Intracomm,
     uses: Installed | None = None,
 ) -> tuple[Any, Any]:
-    """Functions of C, as CFFI's ``lib``, and its ``ffi``; collective.
+    """Compiled C functions as CFFI's ``lib`` and ``ffi``; collective.
 
-    ``header`` declares them.  They are kept in the cache of the forms, under a name that depends on
-    all that they are made of, and compiled with the same options.
+    ``header`` declares the functions.  The compiler options are those of the forms, and the module
+    is kept in the cache of the forms.  Its name depends on sources, options and the library
+    ``uses``.
     """
     return jit.mpi_jit_decorator(_library)(comm, name, header, source, uses)
 
@@ -55,7 +56,7 @@ def library(
 def library_of(
     package: str | None, name: str, comm: MPI.Intracomm, uses: Installed | None = None
 ) -> tuple[Any, Any]:
-    """The same for ``name.h`` and ``name.c`` beside the modules of a package; collective."""
+    """`library` of the files ``name.h`` and ``name.c`` in the folder of a package; collective."""
     assert package is not None
     folder = resources.files(package)
     header, source = (folder.joinpath(f"{name}.{kind}").read_text("utf-8") for kind in "hc")
@@ -63,7 +64,7 @@ def library_of(
 
 
 def installed(name: str, header: str) -> Installed | None:
-    """The library whose header stands at ``include/header``, if there is one."""
+    """The installed library with the header ``include/header``; None if it is not installed."""
     for prefix in dict.fromkeys(map(Path, (sys.prefix, sys.base_prefix, "/usr"))):
         path = prefix / "include" / header
         if path.is_file():
@@ -82,13 +83,13 @@ def _library(name: str, header: str, source: str, uses: Installed | None) -> tup
         linked["libraries"] = [uses.name]
         linked["include_dirs"] = [str(uses.prefix / "include")]
         linked["library_dirs"] = [str(uses.prefix / "lib")]
-        # Another version may lay out its data in another way.
+        # Another version of the library may have another layout of its data.
         made_of += f"{linked}\n{uses.header.read_text(encoding='utf-8')}"
     module = f"libcontact_locking_{name}_{hashlib.sha256(made_of.encode()).hexdigest()[:32]}"
     path = cache / (module + importlib.machinery.EXTENSION_SUFFIXES[0])
     if not path.exists():
         cache.mkdir(parents=True, exist_ok=True)
-        # Another process may be at it, too: what is in the cache is complete.
+        # Another process may compile at the same time: only a complete module enters the cache.
         with tempfile.TemporaryDirectory(prefix=module, dir=cache) as folder:
             builder = cffi.FFI()
             builder.cdef(header)
@@ -103,11 +104,11 @@ def _library(name: str, header: str, source: str, uses: Installed | None) -> tup
 
 @functools.cache
 def options() -> dict[str, Any]:
-    """DOLFINx's options for the compiler: ``-O3 -march=native`` unless the user has others.
+    """The compiler options: ``-O3 -march=native`` unless the user has set other options.
 
-    The name of a compiled form in the cache depends on them.  So that processors that share a cache
-    do not get each other's instructions, there is one more, which names the processor; where
-    nothing is known of it, DOLFINx's own options stay.
+    One more option names the processor.  The name of a compiled form in the cache depends on the
+    options, so that different processors may share a cache.  Without information about the
+    processor the default options of DOLFINx stay.
     """
     default, _ = jit.DOLFINX_DEFAULT_JIT_OPTIONS[_ARGUMENTS]
     instructions = _instructions()
@@ -118,7 +119,7 @@ def options() -> dict[str, Any]:
 
 
 def _instructions() -> list[str]:
-    """What Linux says of model and instructions of the first processor; elsewhere nothing."""
+    """The model and instructions of the first processor from Linux; elsewhere empty."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0].splitlines()
     except OSError:

@@ -1,8 +1,8 @@
-"""DOLFINx's cache of compiled forms, after a process was killed while it compiled one.
+"""The cache of compiled forms after a process was killed while it compiled a form.
 
-FFCx marks a form that is being compiled by its C file, and one that is ready by a file
-``.c.cached``.  Other processes wait for the second and give up after some time: also for a
-process that is no more, in every later run.
+FFCx writes the C file of a form before the compilation and the file ``.c.cached`` afterwards.  A
+process that finds only the C file waits for the other file until a timeout.  After a killed process
+every later run would wait in vain.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _POLL_SECONDS = 0.1
 
 
 def clear_unfinished() -> None:
-    """`clear` for the cache and the patience of DOLFINx; on rank 0, which compiles for all."""
+    """`clear` with the cache and the timeout of DOLFINx; for rank 0, which compiles for all."""
     from dolfinx import jit
 
     options = jit.get_options()
@@ -23,9 +23,9 @@ def clear_unfinished() -> None:
 
 
 def clear(cache: Path, patience: float) -> None:
-    """Remove the forms on which nobody can be at work: begun more than ``patience`` seconds ago.
+    """Remove the unfinished forms that are older than ``patience`` seconds.
 
-    Waits for younger ones until they are ready or old enough.
+    Waits for younger forms until they are ready or old enough.
     """
     for ready in cache.glob("libffcx_*.c.cached"):
         if not ready.with_suffix("").exists():
@@ -55,6 +55,6 @@ def _age(path: Path) -> float:
 
 
 def _remove(path: Path) -> None:
-    # Perhaps another process was faster; a cache that cannot be written to is none of ours.
+    # Another process may have removed the file, and a read-only cache belongs to another user.
     with contextlib.suppress(OSError):
         path.unlink()

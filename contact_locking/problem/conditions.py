@@ -1,4 +1,4 @@
-"""Displacement conditions, component by component, and the rigid motions they leave free."""
+"""Displacement conditions by components, and the rigid motions that the conditions leave free."""
 
 from __future__ import annotations
 
@@ -6,19 +6,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from scipy.optimize import linprog
 
 from contact_locking import _compat
+from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.problem.domain import Domain
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
-
-AXES = "xyz"
 
 
 @dataclass(frozen=True)
@@ -33,10 +27,10 @@ class ComponentCondition:
 
 @dataclass(frozen=True)
 class Constraints:
-    """The conditions as DOLFINx takes them, and the local dofs (ghosts included) they fix."""
+    """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix."""
 
     conditions: list[fem.DirichletBC]
-    dofs: IntArray
+    dofs: IndexArray
 
     def apply(self, u: fem.Function) -> None:
         """Write the prescribed values into ``u``."""
@@ -54,12 +48,12 @@ class Constraints:
 def constrain(
     domain: Domain, space: fem.FunctionSpace, wanted: Sequence[ComponentCondition]
 ) -> Constraints:
-    """Make the conditions of a P1 vector space; collective.
+    """The displacement conditions of a P1 vector space; collective.
 
-    Where two conditions meet in a node, the later one holds.
+    At a node of two conditions for the same component, the later condition holds.
     """
     conditions: list[fem.DirichletBC] = []
-    fixed: list[IntArray] = [np.empty(0, dtype=np.int32)]
+    fixed: list[IndexArray] = [np.empty(0, dtype=np.int32)]
     scalars = [_compat.collapse(space.sub(i))[0] for i in range(domain.dim)] if wanted else []
     for item in wanted:
         sub, scalar = space.sub(item.component), scalars[item.component]
@@ -73,9 +67,9 @@ def constrain(
 
 
 def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
-    """The d translations and the rotations about the origin at all local dofs, ghosts included.
+    """The translations and the rotations about the origin, as values at the local dofs.
 
-    Shape (3, k) in 2D and (6, k) in 3D.
+    The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.
     """
     x = space.tabulate_dof_coordinates()
     dim = space.mesh.topology.dim
@@ -90,11 +84,11 @@ def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
 
 
 def free_motions(
-    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: npt.NDArray[np.bool_]
+    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: BoolArray
 ) -> FloatArray:
     """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective.
 
-    Of a part of the body, of which ``part`` marks the local dofs.
+    The conditions are those of one part of the body; ``part`` marks the local dofs of the part.
     """
     motions = rigid_motions(space)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
@@ -102,7 +96,8 @@ def free_motions(
     fixed = motions[:, held[part[held]]]
     everything = motions[:, :owned][:, part[:owned]]
     gram = domain.comm.allreduce(fixed @ fixed.T)
-    # Rotations are lengths: measured against the whole body, the numbers are comparable.
+    # A rotation about the origin has large values far away.  The norm over the part scales each
+    # motion.
     scale = 1.0 / np.sqrt(np.diag(domain.comm.allreduce(everything @ everything.T)))
     values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
     return scale[:, None] * vectors[:, values <= 1e-12]
@@ -111,15 +106,17 @@ def free_motions(
 def check_held(
     free: FloatArray, contact: FloatArray, rubs: BoolArray, work: FloatArray, dim: int
 ) -> None:
-    """Refuse a body that can move rigidly without resistance.
+    """Raise InputError for a body that can move rigidly without resistance.
 
-    ``free`` (m, f) are the motions that the displacement conditions leave, ``contact`` (k, f)
-    their normal components at the nodes of Gamma_C, ``rubs`` (k,) marks the nodes with friction,
-    and ``work`` (f,) is the work of the loads along the motions.  Without friction a minimiser
-    exists if no motion c != 0 has ``contact c <= 0`` (leaves the foundation, or slides along it)
-    and ``work . c >= 0`` (is not resisted by the loads).  With friction, whose bound is not known
-    yet, only motions that leave the foundation at all nodes with friction, and do not slide there
-    meanwhile, are refused: ``contact c < 0`` at these nodes.
+    ``free`` (m, f) are the motions that the displacement conditions leave free, ``contact`` (k, f)
+    are their normal components at the nodes of Gamma_C, ``rubs`` (k,) marks the nodes with
+    friction, and ``work`` (f,) is the work of the loads along the motions.
+
+    Without friction a minimiser exists if there is no motion c != 0 with ``contact c <= 0`` (the
+    body leaves the foundation or slides along it) and ``work . c >= 0`` (the loads do not resist).
+    With friction the bound is not known yet: an error is raised only for a motion that leaves the
+    foundation at all nodes with friction, ``contact c < 0``, and contains no motion that slides
+    there.
     """
     count = free.shape[1]
     if count == 0:
@@ -149,20 +146,21 @@ def check_held(
 
 
 def _directions(count: int) -> list[FloatArray]:
-    """Both directions of each coordinate."""
+    """The unit vectors (count,) of all coordinates in both directions."""
     return [sign * row for row in np.eye(count) for sign in (1.0, -1.0)]
 
 
 def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
-    """The motion c with ``rows c <= 0`` that goes farthest along ``aim``, None if none goes far."""
+    """The motion c with ``rows c <= 0`` and the largest ``aim . c``; None if all have 0."""
     found = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), 1e-9), bounds=(-1, 1))
     return np.asarray(found.x) if found.status == 0 and -found.fun > 1e-3 else None
 
 
 def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
-    """The motion with ``rows c <= 0``, as negative as can be in rows that rub; None if none is.
+    """The motion c with ``rows c <= 0`` and the least maximum of ``rows c`` over the rows that rub.
 
-    The motion has no share of those that slide along all of the foundation with friction.
+    The motion is orthogonal to all motions that slide at every node with friction.  None if the
+    least maximum is 0.
     """
     count = rows.shape[1]
     slides = sliding_motions(rows[rubs])
@@ -178,9 +176,9 @@ def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
 
 
 def sliding_motions(contact: FloatArray) -> FloatArray:
-    """Coefficients (f, m) of the motions that contact, from either side, does not stop.
+    """Coefficients (f, m) of the motions without a normal component on Gamma_C.
 
-    ``contact`` (k, f) has the normal components of f free motions at the nodes of Gamma_C.
+    ``contact`` (k, f) are the normal components of f free motions at the nodes of Gamma_C.
     """
     if not contact.size:
         return np.eye(contact.shape[1])

@@ -1,4 +1,4 @@
-"""A part of Gamma_C with the rigid foundation that it meets and the friction there."""
+"""One contact: a part of Gamma_C with its rigid foundation and its friction."""
 
 from __future__ import annotations
 
@@ -6,28 +6,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
-from mpi4py import MPI
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.laws.friction_law import Coefficient, FrictionLaw
+from contact_locking.parallel import maximum
 from contact_locking.problem.smoothing import Smoothing
 from contact_locking.problem.surface import ContactSurface
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-
-# Differences of mu are taken over this share of the slip.
+# The central differences of mu take steps of this share of the slip.
 _DIFFERENCE = 1e-3
 
 
 class FrictionBound:
-    """``G(p, s) = mu(x, s) |R p|`` (6): the most that the friction traction can be, at nodes.
+    """``G(p, s) = mu(x, s) |R p|`` (6): the bound of the friction traction at the nodes.
 
     ``law`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,): a
-    :class:`~contact_locking.laws.friction_law.FrictionLaw`, or any function, whose constants the
-    certificate samples.  ``smoothing`` is R.  ``frictionless`` says that mu is zero everywhere.
-    A bound of the user's own is a subclass with its own :meth:`evaluate`.
+    :class:`~contact_locking.laws.friction_law.FrictionLaw`, or a function, for which the
+    certificate samples mu* and L_mu.  ``smoothing`` is R.  ``frictionless`` says that mu is zero
+    everywhere. A user's own friction bound is a subclass with another :meth:`evaluate`.
     """
 
     def __init__(
@@ -39,13 +36,13 @@ class FrictionBound:
     ) -> None:
         self.surface, self.smoothing, self.frictionless = surface, smoothing, frictionless
         self.law = law if isinstance(law, FrictionLaw) else FrictionLaw(law)
-        #: The share of mu that counts; solvers lower it to find how much friction has a solution.
+        #: The factor of mu; a solver lowers the factor to find how much friction has a solution.
         self.share = 1.0
 
     def evaluate(self, pressure: FloatArray, slip: FloatArray) -> FloatArray:
-        """The bound (k,) of nodal pressures (k,) and slips (k,) on a rank's own nodes; collective.
+        """The friction bound (k,) at the owned nodes; collective.
 
-        The pressure is ``-sigma_nu``.
+        ``pressure`` (k,) is ``-sigma_nu``, and ``slip`` (k,) is ``|u_tau|``.
         """
         return self.coefficient(slip) * np.abs(self.smoothing.apply(pressure))
 
@@ -55,8 +52,7 @@ class FrictionBound:
 
     def slope(self, slip: FloatArray) -> FloatArray:
         """``d mu/ds`` (k,) at the nodes, by central differences; collective."""
-        largest = float(np.max(slip, initial=0.0))
-        largest = self.surface.domain.comm.allreduce(largest, op=MPI.MAX)
+        largest = maximum(self.surface.domain.comm, slip)
         if largest == 0.0:
             return np.zeros_like(slip)
         width = _DIFFERENCE * slip + _DIFFERENCE**2 * largest
@@ -65,7 +61,7 @@ class FrictionBound:
 
     @property
     def is_coulomb(self) -> bool:
-        """Whether the bound is that of (6), and not the user's own."""
+        """Whether the friction bound is (6) and not a user's own."""
         return type(self).evaluate is FrictionBound.evaluate
 
 
@@ -73,11 +69,11 @@ class FrictionBound:
 class Contact:
     """Signorini's conditions (5) and Coulomb's law (6) on one part of Gamma_C.
 
-    ``key`` is the place of the contact in the study file, ``on`` names its boundary parts.
-    ``normal`` and ``gap`` are P1 functions.  ``friction`` says which bound belongs to pressures and
-    slips; ``bound`` is the P1 function of the friction bound that the forms use at present.
+    ``key`` is the key of the contact in the study file, and ``on`` names its boundary parts.
+    ``normal`` and ``gap`` are P1 functions.  ``friction`` computes the friction bound of pressures
+    and slips; ``bound`` is the P1 function with the friction bound that the forms use at present.
     ``regularisation`` is the length that smooths friction.  ``free`` (k,) marks the nodes whose
-    normal displacement is not prescribed: at the others there is neither pressure nor friction.
+    normal displacement is not prescribed; neither pressure nor friction acts at the other nodes.
     """
 
     key: str
@@ -113,7 +109,7 @@ class Contact:
         return along, values - along[:, None] * normals
 
     def friction_bound(self, u: fem.Function, pressure: FloatArray) -> FloatArray:
-        """The bound (k,) that belongs to a displacement and a pressure (k,); collective."""
+        """The friction bound (k,) of a displacement and a pressure (k,); collective."""
         return self.friction.evaluate(pressure, self.slips(u))
 
     def slips(self, u: fem.Function) -> FloatArray:
@@ -137,6 +133,6 @@ class Contact:
 
 
 def joint_norm(contacts: Sequence[Contact], values: Sequence[FloatArray]) -> float:
-    """The L2 norm over the parts of Gamma_C of values (k,) on each of them; collective."""
+    """The L2 norm over all contacts of values (k,) for each contact; collective."""
     norms = [contact.norm(part) for contact, part in zip(contacts, values, strict=True)]
     return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)

@@ -1,19 +1,22 @@
-"""The contacts of a study: Gamma_C, the foundation's gap and normal, R and the friction law."""
+"""The contacts of a study: Gamma_C, gap and normal of the foundation, R and the friction law."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
-from contact_locking.laws import foundation
+from contact_locking.laws.foundation import Foundation, HalfSpace, Round
 from contact_locking.laws.friction_law import FrictionLaw
-from contact_locking.parallel import agree
-from contact_locking.parameters import ContactParameters, Parameters
-from contact_locking.problem.coefficients import AXES, evaluate
+from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
+from contact_locking.parameters import ContactParameters, Parameters, rigid_body
+from contact_locking.problem.coefficients import evaluate
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact, FrictionBound
 from contact_locking.problem.domain import Domain
@@ -22,16 +25,35 @@ from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Iden
 from contact_locking.problem.smoothing import Smoothing as SmoothingOperator
 from contact_locking.problem.surface import ContactSurface
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-
-# Without a radius R averages over this share of the extent of Gamma_C, and over the neighbours of
-# each node at least: the kernel vanishes at its radius.
+# The default radius of R is this share of the extent of Gamma_C.  It is at least twice the longest
+# facet: the kernel vanishes at the radius, and R has to reach the neighbours of each node.
 _DEFAULT_RADIUS_SHARE, _DEFAULT_RADIUS_FACETS = 0.1, 2.0
-# From this share of the extent on, R by a filter is the mean over Gamma_C to nine digits.
+# A filter with a larger radius than this share of the extent is the mean over Gamma_C to nine
+# digits.
 _LARGEST_RADIUS_SHARE = 1e4
-# A friction coefficient is zero where it is negative by less than this share of its largest value.
+# A negative friction coefficient smaller than this share of the largest value is zero with
+# rounding.
 _COEFFICIENT_ROUNDING = 1e-12
+
+
+def _half_space(given: rigid_body.HalfSpace, dim: int) -> Foundation:
+    return HalfSpace(given.point, given.normal)
+
+
+def _sphere(given: rigid_body.Sphere, dim: int) -> Foundation:
+    return Round(given.centre, given.radius)
+
+
+def _cylinder(given: rigid_body.Cylinder, dim: int) -> Foundation:
+    return Round(given.centre, given.radius, None if dim == 2 else given.axis or (0.0, 1.0, 0.0))
+
+
+#: For each key of a section ``foundation``: the foundation of that section in 2 or 3 dimensions.
+FOUNDATIONS: dict[str, Callable[[Any, int], Foundation]] = {
+    "half_space": _half_space,
+    "sphere": _sphere,
+    "cylinder": _cylinder,
+}
 
 
 def build_contacts(
@@ -44,8 +66,8 @@ def build_contacts(
 ) -> tuple[Contact, ...]:
     """The contacts that the study file asks for; collective.
 
-    ``penalty_slip`` is the regularisation of friction where the file has none.  Raises InputError
-    for a foundation behind Gamma_C and for a negative friction coefficient.
+    ``penalty_slip`` is the regularisation of friction for a contact that has none in the file.
+    Raises InputError for a foundation behind Gamma_C and for a negative friction coefficient.
     """
     u = fem.Function(space)
     free_dofs = constraints.free_dofs(u)
@@ -87,39 +109,23 @@ def _foundation_from(
     body_normals = surface.body_normals()
     if given.foundation is None:
         return evaluate(comm, given.gap, points, f"{given.key}.gap"), body_normals
-    body, key = _foundation(given, dim), f"{given.key}.foundation"
+    shape, section = next(entry for entry in given.foundation if entry[1] is not None)
+    body, key = FOUNDATIONS[shape](section, dim), f"{given.key}.foundation"
     with np.errstate(all="ignore"):
         gap, normals = body.gap(points), body.contact_normal(points).T
-    finite = bool(np.isfinite(gap).all() and np.isfinite(normals).all())
-    if not comm.allreduce(finite, op=MPI.LAND):
+    if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
         raise InputError(
-            "the distance to it is no number; it lies too far away or is too large", key
+            "its distance is not a finite number: the foundation is too far away or too large", key
         )
     facing = np.sum(normals * body_normals, axis=1)
-    if comm.allreduce(bool(np.any(facing <= 0.0)), op=MPI.LOR):
+    if on_any_rank(comm, facing <= 0.0):
         raise InputError(
-            "the foundation lies behind a part of Gamma_C: there the outward normal of the "
-            "body points away from it; turn the half space's normal towards the body, or "
-            f"take away from {given.key}.on what does not face the foundation",
+            "the foundation lies behind a part of Gamma_C, where the outward normal of the body "
+            "points away from the foundation; turn the normal of the half space towards the body, "
+            f"or remove from {given.key}.on the boundary parts that do not face the foundation",
             key,
         )
     return gap, normals
-
-
-def _foundation(given: ContactParameters, dim: int) -> foundation.Foundation:
-    assert given.foundation is not None
-    half_space, sphere, cylinder = (
-        given.foundation.half_space,
-        given.foundation.sphere,
-        given.foundation.cylinder,
-    )
-    if half_space is not None:
-        return foundation.HalfSpace(tuple(half_space.point), tuple(half_space.normal))
-    if sphere is not None:
-        return foundation.Round(tuple(sphere.centre), sphere.radius)
-    assert cylinder is not None
-    axis = None if dim == 2 else tuple(cylinder.axis or (0.0, 1.0, 0.0))
-    return foundation.Round(tuple(cylinder.centre), cylinder.radius, axis)
 
 
 def _smoothing(
@@ -148,9 +154,10 @@ def _smoothing(
 
 
 def _extent(places: FloatArray) -> float:
-    """How far apart points (k, d) are: from the one farthest from the middle to that from it.
+    """About the largest distance between two of the points (k, d).
 
-    Of a straight or rectangular Gamma_C the length or diagonal, however it lies.
+    One end is the point farthest from the mean of the points, the other end the point farthest from
+    the first.  The result is exact for a segment and a rectangle, in every position.
     """
     place = places.mean(axis=0)
     for _ in range(2):
@@ -160,7 +167,7 @@ def _extent(places: FloatArray) -> float:
 
 
 def _friction_law(comm: MPI.Intracomm, part: ContactParameters) -> FrictionLaw:
-    """``mu(x, s)`` of a number or an expression; to evaluate it is collective."""
+    """``mu(x, s)`` from a number or an expression; every evaluation is collective."""
     key = part.friction_key("coefficient")
     expression = parse(part.friction.coefficient, (*AXES, "s"))
 
@@ -172,8 +179,8 @@ def _friction_law(comm: MPI.Intracomm, part: ContactParameters) -> FrictionLaw:
 
     def whole(points: FloatArray, slip: FloatArray) -> FloatArray:
         mu = agree(comm, lambda: local(points, slip))
-        # Zero, computed from other numbers, may come out below zero by their rounding.
-        least = -_COEFFICIENT_ROUNDING * comm.allreduce(np.abs(mu).max(initial=0.0), op=MPI.MAX)
+        # An expression that is zero may evaluate to less than zero by rounding.
+        least = -_COEFFICIENT_ROUNDING * maximum(comm, np.abs(mu))
         agree(comm, lambda: _refuse_negative(mu, least, points, slip, key))
         return np.maximum(mu, 0.0)
 
@@ -187,7 +194,7 @@ def _friction_law(comm: MPI.Intracomm, part: ContactParameters) -> FrictionLaw:
 def _refuse_negative(
     mu: FloatArray, least: float, points: FloatArray, slip: FloatArray, key: str
 ) -> None:
-    """Raise InputError, with the place, if a friction coefficient is below ``least``."""
+    """Raise InputError, with the point, if a friction coefficient is below ``least``."""
     if not np.any(mu < least):
         return
     worst = int(np.argmin(mu))

@@ -1,4 +1,4 @@
-"""A mesh of arrays on rank 0 as a mesh of DOLFINx on all ranks."""
+"""From a mesh as arrays on rank 0 to a DOLFINx mesh on all ranks."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ from typing import Any, NamedTuple
 
 import basix.ufl
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_real_type, graph
 from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
-from contact_locking.mesh_file.data import IntArray, MeshData, Simplices
+from contact_locking.arrays import FloatArray, IndexArray, IntArray
+from contact_locking.mesh_file.data import MeshData, Simplices
 
 _CELL = {2: "triangle", 3: "tetrahedron"}
 
 
 class Distributed(NamedTuple):
-    """A mesh with the groups of its cells and facets as tags, and the part of each local cell."""
+    """A mesh with the groups of cells and facets as tags, and the part (k,) of each local cell."""
 
     mesh: dmesh.Mesh
     cell_tags: Any
     facet_tags: Any
-    parts: npt.NDArray[np.int32]
+    parts: IndexArray
 
 
 def distribute(
@@ -32,14 +32,14 @@ def distribute(
 ) -> Distributed:
     """Distribute cells and named facets; collective.
 
-    ``data`` and ``facets`` are there on rank 0 alone, as is ``parts`` (k,), the part of each cell.
-    Nodes of no cell are left out.
+    Only rank 0 has ``data``, ``facets`` and ``parts`` (k,), the part of each cell; the other ranks
+    pass None and an empty array.  Nodes without a cell are left out.
     """
-    points: npt.NDArray[np.float64] = np.empty((0, dim))
+    points: FloatArray = np.empty((0, dim))
     cells: IntArray = np.empty((0, dim + 1), dtype=np.int64)
     marked: IntArray = np.empty((0, dim), dtype=np.int64)
-    values: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
-    marks: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
+    values: IndexArray = np.empty(0, dtype=np.int32)
+    marks: IndexArray = np.empty(0, dtype=np.int32)
     groups: IntArray = np.empty(0, dtype=np.int64)
     if data is not None and facets is not None:
         used = np.zeros(len(data.points), dtype=bool)
@@ -47,12 +47,12 @@ def distribute(
         row = np.cumsum(used) - 1
         points, cells, marked = data.points[used], row[data.cells.nodes], row[facets.nodes]
         groups, index = np.unique(data.cells.groups, return_inverse=True)
-        # Part and group of a cell travel as one number.
+        # One number encodes the part and the group of a cell.
         values = (parts * len(groups) + index).astype(np.int32)
         marks = facets.groups.astype(np.int32)
     groups = comm.bcast(groups)
     element = basix.ufl.element("Lagrange", _CELL[dim], 1, shape=(dim,), dtype=default_real_type)
-    # By their names, as DOLFINx 0.10 has changed their order.
+    # Keyword arguments, because DOLFINx 0.10 changed the order.
     mesh = dmesh.create_mesh(
         comm=comm, cells=cells, x=points.astype(default_real_type), e=ufl.Mesh(element)
     )
@@ -67,7 +67,7 @@ def distribute(
     return Distributed(mesh, cell_tags, facet_tags, (numbers // len(groups)).astype(np.int32))
 
 
-def _tags(mesh: dmesh.Mesh, dim: int, entities: IntArray, values: npt.NDArray[np.int32]) -> Any:
+def _tags(mesh: dmesh.Mesh, dim: int, entities: IntArray, values: IndexArray) -> Any:
     found, local = distribute_entity_data(mesh, dim, entities, values)
     return dmesh.meshtags_from_entities(
         mesh, dim, graph.adjacencylist(found), local.astype(np.int32, copy=False)

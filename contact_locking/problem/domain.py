@@ -1,11 +1,10 @@
-"""The body's mesh with its named parts: read from Gmsh on one rank, distributed, checked.
+"""The mesh of the body with named parts: read from Gmsh on one rank, checked and distributed.
 
-Boundaries and regions are known by the names of Gmsh's physical groups, never by numbers.
+Boundary parts and regions have the names of Gmsh's physical groups.
 """
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,37 +12,35 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
 from contact_locking.mesh_file.gmsh_model import extract
 from contact_locking.mesh_file.reader import read
-from contact_locking.parallel import on_root
+from contact_locking.parallel import maximum, on_root
+from contact_locking.plain_text import nearest
 from contact_locking.problem.distribution import distribute
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
 class Domain:
     """A simplicial mesh of the body with named boundary parts and regions.
 
-    ``facet_tags`` holds exterior facets only, and every one of them that has a name.  ``parts``
-    is, of each local cell, which of the ``part_names`` it belongs to: parts share no facets.
-    ``unusable`` are other groups of facets, each with the reason.
+    ``facet_tags`` holds the exterior facets that have a name.  ``parts`` gives for each local cell
+    the index of its connected part in ``part_names``; cells of two parts share no facet.
+    ``unusable`` gives, for the name of every other group of facets, why the group bounds nothing.
     """
 
     mesh: dmesh.Mesh
     cell_tags: Any
     facet_tags: Any
-    parts: IntArray
+    parts: IndexArray
     cell_names: dict[str, int]
     facet_names: dict[str, int]
     part_names: tuple[str, ...] = ("the body",)
@@ -63,35 +60,34 @@ class Domain:
     def num_cells(self) -> int:
         return int(self.mesh.topology.index_map(self.dim).size_global)
 
-    def facets(self, names: Iterable[str], key: str | None = None) -> IntArray:
+    def facets(self, names: Iterable[str], key: str | None = None) -> IndexArray:
         """Local exterior facets of the named boundary parts; collective.
 
-        Raises InputError, with the names there are, for a name the mesh does not have.
+        Raises InputError, with the names of the mesh, for a name that the mesh does not have.
         """
         parts = [self.facet_tags.find(self._tag(name, self.facet_names, key)) for name in names]
         return np.unique(np.concatenate(parts)) if parts else np.empty(0, dtype=np.int32)
 
-    def cells(self, name: str, key: str | None = None) -> IntArray:
+    def cells(self, name: str, key: str | None = None) -> IndexArray:
         """Local cells (owned and ghosts) of the named region."""
         return self.cell_tags.find(self._tag(name, self.cell_names, key))
 
     def ds(self, names: Iterable[str], key: str | None = None, **metadata: Any) -> ufl.Measure:
-        """Surface measure over the named boundary parts; metadata goes to the form compiler."""
+        """The surface measure of the named boundary parts; the form compiler takes ``metadata``."""
         tags = tuple(self._tag(name, self.facet_names, key) for name in names)
         measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)
         return measure(tags, metadata=metadata)
 
-    def owners(self, facets: IntArray) -> IntArray:
-        """The local cell of each of the given exterior facets."""
+    def owners(self, facets: IndexArray) -> IndexArray:
+        """The local cells (k,) of exterior facets (k,)."""
         to_cell = self.mesh.topology.connectivity(self.dim - 1, self.dim)
         return to_cell.array[to_cell.offsets[facets]]
 
-    def facet_diameter(self, facets: IntArray) -> float:
-        """The largest edge among the given facets, over all ranks."""
+    def facet_diameter(self, facets: IndexArray) -> float:
+        """The longest edge among the given facets of all ranks; collective."""
         fdim = self.dim - 1
         self.mesh.topology.create_connectivity(fdim, self.dim)
-        local = float(self.mesh.h(fdim, facets).max()) if len(facets) else 0.0
-        return float(self.comm.allreduce(local, op=MPI.MAX))
+        return maximum(self.comm, self.mesh.h(fdim, facets) if len(facets) else 0.0)
 
     def bounding_box(self) -> FloatArray:
         """The least and greatest coordinates (2, d); collective."""
@@ -103,7 +99,8 @@ class Domain:
     def extent(self) -> float:
         """``sqrt(12 lambda)``, lambda the largest second moment of the body per volume; collective.
 
-        The length of a block, however it lies, where the bounding box is larger if it is turned.
+        The extent of a slender body is its length.  A rotation of the body changes the bounding box
+        and does not change the extent.
         """
         dim, middle = self.dim, self.bounding_box().mean(axis=0)
         owned = self.mesh.topology.index_map(dim).size_local
@@ -123,10 +120,9 @@ class Domain:
         if name not in table:
             what = "boundary part" if table is self.facet_names else "region"
             there = ", ".join(sorted(table)) or "none at all"
-            near = difflib.get_close_matches(name, table, n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
             raise InputError(
-                f"no {what} named {name!r} in {self.origin}; it has: {there}.{hint}", key
+                f"no {what} named {name!r} in {self.origin}{nearest(name, table)}; it has: {there}",
+                key,
             )
         return table[name]
 
@@ -148,8 +144,8 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm) -> Domain:
 def from_file(path: Path, comm: MPI.Intracomm) -> Domain:
     """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
 
-    Raises InputError if it cannot be read, is not made of first-order triangles or tetrahedra,
-    or is no body, as `mesh_file.diagnosis` says.
+    Raises InputError if the file cannot be read, if the cells are not first-order triangles or
+    tetrahedra, and if the mesh is not a body (`mesh_file.diagnosis`).
     """
 
     def make() -> tuple[MeshData, Diagnosis]:

@@ -1,7 +1,7 @@
-"""The penalised problem (25)/(26): the one place where the laws are summed.
+"""The penalised problem (25)/(26): the sum of all laws.
 
-The friction bound is a coefficient, so what is summed here is the derivative of a convex energy,
-and its tangent is symmetric.
+The friction bound is a coefficient.  The residual is therefore the derivative of a convex energy,
+and the tangent is symmetric.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from contact_locking.problem.contact import Contact
 class ProblemData:
     """The data of (25) as UFL.
 
-    ``elastic_stress`` maps a strain to a stress, ``largest_eigenvalue`` is that of A in each cell,
-    ``inverse_limit`` is 1/M, ``loads`` pairs a traction or body force with its measure; ``n`` and
-    ``epsilon`` are the penalty parameters, and ``contacts`` is empty for a body that touches
-    nothing.  ``own_energy`` is for laws that this package does not have: it maps u to a functional
-    J(u), convex and differentiable, whose derivative is added to (25).
+    ``elastic_stress`` maps a strain to a stress.  ``largest_eigenvalue`` is the largest eigenvalue
+    of A in each cell, and ``inverse_limit`` is 1/M.  ``loads`` pairs each body force and traction
+    with its measure.  ``contacts`` is empty for a body that touches nothing.  ``n`` and ``epsilon``
+    are the penalty parameters.  ``own_energy`` is for a law that this package does not have: it
+    maps u to a convex and differentiable functional J(u), whose derivative is added to (25).
     """
 
     elastic_stress: Callable[[Expr], Expr]
@@ -49,9 +49,9 @@ def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
 
 
 def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:
-    """``int (c/h^2) |u| (v_1 + ... + v_d)``: about the size of what ``a(u, .)`` is the sum of.
+    """``int (c/h^2) |u| (v_1 + ... + v_d)``: the size of the summands of ``a(u, .)`` at a node.
 
-    c is the largest eigenvalue of A in a cell, and h the height of the cell.
+    c is the largest eigenvalue of A in a cell, and h is the height of the cell.
     """
     mesh = data.dx.ufl_domain()
     dim = u.ufl_shape[0]
@@ -70,18 +70,18 @@ def external_work(v: Expr, data: ProblemData) -> Expr:
 
 
 def pressure(u: Expr, contact: Contact, data: ProblemData) -> Expr:
-    """The contact pressure ``-sigma_nu`` of the penalty law."""
+    """The contact pressure ``p = -sigma_nu`` of the penalty law (25)."""
     return contact_pressure(normal_part(u, contact.normal), contact.gap, data.epsilon)
 
 
 def friction(u: Expr, contact: Contact) -> Expr:
-    """The friction traction ``-sigma_tau`` of the regularised law."""
+    """The negative friction traction ``-sigma_tau`` of the regularised law (22)."""
     slip = tangential_part(u, contact.normal)
     return friction_traction(slip, contact.bound, contact.regularisation)
 
 
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
-    """``J'(u) v`` of an energy of the user's own, which there must be."""
+    """``J'(u) v`` for the user's own energy J, which the data must have."""
     assert data.own_energy is not None
     return ufl.derivative(data.own_energy(u), u, v)
 
@@ -106,7 +106,7 @@ def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
 
 
 def energy(u: fem.Function, data: ProblemData) -> Expr:
-    """The potential of (25) at a frozen bound; its derivative is :func:`residual`."""
+    """The potential of (25) at a fixed friction bound; its derivative is :func:`residual`."""
     form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
     form += locking_energy(strain(u), data.inverse_limit, data.n) * data.dx
     for contact in data.contacts:
@@ -119,7 +119,7 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
 
 
 def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[Contact], factor: Expr) -> Expr:
-    """``factor int du_nu v_nu``: a spring in the direction of every contact normal."""
+    """``factor int du_nu v_nu``: springs on Gamma_C along the contact normal."""
     return sum(
         factor
         * normal_part(du, contact.normal)

@@ -1,27 +1,25 @@
-"""The named groups of a mesh in numbers: how many entities, how large, and which way they face."""
+"""The named groups of a mesh: number of entities, measure and mean normal."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from contact_locking import _compat
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.problem.domain import Domain
 
-FloatArray = npt.NDArray[np.float64]
-
-# Mean normals this long are those of a plane, and this short of what closes, or nearly so.
+# A boundary part is plane if the mean normal is longer, and closed if the mean normal is shorter.
 _FLAT, _CLOSED = 1.0 - 1e-6, 1e-2
 
 
 @dataclass(frozen=True)
 class Group:
-    """Number of cells or facets, their measure, and the mean outward normal of boundary parts.
+    """A group: the number of its cells or facets, their measure, and the mean outward normal.
 
-    The mean ``int nu / int 1`` is a unit vector for a plane part, shorter the more it is curved,
-    and zero for one that closes.
+    The mean normal ``int nu / int 1`` of a boundary part is a unit vector for a plane part, shorter
+    for a curved part, and zero for a closed part.  A region has none.
     """
 
     name: str
@@ -42,14 +40,14 @@ class Group:
 
 
 def groups(domain: Domain) -> list[Group]:
-    """Regions, then boundary parts, each by name; collective."""
+    """The regions, then the boundary parts, sorted by name; collective."""
     dim = domain.dim
     cells = [_region(domain, name) for name in sorted(domain.cell_names)]
     return cells + [_boundary(domain, name, dim - 1) for name in sorted(domain.facet_names)]
 
 
 def table(rows: list[Group]) -> list[tuple[str, str, str, str, str]]:
-    """The groups in words, under a line of titles."""
+    """The groups as rows of text below a row of titles."""
     kinds = {1: "length", 2: "area", 3: "volume"}
     titles = ("group", "dimension", "entities", "measure", "mean outward normal")
     return [titles] + [
@@ -83,13 +81,13 @@ def _boundary(domain: Domain, name: str, dim: int) -> Group:
 
 
 def _normals(corners: FloatArray) -> FloatArray:
-    """Normals (k, d) of facets (k, d, d), as long as the facets are large."""
+    """Normals (k, d) of facets (k, d, d); the length of a normal is the measure of the facet."""
     edges = corners[:, 1:] - corners[:, :1]
     if corners.shape[1] == 2:
         return np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
     return 0.5 * np.cross(edges[:, 0], edges[:, 1])
 
 
-def _corners(domain: Domain, dim: int, entities: npt.NDArray[np.int32]) -> FloatArray:
+def _corners(domain: Domain, dim: int, entities: IndexArray) -> FloatArray:
     nodes = _compat.entities_to_geometry(domain.mesh, dim, entities)
     return domain.mesh.geometry.x[nodes, : domain.dim]

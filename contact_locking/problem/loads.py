@@ -1,7 +1,8 @@
-"""Body force and tractions as UFL, checked at the points where they are integrated.
+"""Body force and tractions in UFL, checked at the quadrature points.
 
-Their values are numbers or expressions, which need be defined there only: a mesh that does not
-resolve them would integrate something else, and a pole gives a number that means nothing.
+A load is a number or an expression, which needs values at the quadrature points only.  The check
+warns of a load that the mesh does not resolve: its integral would be wrong, and meaningless at a
+pole.
 """
 
 from __future__ import annotations
@@ -13,29 +14,25 @@ from typing import Any
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
 from contact_locking import _compat
+from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import with_key
 from contact_locking.expressions import Expression, parse
 from contact_locking.parallel import agree
 from contact_locking.parameters import LoadParameters
-from contact_locking.problem.coefficients import AXES
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.plausibility import about_a_load
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-
-# Expressions are integrated to the first degree; P1 test functions need no more.  The second is
-# that of another rule, to compare with: one with other points, none of them in the middle.
+# The quadrature degree of an expression; P1 test functions need no more.  The check compares with a
+# rule of the other degree, whose points differ and do not include the midpoint of a cell.
 _DEGREE, _OTHER_DEGREE = 4, 6
-# Rules that agree in the mean square of a load up to this share resolve it: at a pole as 1/x they
-# differ by more on any mesh, at a jump by less from a handful of facets on.
+# A load is resolved if both rules give the same mean square up to this share.  At a pole like 1/x
+# the difference is larger on every mesh; at a jump it is smaller from a handful of facets on.
 _RESOLVED = 0.3
-# So many cells or facets at a time.
+# The quadrature points of so many cells or facets are in memory at a time.
 _CHUNK = 20_000
 _SHAPES = {
     1: basix.CellType.interval,
@@ -47,10 +44,10 @@ _SHAPES = {
 def build_loads(
     domain: Domain, given: LoadParameters, stiffness: float, warnings: list[str]
 ) -> list[tuple[Any, ufl.Measure]]:
-    """Each body force and traction as a vector of UFL with its measure; collective.
+    """Each body force and traction as a UFL vector with its measure; collective.
 
-    Raises InputError, with key and place, for a value that is no finite number, and adds a warning
-    for one that the mesh does not resolve or that is larger than the ``stiffness`` of the material.
+    Raises InputError with the key and the point for a value that is not finite.  Adds a warning for
+    a load that the mesh does not resolve, and for a load above the ``stiffness`` of the material.
     """
     found: list[tuple[Any, ufl.Measure]] = []
     if given.body_force is not None:
@@ -73,7 +70,7 @@ def build_loads(
 
 
 class _Load:
-    """A vector of numbers or expressions of x, y[, z]."""
+    """One load: a vector of numbers or expressions of x, y[, z]."""
 
     def __init__(self, domain: Domain, values: Sequence[float | str], key: str) -> None:
         self._domain = domain
@@ -83,7 +80,7 @@ class _Load:
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """For the form compiler."""
+        """The quadrature degree for the form compiler."""
         return {"quadrature_degree": 1 if self._constant else _DEGREE}
 
     def ufl(self) -> Any:
@@ -94,8 +91,8 @@ class _Load:
         places = {axis: x[i] for i, axis in enumerate(AXES[: self._domain.dim])}
         return ufl.as_vector([component.ufl(**places) for component in self._components])
 
-    def check(self, dim: int, entities: IntArray, warnings: list[str]) -> float:
-        """The largest |g| on cells or facets, from the points where it is integrated; collective.
+    def check(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
+        """The largest ``|g|`` at the quadrature points of cells or facets; collective.
 
         Raises and warns as `build_loads`.
         """
@@ -110,8 +107,8 @@ class _Load:
         )
         if largest <= 0.0:
             warnings.append(
-                f"{self._key}: is zero at all points where it is integrated; is it meant for "
-                "another place, or for one smaller than the elements?"
+                f"{self._key}: is zero at all points of the quadrature; is the load meant for "
+                "another place, or for a place smaller than the elements?"
             )
             return 0.0
         if abs(squares[0] - squares[1]) <= _RESOLVED * squares.max():
@@ -119,12 +116,12 @@ class _Load:
         place = ", ".join(f"{a} = {v:.6g}" for a, v in zip(AXES, where, strict=False))
         warnings.append(
             f"{self._key}: changes too sharply for this mesh near {place}, where it reaches "
-            f"{largest:.3g}; its resultant may be far off: refine the mesh there, or, if it has a "
-            "pole, give another load"
+            f"{largest:.3g}; its resultant may be wrong: refine the mesh there, or give a load "
+            "without a pole"
         )
         return largest
 
-    def _sample(self, dim: int, entities: IntArray, degree: int) -> _Sample:
+    def _sample(self, dim: int, entities: IndexArray, degree: int) -> _Sample:
         total, largest, where = 0.0, -1.0, (0.0,) * self._domain.dim
         for x, weights in _quadrature(self._domain, dim, entities, degree):
             places = dict(zip(AXES, x.T, strict=False))
@@ -141,16 +138,16 @@ class _Load:
 
 @dataclass(frozen=True)
 class _Sample:
-    """The integral of |g|^2 and the largest |g| with its place, of the points of this rank."""
+    """``int |g|^2``, and the largest ``|g|`` with its point, from the points of this rank."""
 
     square: float
     top: tuple[float, tuple[float, ...]]
 
 
 def _quadrature(
-    domain: Domain, dim: int, entities: IntArray, degree: int
+    domain: Domain, dim: int, entities: IndexArray, degree: int
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Points (k, d) and weights (k,) of the rule that the form compiler takes, chunk by chunk."""
+    """Points (k, d) and weights (k,) of the form compiler's quadrature rule, in chunks."""
     points, weights = basix.make_quadrature(_SHAPES[dim], degree)
     shares = np.column_stack([1.0 - points.sum(axis=1), points])
     mesh = domain.mesh

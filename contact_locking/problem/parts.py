@@ -1,4 +1,4 @@
-"""Every connected part of the body is held: by displacement conditions, or by contact with them."""
+"""The check that displacement conditions and contact hold every connected part of the body."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem import compiled, forms
@@ -24,16 +24,13 @@ from contact_locking.problem.conditions import (
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
 
-BoolArray = npt.NDArray[np.bool_]
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Held:
-    """A part of the body, the boundary parts that hold it, and what contact alone holds of it.
+    """A part of the body, the boundary parts that hold the part, and its free rigid motions.
 
-    ``free`` is the number of rigid motions that the displacement conditions leave, ``sliding`` the
-    number of those among them that friction alone can hold.
+    ``free`` is the number of rigid motions that the displacement conditions leave free, and
+    ``sliding`` is the number of these motions that friction alone can stop.
     """
 
     name: str
@@ -59,7 +56,7 @@ def check_parts_held(
     constraints: Constraints,
     loads: LoadParameters,
 ) -> list[Held]:
-    """What holds each part; raises InputError for one that is free to move; collective."""
+    """How each part is held; raises InputError for a part that is free to move; collective."""
     several = len(domain.part_names) > 1
     found = []
     for number, name in enumerate(domain.part_names):
@@ -90,10 +87,11 @@ def check_parts_held(
 def describe_slide(
     domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
 ) -> str | None:
-    """A motion along Gamma_C that friction, with the bound there is, does not stop, in words.
+    """A sliding motion c with ``(f, c) > int G |c_tau|``, in words; None if there is none.
 
-    The loads do more work along it than friction can take, ``(f, c) > int G |c_tau|``.  Looked at
-    are the motions along which the loads push the most.  None if friction stops them; collective.
+    The loads do more work along c than friction with the present bound G can dissipate.  Of each
+    part of the body only the sliding motion with the most work of the loads is checked.
+    Collective.
     """
     for number in range(len(domain.part_names)):
         found = _Motions(domain, space, data, constraints, number)
@@ -109,11 +107,11 @@ def describe_slide(
 
 
 class _Motions:
-    """The f rigid motions of a part that its displacement conditions leave; collective to make.
+    """The f rigid motions of a part that the displacement conditions leave free.
 
-    ``free`` (m, f) are their coefficients, ``work`` (f,) is that of the loads, ``normals`` (n, f)
-    are the normal components at all nodes of Gamma_C on the part, and ``rubs`` (n,) marks those
-    with friction.
+    ``free`` (m, f) are the coefficients of the motions, and ``work`` (f,) is the work of the loads
+    along the motions.  ``normals`` (n, f) are their normal components at all nodes of Gamma_C on
+    the part, and ``rubs`` (n,) marks the nodes with friction.  The constructor is collective.
     """
 
     def __init__(
@@ -144,7 +142,7 @@ class _Motions:
 
 
 class _AtContact:
-    """Rigid motions at the owned nodes of a contact that are on a part of the body."""
+    """Rigid motions at the owned nodes of one contact on one part of the body."""
 
     def __init__(self, contact: Contact, motions: FloatArray, part: BoolArray) -> None:
         self.contact, self._own = contact, contact.surface.is_of(part)
@@ -154,7 +152,7 @@ class _AtContact:
         self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self._own])
 
     def taken(self, motion: FloatArray) -> float:
-        """``int G |c|``, what friction can take of the work along a motion (f,) that slides."""
+        """``int G |c|``: the largest work of friction along a sliding motion c (f,), local."""
         slip = np.linalg.norm(np.einsum("fkd,f->kd", self._motions, motion), axis=1)
         weights, bound = self.contact.surface.weights[self._own], self.contact.bounds[self._own]
         return float(weights @ (bound * slip))
@@ -166,14 +164,14 @@ def _dofs(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:
     marks = la.vector(dofmap.index_map)
     marks.array[:] = 0.0
     marks.array[np.unique(dofmap.list[np.flatnonzero(domain.parts == part)])] = 1.0
-    # A rank may know a node of the part, and no cell of it.
+    # A rank may have a node of the part without a cell of the part.
     marks.scatter_reverse(la.InsertMode.add)
     marks.scatter_forward()
     return np.repeat(marks.array > 0.0, dofmap.index_map_bs)
 
 
 def _touching(domain: Domain, part: int, names: Sequence[str]) -> tuple[str, ...]:
-    """Those of the boundary parts that have facets of a part of the body; collective."""
+    """The named boundary parts that have facets of one part of the body; collective."""
     there = [
         bool(np.any(domain.parts[domain.owners(domain.facets((name,)))] == part)) for name in names
     ]

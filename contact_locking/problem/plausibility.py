@@ -1,33 +1,31 @@
-"""Warnings about data and results that are possible, but that hardly anybody means."""
+"""Warnings about data and results that are possible but probably not intended."""
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
-from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
+from contact_locking.parallel import maximum
 from contact_locking.problem.domain import Domain
 
-FloatArray = npt.NDArray[np.float64]
-
-# The theory drops squares of the displacement gradient: from here on they are the larger part.
+# The theory neglects squares of the displacement gradient, which exceed the gradient from here on.
 _LARGE_STRAIN = 1.0
-# No loads of any body are so large.
+# No body can bear loads of this multiple of its stiffness.
 _ABSURD = 1e30
-# More than this is said as a multiple, less in per cent.
+# A warning gives a larger excess as a multiple and a smaller excess in per cent.
 _MULTIPLE = 10.0
-# What penalties leave of a violation is notable from this share on; the one that is aimed at.
+# The share of violation by a penalty that causes a warning, and the share that the advice aims at.
 _NOTABLE, _AIM = 0.1, 0.01
 
 
 def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
-    """A word about a body that lies wholly inside the foundation; collective.
+    """A warning about a body that lies wholly inside the foundation; collective.
 
-    ``gap`` are its owned values at the nodes of Gamma_C.  All of the body is taken to be inside
-    where the least depth of Gamma_C is at least the smallest width of the body.
+    ``gap`` (k,) are the values at the owned nodes of Gamma_C.  The whole body counts as inside if
+    the least depth of Gamma_C is at least the smallest width of the body.
     """
-    depth = -float(domain.comm.allreduce(np.max(gap, initial=-np.inf), op=MPI.MAX))
+    depth = -maximum(domain.comm, gap, -np.inf)
     low, high = domain.bounding_box()
     width = float((high - low).min())
     if depth < width:
@@ -40,9 +38,9 @@ def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
 
 
 def about_a_load(stress: float, stiffness: float, key: str) -> list[str]:
-    """A word about a load whose largest ``stress`` is above the stiffness of the material.
+    """A warning about a load whose largest ``stress`` is above the stiffness of the material.
 
-    Raises InputError where it is so far above that the numbers have nothing in common.
+    Raises InputError for a load that no body can bear.
     """
     ratio = stress / stiffness
     if ratio <= 1.0:
@@ -54,21 +52,21 @@ def about_a_load(stress: float, stiffness: float, key: str) -> list[str]:
 
 
 def about_the_strain(largest: float) -> list[str]:
-    """A word about strains for which the theory is none, however well the equations are solved."""
+    """A warning about strains too large for the theory of small strains."""
     if largest <= _LARGE_STRAIN:
         return []
     return [
         f"the largest strain is {largest:.3g}, and this theory is of small strains: do the units "
-        "of loads, elasticity and lengths agree, and is the body held and supported as it should "
-        "be?"
+        "of loads, elasticity and lengths agree, and do displacement conditions or contact hold "
+        "the body?"
     ]
 
 
 def about_the_overstrain(overstrain: float, n: float, young: float) -> list[str]:
-    """A word about a penalised strain that exceeds its limit by a notable share of M.
+    """A warning about a penalised strain that exceeds its limit by a large share of M.
 
-    ``overstrain`` is ``|eps|/M - 1`` at its largest, ``|Z|/(2 n M)`` by (23).  A stiffer penalty
-    has to bear the same Z, or what the material bears now if that is more.
+    ``overstrain`` is the largest ``|eps|/M - 1 = |Z|/(2 n M)`` (23).  The advised n assumes that Z
+    stays the same or, if this is more, that Z takes over the present stress of the material.
     """
     if overstrain <= _NOTABLE:
         return []
@@ -86,11 +84,11 @@ def about_the_overstrain(overstrain: float, n: float, young: float) -> list[str]
 def about_the_penetration(
     penetration: float, displacement: float, epsilon: float, soft: float, follows_n: bool
 ) -> list[str]:
-    """A word about a body that enters the foundation by a notable share of its displacement.
+    """A warning about a body that enters the foundation by a large share of its displacement.
 
-    ``penetration`` is ``max [u_nu - gap]^+ = eps p`` (25), ``displacement`` the largest ``|u|``;
-    ``soft`` is the compliance of the body, its length over Young's modulus; ``follows_n`` says that
-    epsilon is 1/n.
+    ``penetration`` is ``max [u_nu - gap]^+ = eps p`` (25), and ``displacement`` is the largest
+    ``|u|``.  ``soft`` is the compliance of the body, length over Young's modulus.  ``follows_n``
+    says that epsilon is 1/n.
     """
     if epsilon == 0.0 or penetration <= _NOTABLE * displacement:
         return []

@@ -1,7 +1,7 @@
-"""R, the mollifier of the normal stress on Gamma_C that makes Coulomb friction non-local.
+"""R, the smoothing of the normal stress on Gamma_C that makes Coulomb friction non-local.
 
-R acts on nodal values: one number per node of Gamma_C, held by the rank that owns the node.  Every
-``apply`` is collective and its result does not depend on how the nodes are distributed.
+R maps nodal values (k,) at the owned nodes of Gamma_C to such values.  Every ``apply`` is
+collective, and the result does not depend on the distribution of the nodes.
 """
 
 from __future__ import annotations
@@ -9,21 +9,19 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.surface_mesh import SurfaceMesh
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Smoothing(Protocol):
-    """A linear map on the nodal values of Gamma_C that keeps constants at the free nodes."""
+    """A linear map of the nodal values on Gamma_C that keeps constants at the free nodes."""
 
     def apply(self, values: FloatArray) -> FloatArray:
-        """``R w`` at the owned nodes from ``w`` at the owned nodes; collective."""
+        """``R w`` (k,) from ``w`` (k,) at the owned nodes; collective."""
 
     def norm(self) -> float:
         """An upper bound of ``|R w|/|w|`` in L2 by the vertex rule over the free nodes."""
@@ -33,7 +31,7 @@ class Smoothing(Protocol):
 
 
 class Identity:
-    """``R w = w``: local Coulomb friction, the limit r -> 0."""
+    """``R w = w``: local Coulomb friction, the limit of a radius r -> 0."""
 
     def apply(self, values: FloatArray) -> FloatArray:
         return values.copy()
@@ -48,13 +46,13 @@ class Identity:
 class Convolution:
     """``(R w)(x) = int k(|x-y|) w(y) dy / int k(|x-y|) dy``, ``k(d) = exp(-1/(1 - (d/r)^2))``.
 
-    The kernel vanishes for ``d >= r`` and is smooth.  The denominator keeps constants at every
-    point, also near the ends of Gamma_C.  Integrals use the nodal weights of the vertex rule and
-    ``|x-y|`` is measured along Gamma_C (``SurfaceMesh.within``).
+    The kernel k is smooth and vanishes for ``d >= r``.  Because of the denominator, R keeps
+    constants at every point, also near the ends of Gamma_C.  Integrals use the vertex rule, and
+    ``|x-y|`` is the distance along Gamma_C (``SurfaceMesh.within``).
 
-    ``surface`` is Gamma_C with the weight 0 at held nodes, those whose normal displacement is
-    prescribed: they carry no pressure, and a weight in the denominator alone would lower R beside
-    them.  ``radius`` is a length.  Collective to make.
+    ``surface`` is Gamma_C with the weight 0 at held nodes, whose normal displacement is prescribed:
+    held nodes carry no pressure, and their weights in the denominator would lower R at the nodes
+    around.  ``radius`` is the length r.  The constructor is collective.
     """
 
     def __init__(self, comm: MPI.Intracomm, surface: SurfaceMesh, radius: float) -> None:
@@ -64,10 +62,10 @@ class Convolution:
         kernel = np.exp(-1.0 / (1.0 - (distance / radius) ** 2)) * weights[column]
         count = len(weights[surface.own])
         total = np.bincount(row, kernel, minlength=count)
-        # A held node without free ones around it has nothing to average, and no friction.
+        # A held node without free nodes around has nothing to average, and no friction.
         share = np.divide(kernel, total[row], out=np.zeros_like(kernel), where=total[row] > 0.0)
         self._matrix = csr_matrix((share, (row, column)), shape=(count, len(weights)))
-        # sqrt(|R|_1 |R|_inf) with |R|_inf = 1.
+        # |R| <= sqrt(|R|_1 |R|_inf), and |R|_inf = 1.
         columns = comm.allreduce(self._matrix.T @ weights[surface.own])
         ratio = np.divide(columns, weights, out=np.zeros_like(weights), where=weights > 0.0)
         self._norm = float(np.sqrt(np.max(ratio, initial=1.0)))
@@ -83,22 +81,25 @@ class Convolution:
 
 
 class HelmholtzFilter:
-    """``(I - r^2 Laplace_Gamma) w~ = w`` with natural ends: ``(m + r^2 K) w~ = m w``.
+    """``(I - r^2 Laplace_Gamma) w~ = w`` with natural conditions: ``(m + r^2 K) w~ = m w``.
 
-    ``surface`` is Gamma_C with its lumped mass m as weights, 0 at held nodes (those whose normal
-    displacement is prescribed), where the equation then says ``K w~ = 0``: the natural condition
-    moves to the free nodes beside them.  ``stiffness`` is the P1 surface Laplacian K on Gamma_C as
-    a distributed matrix whose local rows are the owned nodes.  The lumped mass keeps the filtered
-    values positive where K is an M-matrix.  K 1 = 0 keeps the mean over each connected part of
-    Gamma_C; as ``r^2 K`` is rounded, a large radius would lose it, so that the mean is taken off
-    before and put back after.  Collective to make.
+    ``surface`` is Gamma_C with the lumped mass m as weights.  The mass is 0 at held nodes, whose
+    normal displacement is prescribed; the equation there is ``K w~ = 0``, which moves the natural
+    condition to the free nodes around.  ``stiffness`` is the P1 surface Laplacian K, a distributed
+    matrix with the owned nodes as local rows.  ``radius`` is the length r.
+
+    The lumped mass keeps the filtered values positive where K is an M-matrix.  Because of K 1 = 0
+    the filter keeps the mean over each connected part of Gamma_C.  The mean is subtracted before
+    the solve and added afterwards, because the rounding in ``r^2 K`` would change the mean for a
+    large radius.  The constructor is collective.
     """
 
     def __init__(
         self, comm: MPI.Intracomm, surface: SurfaceMesh, stiffness: PETSc.Mat, radius: float
     ) -> None:
         self._comm, self._surface = comm, surface
-        # A part without any free node would leave the matrix singular; no friction acts there.
+        # A connected part without a free node would make the matrix singular; no friction acts
+        # there.
         is_held = surface.mean_by_part((surface.weights > 0.0).astype(float)) == 0.0
         self._mass = np.where(is_held, 1.0, surface.weights)
         self._operator = stiffness.copy()
@@ -125,7 +126,7 @@ class HelmholtzFilter:
         return np.asarray((mean + rest - self._surface.mean_by_part(rest, self._mass))[own])
 
     def norm(self) -> float:
-        # Symmetric in the lumped product, with eigenvalues 1/(1 + r^2 k) and k >= 0.
+        # R is symmetric in the lumped product, with eigenvalues 1/(1 + r^2 k), k >= 0.
         return 1.0
 
     def destroy(self) -> None:

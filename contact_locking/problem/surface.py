@@ -1,37 +1,34 @@
-"""Gamma_C as the discrete problem sees it: its nodes, their weights, and nodal averages.
+"""Gamma_C in the discrete problem: nodes, weights and nodal averages.
 
-Integrals over Gamma_C use the vertex rule, so that contact and friction act node by node: for an
-affine gap the condition at the nodes is the condition everywhere.
+Integrals over Gamma_C use the vertex rule, so that contact and friction act at the nodes.  If the
+gap is affine, the contact condition at the nodes implies the condition on the facets.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.problem import compiled
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.spaces import CONTACT_RULE
 from contact_locking.problem.surface_mesh import SurfaceMesh
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-
-# A normal that has this little of itself in free directions is prescribed.
+# The normal displacement is prescribed where the free directions hold less of the unit normal.
 _PRESCRIBED = 1e-6
 
 
 class ContactSurface:
     """The nodes of Gamma_C in the P1 spaces, with the weights of the vertex rule.
 
-    ``nodes`` are the owned nodes as indices into the scalar space, ``blocks`` the same nodes as
-    blocks of the vector space, ``points`` (k, d) their places, ``weights`` (k,) their shares of
-    the measure of Gamma_C.  Collective to make.
+    ``nodes`` (k,) are the owned nodes as indices of the scalar space, ``blocks`` (k,) the same
+    nodes as blocks of the vector space, ``points`` (k, d) the coordinates of the nodes, and
+    ``weights`` (k,) their shares of the measure of Gamma_C.  The constructor is collective.
     """
 
     def __init__(
@@ -47,7 +44,8 @@ class ContactSurface:
         self.vector_space = space
         self.scalar_space, to_vector = _compat.collapse(space.sub(0))
         owned = self.scalar_space.dofmap.index_map.size_local
-        # A rank may own a node of Gamma_C without owning a facet there; the weights find it.
+        # The weights also find a node of Gamma_C that the rank owns without a facet beside the
+        # node.
         mass = self._assemble(ufl.TestFunction(self.scalar_space) * self.ds)
         self.nodes = np.flatnonzero(mass[:owned] > 0.0).astype(np.int32)
         self.blocks = to_vector[self.nodes] // domain.dim
@@ -55,31 +53,31 @@ class ContactSurface:
         self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
 
     def is_of(self, dofs: BoolArray) -> BoolArray:
-        """(k,) whether the nodes are among the marked local dofs of the vector space."""
+        """(k,) whether each node is marked; ``dofs`` marks the local dofs of the vector space."""
         return np.asarray(dofs[self.blocks * self.domain.dim])
 
     def body_normals(self) -> FloatArray:
-        """The outward unit normals (k, d) of the body at the nodes, facets averaged; collective."""
+        """The outward unit normals (k, d) of the body, averaged over the facets; collective."""
         normals = self.average(ufl.FacetNormal(self.domain.mesh))()
         return normals / np.linalg.norm(normals, axis=1)[:, None]
 
     def free_nodes(self, normal: FloatArray, free_dofs: FloatArray) -> BoolArray:
         """(k,) the nodes whose normal displacement is not prescribed.
 
-        At the others, the held nodes, the displacement condition decides: there is no pressure and
-        no friction.  ``normal`` (k, d) is the contact normal, ``free_dofs`` has 1 at free and 0 at
-        constrained dofs of the vector space, the owned ones at least.
+        The other nodes are the held nodes: a displacement condition decides there, and neither
+        pressure nor friction acts.  ``normal`` (k, d) is the contact normal; ``free_dofs`` has 1 at
+        free and 0 at constrained dofs of the vector space, at least for the owned dofs.
         """
         is_free = free_dofs.reshape(-1, self.domain.dim)[self.blocks]
         return np.asarray(np.linalg.norm(normal * is_free, axis=1) > _PRESCRIBED)
 
     def whole(self, free: BoolArray | None = None) -> SurfaceMesh:
-        """Gamma_C on every rank; nodes that are not ``free`` (k,) have no weight.  Collective."""
+        """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective."""
         comm, mesh = self.domain.comm, self.domain.mesh
         weights = self.weights if free is None else np.where(free, self.weights, 0.0)
         counts = comm.allgather(len(self.nodes))
         first = sum(counts[: comm.rank])
-        # Ranks own dofs in the order of their numbers, so that all of them come in that order.
+        # The ranks own dofs in ascending order, so that the gathered numbers ascend as well.
         index_map = self.scalar_space.dofmap.index_map
         numbers = np.concatenate(comm.allgather(index_map.local_to_global(self.nodes)))
         dofs = np.empty(len(mesh.geometry.x), dtype=np.int32)
@@ -109,14 +107,14 @@ class ContactSurface:
         return function
 
     def facet_corners(self) -> FloatArray | None:
-        """The corners (m, d, d) of the facets of Gamma_C on rank 0, else None; collective."""
+        """The corners (m, d, d) of the facets of Gamma_C on rank 0, otherwise None; collective."""
         mesh, dim = self.domain.mesh, self.domain.dim
         corners = _compat.entities_to_geometry(mesh, dim - 1, self.facets)
         gathered = self.domain.comm.gather(mesh.geometry.x[corners, :dim])
         return None if gathered is None else np.concatenate(gathered)
 
     def integral(self, values: FloatArray) -> FloatArray:
-        """``int w`` over Gamma_C of nodal values (k,) or (k, d); collective."""
+        """``int w`` over Gamma_C for nodal values w (k,) or (k, d); collective."""
         return self.domain.comm.allreduce(np.tensordot(self.weights, values, axes=(0, 0)))
 
     def average(self, integrand: Expr) -> NodalAverage:
@@ -148,7 +146,10 @@ class ContactSurface:
 
 
 class NodalAverage:
-    """A compiled ``int w phi_i / int phi_i`` over Gamma_C; values (k,) or (k, d), collective."""
+    """``int w phi_i / int phi_i`` over Gamma_C as a compiled form.
+
+    A call returns the nodal values (k,) or (k, d) and is collective.
+    """
 
     def __init__(self, surface: ContactSurface, integrand: Expr) -> None:
         self._surface = surface

@@ -1,7 +1,7 @@
-"""Gamma_C as one mesh that every rank holds: how its nodes are joined, and how far apart they are.
+"""Gamma_C as one mesh on every rank, with the distances between its nodes.
 
-Distances are measured along Gamma_C, so that parts which lie near each other in space without being
-joined, or which fold back on each other, stay apart.
+Distances are measured along Gamma_C.  Two parts that are near in space but not connected, and two
+sides of a fold, are therefore far apart.
 """
 
 from __future__ import annotations
@@ -11,17 +11,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from contact_locking.arrays import FloatArray, IntArray
 
-# Equal distances that rounding tells apart lie on the same side of a radius.
+# Nodes whose distance is the radius up to this share are all outside, whatever the rounding.
 _ROUNDING = 1e-12
-# Rows of distances that are held as a full matrix at a time.
+# The distances from so many nodes are in memory as a full matrix at a time.
 _ROWS = 256
 
 
@@ -29,8 +27,8 @@ _ROWS = 256
 class SurfaceMesh:
     """The nodes of Gamma_C with their weights, and its facets; made by ``ContactSurface.whole``.
 
-    ``points`` (k, d), ``weights`` (k,) and ``facets`` (m, d), numbers of nodes, are the same on
-    every rank; ``own`` are the nodes that this rank owns.
+    ``points`` (k, d), ``weights`` (k,) and ``facets`` (m, d), as numbers of nodes, are the same on
+    every rank; ``own`` is the range of the nodes that this rank owns.
     """
 
     points: FloatArray
@@ -55,7 +53,10 @@ class SurfaceMesh:
         return np.asarray(connected_components(self.edges, directed=False)[1], dtype=np.int64)
 
     def mean_by_part(self, values: FloatArray, weights: FloatArray | None = None) -> FloatArray:
-        """(k,) the mean of values (k,) over the part of each node, with weights (k,) or without."""
+        """(k,) the mean of ``values`` (k,) over the connected part of each node.
+
+        ``weights`` (k,) are the weights of the mean, by default equal.
+        """
         weights = np.ones(len(values)) if weights is None else weights
         total = np.bincount(self.parts, weights)
         sums = np.bincount(self.parts, weights * values)
@@ -63,13 +64,16 @@ class SurfaceMesh:
         return np.asarray(means[self.parts])
 
     def within(self, radius: float) -> tuple[IntArray, IntArray, FloatArray]:
-        """Own nodes, all nodes nearer to them than ``radius``, and their distances; three (p,).
+        """All p pairs of an own node and a node nearer than ``radius``.
 
-        In two dimensions the distance is the length of the curve between the nodes.  In three it is
-        that of the straight line, between nodes that are joined within the ball of that radius: on
-        a flat piece both are the same, on a curved one the straight line is shorter by a share of
-        the square of radius times curvature over 24, and a fold of the surface that comes near in
-        space alone is left out.
+        Returns the numbers of the own nodes, the numbers of the other nodes, and the distances,
+        (p,) each.
+
+        In 2D the distance is the length of the curve between the nodes.  In 3D the distance is the
+        length of the straight line, for nodes that are connected within the ball of that radius
+        around the own node: a fold of the surface that is near in space only does not count.  On a
+        curved surface the straight line is shorter than the geodesic by the relative amount
+        ``(radius * curvature)^2/24``.
         """
         near = self._along_curves if self.points.shape[1] == 2 else self._inside_balls
         rows, columns, distances = near(radius)

@@ -1,4 +1,4 @@
-"""The discrete penalised problem as a solver sees it: vectors, matrices and friction bounds."""
+"""The discrete penalised problem for a solver: vectors, matrices and friction bounds."""
 
 from __future__ import annotations
 
@@ -7,35 +7,34 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc
-from mpi4py import MPI
 from petsc4py import PETSc
 
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.penalty import Penalty
+from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.conditions import Constraints, rigid_motions
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.surface import NodalAverage
 
-FloatArray = npt.NDArray[np.float64]
-
-# Rounding in a sum of products is a few times this share of what is summed.
+# The rounding of a sum of products is a few times this share of the summands.
 ROUNDING = 64.0 * float(np.finfo(float).eps)
 
 
 class PenalisedSystem:
-    """Residual and tangent of (26) over PETSc, at penalties and friction bounds that can be set.
+    """The residual and the tangent of (26) in PETSc, for penalties and friction bounds that change.
 
-    ``u`` carries the displacement, with the prescribed values in its constrained dofs at all times.
-    ``held_by_contact`` says that some rigid motion is stopped by contact alone, and
-    ``held_by_friction`` that friction alone stops one.
+    ``u`` is the displacement, at all times with the prescribed values in the constrained dofs.
+    ``held_by_contact`` says that contact alone stops some rigid motion, and ``held_by_friction``
+    that friction alone stops some rigid motion.
     """
 
-    # The share of the contact stiffness kept where the body does not touch, if contact alone
-    # holds it: it makes the tangent regular and leaves the residual, so the solution, alone.
+    # If contact alone stops a rigid motion, all of Gamma_C keeps this share of the contact
+    # stiffness in the tangent, which is then regular.  The residual, and so the solution, does not
+    # change.
     CONTACT_FLOOR = 1e-6
 
     def __init__(
@@ -59,11 +58,11 @@ class PenalisedSystem:
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._assemble(compiled.form(forms.external_work(v, data)))
-        # (f, .), owned degrees of freedom, constrained ones included.
+        # (f, .) at the owned dofs, constrained dofs included.
         self.load = self._work.x.array[: self._owned].copy()
         self._load_norm = float(la.norm(self._work.x))
 
-    # The penalised forms are compiled when first asked for: n = inf never does.
+    # The penalised forms are compiled at their first use.  The solver for n = inf never uses them.
 
     @cached_property
     def _residual(self) -> fem.Form:
@@ -78,7 +77,7 @@ class PenalisedSystem:
         if self.held_by_contact:
             factor = fem.Constant(space.mesh, self.CONTACT_FLOOR) / self.data.epsilon
             tangent += forms.contact_stiffness(v, du, self.contacts, factor)
-        # With more than DOLFINx's own flags this takes GCC a minute in 3D, and is as fast.
+        # With the flags of compiled.form GCC takes a minute in 3D, and the code is not faster.
         return fem.form(tangent)
 
     @cached_property
@@ -90,12 +89,12 @@ class PenalisedSystem:
 
     @property
     def size(self) -> int:
-        """Number of displacement unknowns, constrained ones included."""
+        """The number of displacement dofs, constrained dofs included."""
         dofmap = self.u.function_space.dofmap
         return int(dofmap.index_map.size_global * dofmap.index_map_bs)
 
     def set_penalty(self, penalty: Penalty) -> None:
-        """Let the penalised forms use these parameters."""
+        """Set the parameters of the penalised forms."""
         self.data.n.value, self.data.epsilon.value = penalty.n, penalty.epsilon
         for contact, length in zip(self.contacts, penalty.regularisations, strict=True):
             contact.regularisation.value = length
@@ -128,15 +127,15 @@ class PenalisedSystem:
         return nullspace
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """``f = F(x)``, zero at constrained dofs; leaves ``u = x``; collective."""
+        """``f = F(x)``, zero at constrained dofs; sets ``u = x``; collective."""
         self.set_displacement(x)
         self.assemble_free(self._residual, f)
 
     def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
         """The tangent at ``x``, rows and columns of constrained dofs replaced by the identity.
 
-        It is declared symmetric positive definite, which PETSc forgets with each new value; it
-        would have MUMPS look for pivots.
+        The matrix is declared symmetric positive definite each time, because PETSc forgets this
+        property with new values, and MUMPS would then look for pivots.  Collective.
         """
         self.set_displacement(x)
         matrix.zeroEntries()
@@ -149,32 +148,31 @@ class PenalisedSystem:
         return self._constraints.conditions
 
     def free_dofs(self) -> FloatArray:
-        """1 at free and 0 at constrained local dofs, ghosts included."""
+        """1 at free and 0 at constrained local dofs of ``u``, ghosts included."""
         return self._constraints.free_dofs(self.u)
 
     def assemble_free(self, form: fem.Form, f: PETSc.Vec) -> None:
-        """``f`` = a linear form, zero at constrained dofs; collective."""
+        """Assemble a linear form into ``f``, with zero at constrained dofs; collective."""
         self._assemble(form)
         self._work.x.array[self._constraints.dofs] = 0.0
         f.array_w[:] = self._work.x.array[: self._owned]
 
     def force_scale(self, tolerance: float) -> float:
-        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included.
+        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, or :meth:`above_rounding`.
 
-        It is never so small that its share ``tolerance`` is rounding; collective.
+        Collective.
         """
         self._assemble(self._elastic)
         acting = max(self._load_norm, float(la.norm(self._work.x)))
         return self.above_rounding(acting, tolerance)
 
     def above_rounding(self, acting: float, tolerance: float) -> float:
-        """``acting``, or the force whose share ``tolerance`` is rounding in ``u``, if that is more.
+        """``max(acting, rounding/tolerance)`` with :meth:`force_rounding`; collective.
 
-        Collective.
+        A residual of ``tolerance`` times this force is at least the rounding in ``u``.
         """
-        size = np.linalg.norm(self.u.x.array.reshape(-1, self.dim), axis=1)
-        largest = self.comm.allreduce(float(np.max(size, initial=0.0)), op=MPI.MAX)
-        # Where forces act, next to which this is nothing, it is not evaluated cell by cell.
+        largest = maximum(self.comm, np.linalg.norm(self.u.x.array.reshape(-1, self.dim), axis=1))
+        # An upper bound of the rounding, which saves the assembly where larger forces act.
         if largest * self._rounding_of_one <= tolerance * acting:
             return acting
         return max(acting, self.force_rounding() / tolerance)
@@ -189,7 +187,7 @@ class PenalisedSystem:
         return rounding
 
     def force_rounding(self) -> float:
-        """What rounding in ``a(u, .)`` may leave, as a norm over all dofs; collective."""
+        """The rounding in ``a(u, .)``, as a norm over all dofs; collective."""
         self._assemble(self._magnitudes)
         return ROUNDING * float(la.norm(self._work.x))
 
@@ -198,14 +196,15 @@ class PenalisedSystem:
         return float(self.comm.allreduce(fem.assemble_scalar(self._elastic_energy)))
 
     def set_displacement(self, x: PETSc.Vec) -> None:
-        """``u = x``, but with the prescribed values, which an inexact solve may have moved."""
+        """``u = x`` at free dofs, and the prescribed values at constrained dofs; collective."""
         self.u.x.array[: self._owned] = x.array_r
         self._constraints.apply(self.u)
 
     def take_over(self, displacement: FloatArray, pressures: Sequence[FloatArray]) -> None:
-        """``u`` = local values, but for the prescribed ones, and the bounds of pressures (k,).
+        """Set the free dofs of ``u`` to given local values, and the friction bounds; collective.
 
-        Without pressures, none being given, the bounds are those of the penalty law; collective.
+        ``pressures`` gives the pressures (k,) of each contact for the friction bounds; if it is
+        empty, the pressures are those of the penalty law.
         """
         self.u.x.array[:] = displacement
         self._constraints.apply(self.u)
@@ -215,7 +214,7 @@ class PenalisedSystem:
             contact.bounds = contact.friction_bound(self.u, pressure)
 
     def penalty_bounds(self) -> list[FloatArray]:
-        """The friction bounds of :attr:`rubbing` that belong to the penalty law; collective."""
+        """The friction bounds of :attr:`rubbing` for the penalty law's pressures; collective."""
         return [
             contact.friction_bound(self.u, pressure())
             for contact, pressure in zip(self.contacts, self._penalty_pressures, strict=True)
@@ -223,12 +222,12 @@ class PenalisedSystem:
         ]
 
     def update_bounds(self) -> None:
-        """Set every friction bound to that of the penalty law at the displacement; collective."""
+        """Set the friction bounds to :meth:`penalty_bounds`; collective."""
         for contact, bound in zip(self.rubbing, self.penalty_bounds(), strict=True):
             contact.bounds = bound
 
     def clear(self) -> None:
-        """``u = 0`` but for the prescribed values, and no friction; collective."""
+        """``u = 0`` at free dofs, and all friction bounds zero; collective."""
         self.u.x.array[:] = 0.0
         self._constraints.apply(self.u)
         for contact in self.contacts:
@@ -236,9 +235,9 @@ class PenalisedSystem:
 
     @contextlib.contextmanager
     def preserved(self, only_on_failure: bool = False) -> Iterator[None]:
-        """Give the displacement and the friction bounds back the values from before the block.
+        """Restore the displacement and the friction bounds after the block; collective.
 
-        With ``only_on_failure`` this happens where the block raises, not where it ends; collective.
+        With ``only_on_failure`` they are restored only if the block raises an exception.
         """
         displacement = self.u.x.array.copy()
         bounds = [contact.bounds for contact in self.contacts]

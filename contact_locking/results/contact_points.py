@@ -1,4 +1,4 @@
-"""The points of Gamma_C as one table, in which contact follows contact."""
+"""The points of Gamma_C as one table, contact after contact."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ STATE_NAMES = ("open", "stick", "slip")
 class ContactPoints:
     """The k nodes of Gamma_C, contact after contact; a node of two contacts is a point of both.
 
-    The points of a contact follow its curves in 2D and are sorted lexicographically in 3D.
-    Vectors are (k, d), scalars (k,); ``state`` holds OPEN, STICK or SLIP.  ``traction`` is
-    ``sigma_tau``, the friction traction on the body, ``bound`` is ``mu |R sigma_nu|``, and
-    ``contact`` is the number of the contact, which ascends from 0.
+    The points of a contact follow the curves of Gamma_C in 2D and are sorted lexicographically in
+    3D.  Vectors are (k, d) and scalars are (k,).  ``traction`` is the friction traction
+    ``sigma_tau`` on the body, ``bound`` is the friction bound ``mu |R sigma_nu|``, ``state`` is
+    OPEN, STICK or SLIP, and ``contact`` is the number of the contact, which ascends from 0.
     """
 
     x: FloatArray
@@ -79,7 +79,7 @@ def joined(
 ) -> tuple[ContactPoints, IntArray]:
     """The points and the facets (m, d) of all contacts, which are numbered by their order.
 
-    Given facets are numbers of the contact's own points, those returned of all points.
+    The given facets number the points of their contact; the returned facets number all points.
     """
     numbered = [
         replace(points, contact=np.full(len(points), number))
@@ -98,13 +98,13 @@ def joined(
 
 
 def facets_within(facets: IntArray, rows: slice) -> IntArray:
-    """The facets (m, d) of one contact as numbers of its own points, which are these rows."""
+    """The facets (m, d) of the contact with these rows, as numbers of the points of the contact."""
     own = (facets[:, 0] >= rows.start) & (facets[:, 0] < rows.stop)
     return facets[own] - rows.start
 
 
 def contact_name(summary: Mapping[str, Any], number: int) -> str:
-    """The boundary parts of a contact as the summary names them, otherwise "contact 1", ..."""
+    """The boundary parts of a contact from the summary, or "contact 1" if it names none."""
     listed = summary.get("contacts")
     entry = listed[number] if isinstance(listed, list) and number < len(listed) else None
     on = entry.get("on") if isinstance(entry, Mapping) else None

@@ -57,9 +57,10 @@ def write_facets(facets: IntArray, stream: TextIO) -> None:
 
 
 def read_points(text: str, name: str) -> ContactPoints:
-    """The points in the text of the file ``name``; without a column ``contact`` of one contact.
+    """The points in the text of the file ``name``.
 
-    Raises InputError, with the line, for a table that `write_points` has not written.
+    Without a column ``contact`` all points belong to contact 0.  Raises InputError with the line
+    for a table that `write_points` has not written.
     """
     header, rows = _table(text, name)
     axes = tuple(axis for axis in AXES if axis in header)
@@ -69,7 +70,7 @@ def read_points(text: str, name: str) -> ContactPoints:
     missing = [column for column in names[:-1] if column not in places]
     if missing or not 2 <= len(axes) <= 3:
         raise InputError(f"{name}:1: is damaged: there is no column {', '.join(missing or 'xy')}")
-    # The last column is the contact, whose number is 0 in a file without that column.
+    # The last column is the number of the contact, which is 0 in a file without this column.
     numbers = np.zeros((len(rows), len(names)))
     for index, (line, cells) in enumerate(rows):
         try:
@@ -95,7 +96,8 @@ def read_points(text: str, name: str) -> ContactPoints:
 def read_facets(text: str, name: str, points: ContactPoints) -> IntArray:
     """The facets (m, d) in the text of the file ``name``, as numbers of ``points``.
 
-    Raises InputError for a table that `write_facets` has not written for these points.
+    Raises InputError with the line for a table that `write_facets` has not written for these
+    points.
     """
     rows = _table(text, name)[1]
     facets = np.empty((len(rows), points.dim), dtype=np.int64)
@@ -118,7 +120,7 @@ def _number(column: str, cell: str) -> float:
 
 
 def _table(text: str, name: str) -> tuple[list[str], list[_Row]]:
-    """The header, and each row with its line."""
+    """The header, and each row with its line number."""
     reader = csv.reader(io.StringIO(text, newline=""))
     try:
         lines: list[_Row] = [(reader.line_num, cells) for cells in reader]

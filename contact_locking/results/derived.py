@@ -1,4 +1,4 @@
-"""From a solved displacement to the fields, the contact points and the numbers of the summary."""
+"""Fields, contact points and summary of a solved displacement."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Any
 
 import dolfinx
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
+from contact_locking.arrays import IntArray
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.locking import locking_stress
+from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.coefficients import Material
 from contact_locking.problem.contact import Contact
@@ -25,15 +25,14 @@ from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoi
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
-# |eps| >= M (1 - 1e-6) counts as locked.
+# A cell is locked if |eps| >= M (1 - 1e-6).
 _LOCKED_MARGIN = 1e-6
-# The regularised law approaches its bound but never reaches it; from 99 % on a point slips.
+# The regularised friction traction never reaches the bound: a point slips from 99 % of the bound
+# on.
 _SLIP_SHARE = 0.99
 
-# The scalar fields on Gamma_C, and the nodal values that they are made of.
+# The scalar fields on Gamma_C, each with the attribute of ContactFields that holds the nodal
+# values.
 _SCALAR_FIELDS = {
     "contact_pressure": "pressure",
     "smoothed_stress": "smoothed_stress",
@@ -43,7 +42,7 @@ _SCALAR_FIELDS = {
 
 
 class BodyFields:
-    """P0 fields of the body, interpolated exactly (P1 strains are constant in a cell)."""
+    """P0 fields of the body, exact because P1 strains are constant in a cell."""
 
     def __init__(
         self,
@@ -67,11 +66,11 @@ class BodyFields:
     def largest_overstrain(self, domain: Domain) -> float:
         """``max |eps|/M - 1`` over the body; collective."""
         ratio = self.strain_norm.x.array / self.locking_limit.x.array
-        return float(domain.comm.allreduce(ratio.max(initial=0.0), op=MPI.MAX)) - 1.0
+        return maximum(domain.comm, ratio) - 1.0
 
 
 class ContactFields:
-    """Nodal fields of a contact, as arrays over the owned nodes of its part of Gamma_C."""
+    """The nodal fields of one contact, as arrays over its owned nodes."""
 
     def __init__(self, contact: Contact, u: fem.Function, forces: ContactForces) -> None:
         self.contact, self.surface = contact, contact.surface
@@ -86,10 +85,11 @@ class ContactFields:
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
 
     def gather(self) -> tuple[ContactPoints, IntArray] | None:
-        """All points and facets on rank 0, in an order that no distribution changes; else None.
+        """All points and facets on rank 0, otherwise None; collective.
 
-        They balance the loads as the fields do: a solver with multipliers leaves open points the
-        pressure that its tolerance allows, some 1e-7 of the peak.
+        The order does not depend on the distribution.  A solver with multipliers leaves a small
+        pressure at open points, within its tolerance.  This pressure stays in the table, so that
+        the table balances the loads.
         """
         columns = (
             self.surface.points,
@@ -117,9 +117,8 @@ class ContactFields:
         """Resultants and areas of this contact; collective."""
         surface = self.surface
         force = 0.0 - surface.integral(self.pressure[:, None] * self.normal)
-        penetration = float(np.max(self.u_normal - self.gap, initial=0.0))
         return {
-            "penetration_max": float(surface.domain.comm.allreduce(penetration, op=MPI.MAX)),
+            "penetration_max": maximum(surface.domain.comm, self.u_normal - self.gap),
             "contact_force": force.tolist(),
             "friction_force": surface.integral(self.traction).tolist(),
             "contact_area": float(surface.integral((self.state != OPEN).astype(float))),
@@ -128,7 +127,7 @@ class ContactFields:
 
 
 def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multipliers:
-    """The stress and the forces that the penalty laws (23), (25), (22) give u; collective."""
+    """Locking stress (23), pressure (25) and friction (22) of u by the penalty laws; collective."""
     stress = locking_stress(strain(u), data.inverse_limit, data.n)
     locking = _p0(domain, stress, "locking_stress", (domain.dim, domain.dim))
     forces = []
@@ -140,7 +139,7 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
 
 
 def contact_summary(contacts: Sequence[ContactFields], dim: int) -> dict[str, Any]:
-    """The keys of summary.json that belong to Gamma_C, of all contacts together; collective."""
+    """The keys of summary.json about all contacts together, and about each contact; collective."""
     total: dict[str, Any] = {
         "penetration_max": 0.0,
         "contact_force": [0.0] * dim,
@@ -172,8 +171,8 @@ def gather_contacts(
 def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, fem.Function]:
     """The fields of all contacts as P1 functions, zero off Gamma_C; collective.
 
-    At a node that several contacts share the value is the mean, weighted by their shares of the
-    area around the node, so that nodal forces add up; the state is the largest.
+    At a node of several contacts the value is the mean, weighted by the nodal weights of the
+    contacts, so that the nodal forces add up; the state is the largest state.
     """
     vectors = u.function_space
     scalars = _compat.collapse(vectors.sub(0))[0]
@@ -202,10 +201,9 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
 def body_summary(
     domain: Domain, u: fem.Function, data: forms.ProblemData, fields: BodyFields
 ) -> dict[str, Any]:
-    """Energies, strains and sizes; collective."""
+    """The keys of summary.json about the body: energies, strains and sizes; collective."""
     dofmap = u.function_space.dofmap
     owned = domain.mesh.topology.index_map(domain.dim).size_local
-    largest = float(np.max(fields.strain_norm.x.array[:owned], initial=0.0))
     one = fem.Constant(domain.mesh, 1.0)
     return {
         "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
@@ -214,7 +212,7 @@ def body_summary(
         "dolfinx": dolfinx.__version__,
         "compliance": integral(domain, forms.external_work(u, data)),
         "elastic_energy": integral(domain, 0.5 * forms.elastic_form(u, u, data)),
-        "strain_norm_max": float(domain.comm.allreduce(largest, op=MPI.MAX)),
+        "strain_norm_max": maximum(domain.comm, fields.strain_norm.x.array[:owned]),
         "locked_fraction": integral(domain, fields.locked * data.dx)
         / integral(domain, one * data.dx),
     }

@@ -27,15 +27,15 @@ FIELD_NAMES = (
     "contact_state",
 )
 
-# Where fewer bytes are free after a failure without an error number, the disk was full.
+# After a failure without an error number the disk is taken to be full if fewer bytes are free.
 _NO_ROOM_BYTES = 65_536
 
 
 def discontinuous(solution: Solution) -> list[fem.Function]:
     """All fields as discontinuous P1 functions.
 
-    A VTX file holds functions of one element only, and discontinuous P1 contains P1 and P0.
-    Values are copied corner by corner, so that 0 and 1 stay 0 and 1.
+    All functions of a VTX file have one element, and discontinuous P1 contains P1 and P0.  The
+    values are copied at the corners and not interpolated, so that 0 and 1 stay 0 and 1.
     """
     spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
     copies = []
@@ -47,7 +47,7 @@ def discontinuous(solution: Solution) -> list[fem.Function]:
             spaces[shape] = fem.functionspace(solution.domain.mesh, element)
         copy = fem.Function(spaces[shape], name=name)
         given, wanted = function.function_space.dofmap, copy.function_space.dofmap
-        # A P0 function has one node in a cell, whose value goes to every corner.
+        # A P0 function has one value in a cell, which every corner receives.
         values = function.x.array.reshape(-1, given.bs)[given.list]
         copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values
         copies.append(copy)
@@ -55,11 +55,12 @@ def discontinuous(solution: Solution) -> list[fem.Function]:
 
 
 def size(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
-    """The bytes of the file at most: values, mesh, and the notes of ADIOS2 for each rank."""
+    """An upper bound of the bytes of the file: values, mesh, and ADIOS2's metadata of each rank."""
     mesh = functions[0].function_space.mesh
     cells = mesh.topology.index_map(mesh.topology.dim).size_global
     corners = cells * (mesh.topology.dim + 1)
-    # ParaView takes vectors of 3 and tensors of 9 components; a point has 3, a number and a mark.
+    # A vector has 3 and a tensor 9 components in the file; a point has 3, a number and a ghost
+    # mark.
     components = sum({0: 1, 1: 3, 2: 9}[len(f.ufl_shape)] for f in functions) + 3 + 2
     return int(8 * (components * corners + corners + cells) + 32_768 * (1 + comm.size))
 
@@ -71,8 +72,8 @@ def write(functions: list[fem.Function], path: Path, comm: MPI.Intracomm) -> Non
         file.write(0.0)
         file.close()
     except RuntimeError as error:
-        # The destructor of ADIOS2 would write again, and an exception that leaves a destructor ends
-        # the process: one reference more keeps the destructor from being called.
+        # The destructor of ADIOS2 would write again, and an exception in a destructor ends the
+        # process.  One more reference to the file prevents the call of the destructor.
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(file))
         told = re.search(r"errno = (\d+)", str(error))
         full = shutil.disk_usage(path.parent).free < _NO_ROOM_BYTES

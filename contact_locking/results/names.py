@@ -1,17 +1,17 @@
-"""The names of the files in the folders of runs and studies, for the writers and the readers."""
+"""The names of the files in the folders of runs and studies."""
 
 from __future__ import annotations
 
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
-#: The picture of a run, and all that it shows as arrays.
+#: The picture of a run, and the arrays that the picture shows.
 PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
 #: The table of a study, in CSV and in JSON lines.
 TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
 
 
 def not_writable(directory: object) -> str:
-    """The words for a folder that results cannot be written to; a long path is shortened."""
+    """The message about a folder that results cannot be written to, with a long path shortened."""
     path = str(directory)
     shown = path if len(path) <= 300 else f"{path[:200]}...{path[-80:]}"
     return f"results cannot be written to {shown}"

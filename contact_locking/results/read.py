@@ -1,4 +1,4 @@
-"""The results in the folder of a run or of a study; no file is trusted to be as it was written."""
+"""The results in the folder of a run or of a study; every file is checked."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NAME = re.compile(r"[0-9a-f]{16}")
 
 @dataclass(frozen=True)
 class RunResults:
-    """The results of a run; ``facets`` (m, d) are numbers of the points of ``contact``."""
+    """The results of a run; ``facets`` (m, d) number the points of ``contact``."""
 
     folder: Path
     summary: dict[str, Any]
@@ -50,7 +50,7 @@ class StudyResults:
     rows: list[Row]
 
     def case_folder(self, row: Row) -> Path | None:
-        """The folder with the results of a row, None if there is none."""
+        """The folder with the results of a row; None without such a folder."""
         name = row.get("case")
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             return None
@@ -59,7 +59,10 @@ class StudyResults:
 
 
 def read(folder: Path) -> RunResults | StudyResults:
-    """The results in a folder. Raises InputError if there are none that this version can show."""
+    """The results in a folder.
+
+    Raises InputError if the folder has no results, or results of another version.
+    """
     if not folder.is_dir():
         there = "is no folder" if folder.exists() else "there is no such folder"
         raise InputError(f"{folder}: {there}; give the folder of a run or of a study")
@@ -84,7 +87,7 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def read_mapping(path: Path) -> dict[str, Any] | None:
-    """The mapping in a JSON file; None if there is no such file or it is damaged."""
+    """The mapping in a JSON file; None if the file is missing or damaged."""
     try:
         return _mapping(_text(path), str(path))
     except InputError:
@@ -131,7 +134,7 @@ def _text(path: Path) -> str:
             raise InputError(f"{path}: is too large to be a result")
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise InputError(f"{path}: is damaged: no text in UTF-8") from None
+        raise InputError(f"{path}: is damaged: it is not text in UTF-8") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
 
@@ -140,9 +143,9 @@ def _mapping(text: str, name: str) -> dict[str, Any]:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):
-        raise InputError(f"{name}: is damaged: no JSON") from None
+        raise InputError(f"{name}: is damaged: it is not JSON") from None
     if not isinstance(content, dict):
-        raise InputError(f"{name}: is damaged: no mapping of names to values")
+        raise InputError(f"{name}: is damaged: it is not a mapping of names to values")
     return content
 
 
@@ -155,7 +158,7 @@ def _require_version(record: dict[str, Any], folder: Path) -> None:
 
 
 def _restore(value: Any, path: list[str], text: Any) -> None:
-    """Put an infinity or a NaN back at its place in a summary; JSON cannot hold them."""
+    """Set the value at ``path`` in a summary to an infinity or NaN, which JSON cannot hold."""
     *above, last = path
     for name in above:
         value = _item(value, name)
@@ -181,7 +184,7 @@ def _dict(value: Any) -> dict[str, Any]:
 
 
 def number(value: Any) -> float | None:
-    """A number of a table, in which infinity is a text; None for a value that is no number."""
+    """The number in a cell of a table, where infinity is a text; None for other values."""
     if isinstance(value, bool) or value is None:
         return None
     if isinstance(value, int | float) or value in ("inf", "-inf"):

@@ -1,4 +1,4 @@
-"""The result of a solve: the displacement, the fields derived from it, and the summary."""
+"""The result of a solve: the displacement, the derived fields and the summary."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 @dataclass
 class Solution:
-    """A solved state.  Every rank has its share of the fields; rank 0 has all contact points.
+    """The result of a solve: each rank has a share of the fields, rank 0 all contact points.
 
-    Fields on Gamma_C are P1 functions on the whole mesh, zero off Gamma_C.  A body without contact
-    has no contact points and no contact facets: both tables are empty.
+    The fields on Gamma_C are P1 functions on the whole mesh, zero off Gamma_C.  For a body without
+    contact the tables of contact points and contact facets are empty.
     """
 
     parameters: Parameters

@@ -12,8 +12,8 @@ import numpy as np
 def summary_text(summary: dict[str, Any]) -> str:
     """The summary as JSON.
 
-    JSON has no infinity and no NaN: null stands for such a number, and ``not_finite`` says under
-    its dotted key which number it was.
+    JSON has no infinity and no NaN.  The value is null in their place, and the mapping
+    ``not_finite`` gives the number under its dotted key.
     """
     not_finite: dict[str, str] = {}
     plain = _jsonable(summary, "", not_finite)

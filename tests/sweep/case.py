@@ -1,4 +1,4 @@
-"""One problem of the sweep: a study as plain data, and what is known of its solution beforehand."""
+"""One problem of the sweep: a study as plain data, and known facts about its solution."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ USUAL_STRAIN = 0.02
 
 @dataclass(frozen=True)
 class Truth:
-    """What is known of a solution without solving; None: not known.
+    """Facts about a solution that are known without a solve; None for an unknown fact.
 
-    ``admissible`` says that a displacement within the limit and the gap follows the prescribed
-    ones, so that "infeasible" would be wrong; where it is False, "infeasible" is right.
-    ``touches`` says whether there is a contact force.  ``translation`` is the displacement of all
-    nodes.  ``homogeneous`` says that the displacement scales with the loads.  ``refused`` is a part
-    of the message of a refusal that is right.
+    ``admissible`` says that an admissible displacement exists, so that the verdict "infeasible"
+    would be wrong; if ``admissible`` is False, this verdict is right.  ``touches`` says whether
+    there is a contact force.  ``translation`` is the displacement of all nodes.  ``homogeneous``
+    says that the displacement scales with the loads.  ``refused`` is a part of the message of a
+    refusal that is right.
     """
 
     admissible: bool | None = None

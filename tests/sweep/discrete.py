@@ -16,6 +16,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from conic import Body
 
+from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.expressions import parse
 from contact_locking.laws.elasticity import mean_young
 from contact_locking.parameters import Elasticity, Parameters
@@ -24,11 +25,8 @@ from contact_locking.results.solution import Solution
 
 from .geometry import Geometry
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.integer[Any]]
 Matrix: TypeAlias = sp.csr_matrix
-
-AXES = "xyz"
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class Contact:
     normals: FloatArray
     gap: FloatArray
     rounding: FloatArray
-    decides: npt.NDArray[np.bool_]
+    decides: BoolArray
 
 
 @dataclass(frozen=True)
@@ -60,7 +58,7 @@ class Discrete:
     limit: FloatArray
     load: FloatArray
     load_size: FloatArray
-    free: npt.NDArray[np.bool_]
+    free: BoolArray
     prescribed: FloatArray
     contact: Contact | None
     n: float
@@ -126,9 +124,7 @@ def at(value: float | str, x: FloatArray, **more: FloatArray) -> FloatArray:
     return np.broadcast_to(np.asarray(result, dtype=float), (len(x),)).copy()
 
 
-def _conditions(
-    parameters: Parameters, geometry: Geometry
-) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+def _conditions(parameters: Parameters, geometry: Geometry) -> tuple[BoolArray, FloatArray]:
     free = np.ones(geometry.x.shape, dtype=bool)
     prescribed = np.zeros(geometry.x.shape)
     for condition in parameters.loads.displacements:
@@ -199,7 +195,7 @@ def _stiffness(given: Elasticity, x: FloatArray) -> FloatArray:
 
 
 def _contact(
-    parameters: Parameters, geometry: Geometry, body: Body, free: npt.NDArray[np.bool_]
+    parameters: Parameters, geometry: Geometry, body: Body, free: BoolArray
 ) -> Contact | None:
     if not parameters.contacts:
         return None
@@ -242,7 +238,7 @@ def _distance(given: Any, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatA
 
 @dataclass(frozen=True)
 class State:
-    """What a solution says: nodal ``u``, stresses ``locking`` (c, m), and on Gamma_C by nodes.
+    """A solution: nodal ``u``, stresses ``locking`` (c, m), and nodal values on Gamma_C.
 
     ``traction`` is sigma_tau, ``bound`` the friction bound, ``smoothed`` R sigma_nu.
     """

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking import _compat
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.domain import Domain
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.integer[Any]]
 
 

@@ -12,19 +12,19 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.parameters import Parameters
 
-from .discrete import Discrete, FloatArray, State, at
+from .discrete import Discrete, State, at
 
 # Forces relative to the forces there are, and works relative to the energy there is.
 FORCE, WORK = 1e-6, 1e-6
 # Strains beyond M, penetration beyond the displacement, tractions beyond their bound.
 EXCESS = 1e-6
-# What rounding may be, in units of the last digit of what a sum is made of.
+# The allowed rounding of a sum, in units of the last digit of its terms.
 DIGITS = 200.0
 _EPS = float(np.finfo(float).eps)
 
@@ -32,7 +32,7 @@ Found = dict[str, float]
 
 
 def violations(parameters: Parameters, discrete: Discrete, state: State) -> Found:
-    """By law, how far it is violated in units of what is tolerated: all at most 1 is right."""
+    """The violation of each law in units of its tolerance: a right solution has at most 1."""
     scales = _Scales(discrete, state)
     found = {"equilibrium": _equilibrium(discrete, state, scales)}
     found["prescribed"] = _ratio(
@@ -47,7 +47,7 @@ def violations(parameters: Parameters, discrete: Discrete, state: State) -> Foun
 
 
 def complaint(found: Found) -> str:
-    """What is violated, worst first; "" if nothing is."""
+    """The violated laws, the worst first; "" if no law is violated."""
     worst = sorted(((v, k) for k, v in found.items() if not v <= 1.0), reverse=True)
     return ", ".join(f"{name} {value:.2g}" for value, name in worst)
 
@@ -146,7 +146,7 @@ def _equilibrium(discrete: Discrete, state: State, scales: _Scales) -> float:
     residual = elastic + locking + surface - discrete.load
     parts = [discrete.load, locking, surface]
     size = max(scales.norm(part) for part in parts)
-    # Of prescribed displacements the energy tells.
+    # The criterion of the energy covers prescribed displacements.
     size = max(size, math.sqrt(abs(float(state.u @ elastic))))
     signs = np.where(np.arange(len(residual)) * 0.618 % 1.0 < 0.5, -1.0, 1.0)
     floor = scales.norm(signs * scales.rounding)
@@ -210,7 +210,7 @@ def _friction(parameters: Parameters, discrete: Discrete, state: State, scales: 
     size = np.linalg.norm(state.traction, axis=1)
     bound, smoothed = own_bound(parameters, discrete, state, s)
     peak = float(np.abs(bound).max(initial=0.0))
-    # What the bound is judged by where contact only grazes: the stress in the body.
+    # The scale of the friction bound is the stress in the body, also where the contact only grazes.
     stress = math.sqrt(
         2.0 * scales.energy * float(np.median(discrete.law[:, -1, -1])) / discrete.volumes.sum()
     )
@@ -251,7 +251,7 @@ def own_bound(
     return mu * np.abs(state.pressure), wrong
 
 
-def _held(discrete: Discrete) -> npt.NDArray[np.bool_]:
+def _held(discrete: Discrete) -> BoolArray:
     """(k,) nodes of Gamma_C of which a component is prescribed."""
     contact = discrete.contact
     assert contact is not None

@@ -17,13 +17,15 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from .discrete import Discrete, FloatArray, IntArray
+from contact_locking.arrays import FloatArray
+
+from .discrete import Discrete, IntArray
 
 TIGHT = {"tol_gap_rel": 1e-9, "tol_gap_abs": 1e-12, "tol_feas": 1e-10, "max_iter": 200}
 
 
 class NoReference(Exception):
-    """Clarabel did not get there."""
+    """Clarabel did not converge."""
 
 
 @dataclass
@@ -163,7 +165,7 @@ def minimiser(discrete: Discrete, bound: FloatArray) -> FloatArray:
 
 
 def energy(discrete: Discrete, bound: FloatArray, u: FloatArray) -> float:
-    """What is minimised, at a displacement: with the least q, r and t it allows."""
+    """The objective at a displacement, with the least q, r and t that are feasible."""
     value = 0.5 * u @ (discrete.stiffness @ u) - discrete.load @ u
     if math.isfinite(discrete.n):
         over = np.linalg.norm(discrete.strains(u), axis=1) - discrete.limit

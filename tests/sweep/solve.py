@@ -12,6 +12,7 @@ import numpy as np
 from mpi4py import MPI
 from pydantic import ValidationError
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import Problem, assemble
@@ -20,7 +21,7 @@ from contact_locking.solving import solve_assembled
 
 from . import judge, reference
 from .case import Case, Study, Truth
-from .discrete import Discrete, FloatArray, State, discretise, state_of
+from .discrete import Discrete, State, discretise, state_of
 from .families import case_of
 from .transforms import Transform
 
@@ -39,7 +40,7 @@ _TRANSFORMED = 1e-14
 
 @dataclass
 class Outcome:
-    """What became of a problem: ``study`` is the one solved, ``notes`` tell of the checks."""
+    """The outcome of a problem: ``study`` is the solved study, ``notes`` are about the checks."""
 
     family: str
     seed: int

@@ -15,13 +15,12 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.domain import Domain
 
 from .case import Random, Study
 
-FloatArray = npt.NDArray[np.float64]
 Value = float | str | None
 
 _COORDINATE = re.compile(r"\b[xyzs]\b")
@@ -42,7 +41,7 @@ class Transform:
 
     @classmethod
     def random(cls, random: Random, dim: int, homogeneous: bool) -> Transform:
-        """Of any symmetry of a cube; loads up to 1e-30 where the solution scales with them."""
+        """A random symmetry of a cube, with loads down to 1e-30 if the solution is homogeneous."""
         Q = np.eye(dim)[random.permutation(dim)] * random.choice([-1.0, 1.0], dim)[:, None]
         transform = cls.of(Q, 10.0 ** random.uniform(-3.0, 3.0), 10.0 ** random.uniform(-6.0, 9.0))
         load = 10.0 ** random.uniform(-30.0, 0.0) if homogeneous else 1.0
@@ -63,7 +62,7 @@ class Transform:
         x[:, : self.dim] = self.places(x[:, : self.dim])
 
     def places(self, x: FloatArray) -> FloatArray:
-        """Where the points (k, d) of the problem are."""
+        """The positions of the points (k, d) of the problem."""
         return np.asarray(self.length * (x @ self.matrix.T))
 
     def back(self, u: FloatArray) -> FloatArray:
