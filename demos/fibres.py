@@ -36,11 +36,9 @@ from dolfinx import fem
 from matplotlib.collections import LineCollection, PolyCollection
 from mpi4py import MPI
 
-from contact_locking import Solution, load, solve, write
+from contact_locking import Solution, assemble, load, solve, solve_assembled, write
 from contact_locking.laws.convex import positive_part
 from contact_locking.laws.elasticity import strain
-from contact_locking.problem.assembly import assemble
-from contact_locking.solving import solve_assembled
 
 FloatArray = npt.NDArray[np.float64]
 
