@@ -9,9 +9,9 @@
 #
 # Cattaneo and Mindlin added a tangential force $T < \mu P$: sliding begins at the rim of the
 # contact, where the pressure is small, and the middle still sticks. In their theory the stick
-# zone is a disc of radius $c$ with $(c/a)^3 = 1 - T/(\mu P)$. Here the law knows the displacement
-# $u_\tau$ from the start and not the path, and pressing alone already moves the rim inwards; so
-# the ring of slip is wider behind and the stick zone sits towards the front.
+# zone is a disc of radius $c$ with $(c/a)^3 = 1 - T/(\mu P)$. Here friction depends on
+# the total slip $u_\tau$ and not on the path, and pressing alone already moves the rim inwards. So
+# the ring of slip is wider behind, and the stick zone lies towards the front.
 
 # %%
 import sys

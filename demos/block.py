@@ -16,10 +16,10 @@
 # $$-\sigma_\nu = \tfrac{1}{\epsilon}[u_\nu - g]^+, \qquad
 #   \sigma_\tau = -\mu\,|R\sigma_\nu|\,\frac{u_\tau}{\sqrt{|u_\tau|^2 + \epsilon^2}}.$$
 #
-# The exact laws are the limit $n \to \infty$, $\epsilon = 1/n \to 0$, and what is solved where a
-# study file gives no penalty. (The $\epsilon$ of friction is a length, $\epsilon E$ with Young's
-# modulus $E$, which is 1 here.) What is learned here: how to
-# solve a study file from Python, what is in the solution, and what the penalty costs.
+# The exact laws are the limit $n \to \infty$, $\epsilon = 1/n \to 0$. A study file without a
+# penalty is solved with the exact laws. (The $\epsilon$ of friction is a length, $\epsilon E$ with
+# Young's modulus $E$, which is 1 here.) This demo shows how to solve a study file from Python, the
+# parts of the solution, and the error of the penalty.
 #
 # Any key of the study file can be changed on the command line, here and in the other demos:
 #
@@ -43,7 +43,7 @@ CHANGES = sys.argv[1:]
 # %% [markdown]
 # ## Solve
 #
-# The mesh is distributed over the ranks of MPI; what is printed comes from rank 0. The fields for
+# The mesh is distributed over the ranks of MPI; rank 0 alone prints. The fields for
 # ParaView, the picture and the summary go to the folder that the study file names.
 
 # %%
@@ -60,16 +60,16 @@ if comm.rank == 0:
     print(f"friction force on the body {np.round(summary['friction_force'], 6)}")
 
 # %% [markdown]
-# The picture shows a locked zone of a third of the block, though fewer of its cells reach $M$. A
-# mesh of triangles has about two of them per vertex, and two unknowns: about half of the cells can
-# be at the limit, and keep their neighbours just below it.
+# The picture shows a locked zone of a third of the block, but the strain reaches $M$ in fewer
+# cells. A mesh of triangles has about two cells and two unknowns per vertex: about half of the
+# cells can be at the limit, and they keep their neighbours just below it.
 
 # %% [markdown]
 # ## What happens on $\Gamma_C$
 #
-# The nodes of $\Gamma_C$ are gathered on rank 0. All three states are there: from the clamp on the
-# block sticks, then slips, then it is off the ground. Friction nowhere exceeds its bound, and it
-# pushes against the slip.
+# Rank 0 has all nodes of $\Gamma_C$. All three states occur: next to the clamp the block sticks,
+# farther away it slips, and at the right side it has left the foundation. Friction nowhere exceeds
+# its bound, and acts against the slip.
 
 # %%
 points = solution.contact_points

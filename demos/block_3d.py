@@ -2,9 +2,8 @@
 # # The block in three dimensions
 #
 # The block of `block.py` with a depth: clamped on the left, pressed on the top, lifted on the
-# right and now also drawn aside there, along $y$. Nothing in the formulation changes but the
-# dimension. What is new is that slip and friction are vectors in the plane of $\Gamma_C$:
-# Coulomb's law
+# right and now also drawn aside there, along $y$. Only the dimension of the formulation changes.
+# In 3D slip and friction are vectors in the plane of $\Gamma_C$: Coulomb's law
 #
 # $$\sigma_\tau = -\mu\,|R\sigma_\nu|\,\frac{u_\tau}{\sqrt{|u_\tau|^2 + \epsilon^2}}$$
 #

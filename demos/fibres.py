@@ -1,17 +1,17 @@
 # %% [markdown]
 # # A law of your own: fibres that straighten
 #
-# Cartilage is a soft matrix with collagen fibres. They are crimped: a stretch up to $M$ only
-# straightens them, then they resist any further one, and compressed they do nothing. Along the
-# unit vector $a$ of its fibres the tissue stretches by $a \cdot \varepsilon a$, so its strain is
-# held not in the ball $|\varepsilon| \le M$ but in another convex set, a half space that is
-# different at every point:
+# Cartilage is a soft matrix with collagen fibres. The fibres are crimped: a stretch up to $M$ only
+# straightens them, then they resist any further stretch, and under compression they do nothing.
+# Along the unit vector $a$ of its fibres the tissue stretches by $a \cdot \varepsilon a$. So its
+# strain is held not in the ball $|\varepsilon| \le M$ but in another convex set, a half space that
+# is different at every point:
 #
 # $$K(x) = \{\varepsilon : a(x) \cdot \varepsilon\, a(x) \le M\}.$$
 #
-# No study file can say that. A law that is the derivative of a convex energy can be added from
-# Python, as one function in UFL, and everything else stays: the mesh, contact and friction, the
-# solver, the certificate, MPI. The energy here is made as that of the ball (23) is, from the
+# No study file can express this law. A law that is the derivative of a convex energy can be added
+# from Python, as one function in UFL. Everything else stays: the mesh, contact and friction, the
+# solver, the certificate, MPI. Like the energy of the ball (23), the energy is made from the
 # distance to the set:
 #
 # $$J(u) = \int_\Omega n\,\bigl([a \cdot \varepsilon(u) a - M]^+\bigr)^2, \qquad
@@ -36,11 +36,9 @@ from dolfinx import fem
 from matplotlib.collections import LineCollection, PolyCollection
 from mpi4py import MPI
 
-from contact_locking import Solution, load, solve, write
+from contact_locking import Solution, assemble, load, solve, solve_assembled, write
 from contact_locking.laws.convex import positive_part
 from contact_locking.laws.elasticity import strain
-from contact_locking.problem.assembly import assemble
-from contact_locking.solving import solve_assembled
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,7 +52,7 @@ comm = MPI.COMM_WORLD
 # %% [markdown]
 # ## The matrix alone
 #
-# The study file describes the tissue without fibres, and is solved as any other.
+# The study file describes the tissue without fibres.
 
 # %%
 parameters = load(FILE, CHANGES).parameters
@@ -65,9 +63,9 @@ assert matrix.converged, matrix.summary["reason"]
 # %% [markdown]
 # ## The law
 #
-# Where the fibres lie, in UFL. In cartilage they form arcades: they rise from the bone and bend
-# over to run along the surface. For comparison there are fibres that all run along the surface,
-# and fibres that all stand on it.
+# This function is the direction of the fibres in UFL. In cartilage the fibres form arcades: they
+# rise from the bone and bend over to run along the surface. For comparison there are fibres that
+# all run along the surface, and fibres that are all perpendicular to it.
 
 
 # %%
@@ -91,9 +89,9 @@ def stretch(u: Any, a: Any) -> Any:
 # file; a law that uses it takes part in the solver's way from a soft to a stiff penalty. One
 # quadrature point suffices, as the strain of linear elements is constant in a cell.
 #
-# The energy has to be convex, differentiable and least for $u = 0$. Newton's method solves it; the
-# derivatives that it needs are UFL's business. The criteria of the certificate stay as they are,
-# with $J'$ in the equilibrium; the proved bounds do not apply any more, and say so.
+# The energy has to be convex, differentiable and least for $u = 0$. Newton's method solves the
+# problem; UFL computes the derivatives. The criteria of the certificate stay as they are, with $J'$
+# in the equilibrium. The proved bounds do not apply any more, and the summary says so.
 
 
 # %%
@@ -220,7 +218,7 @@ if comm.rank == 0:
 # ## Soft, then stiff
 #
 # Tissue is soft as long as its fibres are crimped. In the first steps of indentation the curve
-# follows that of the matrix, and leaves it when the first fibres are straight.
+# follows the curve of the matrix, and leaves it when the first fibres are straight.
 
 # %%
 stiffening = []
@@ -239,7 +237,7 @@ assert all(np.diff(stiffening) > 0)
 # %% [markdown]
 # ## Is it right?
 #
-# The strain leaves $K$ by what the penalty allows, which falls like $1/n$.
+# The penalty lets the strain leave $K$ a little, by a distance that falls like $1/n$.
 
 # %%
 excess = []
@@ -252,7 +250,7 @@ factors = np.divide(excess[:-1], excess[1:])
 assert ((factors > 5) & (factors < 20)).all(), factors
 
 # %% [markdown]
-# The same way leads to other laws: a bound on the change of volume, as of packed grains that jam,
-# $n([M + \operatorname{tr}\varepsilon]^-)^2$; springs on a part of the boundary; a stiffer matrix,
-# $\tfrac14 c\,|\varepsilon|^4$. A friction law, whose bound follows the solution, takes another
-# one: the guide [A law of your own](../guides/law.md) has it.
+# Other laws are added in the same way: a bound on the change of volume, as of packed grains that
+# jam, $n([M + \operatorname{tr}\varepsilon]^-)^2$; springs on a part of the boundary; a stiffer
+# matrix, $\tfrac14 c\,|\varepsilon|^4$. A friction law, whose bound depends on the solution, is
+# added in another way: see the guide [A law of your own](../guides/law.md).

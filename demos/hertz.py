@@ -1,15 +1,16 @@
 # %% [markdown]
 # # Hertz: a cylinder on a rigid plane
 #
-# The oldest solved contact problem. A long elastic cylinder of radius $R$ lies on a rigid plane
-# and is pressed on it by the force $F$ per unit length. Hertz replaced the cylinder near the
-# contact by a half-space and found a contact of half-width $a$ with an elliptic pressure:
+# This is the oldest contact problem with a known solution. A long elastic cylinder of radius $R$
+# lies on a rigid plane and is pressed on it by the force $F$ per unit length. Hertz replaced the
+# cylinder near the contact by a half-space and found a contact of half-width $a$ with an elliptic
+# pressure:
 #
 # $$a = \sqrt{\frac{4 F R}{\pi E^*}}, \qquad E^* = \frac{E}{1 - \nu^2}, \qquad
 #   p(x) = p_0 \sqrt{1 - (x/a)^2}, \qquad p_0 = \frac{2F}{\pi a}.$$
 #
 # The problem is nonlinear although the material is not: where the body touches is part of the
-# answer. The gap of the study file's half-space is the distance of the arc from it.
+# answer. The gap is the distance of the arc from the half-space of the study file.
 
 # %%
 import sys
@@ -36,7 +37,7 @@ assert solution.converged, solution.summary["reason"]
 # %% [markdown]
 # Only the right half of the lower half is computed: $u_x = 0$ on the line of symmetry, and half
 # of $F$ is spread over the flat top. Nothing but the contact holds the body vertically. So the
-# contact force is known before: $F/2$.
+# contact force is known before the solve: $F/2$.
 
 # %%
 contact_force = solution.summary["contact_force"]

@@ -8,8 +8,9 @@
 #   |\mu(s) - \mu(t)| \le L_\mu |s - t|, \qquad L_\mu = \frac{\mu_0 - \mu_1}{s_0}.$$
 #
 # The bound of friction then depends on the displacement twice, by the pressure and by the slip:
-# $g(u) = \mu(|u_\tau|)\,|R\sigma_\nu(u)|$. The solver takes this as a fixed point. It solves with
-# a frozen bound, which is a convex problem, and then computes the bound anew,
+# $g(u) = \mu(|u_\tau|)\,|R\sigma_\nu(u)|$. With `solver.friction: nested`, which
+# this study file has, the solver iterates to a fixed point. It solves with a frozen bound, which is
+# a convex problem, and then computes the bound anew,
 #
 # $$g_{k+1} = \mu(|u_\tau(g_k)|)\,|R\sigma_\nu(u(g_k))|,$$
 #
@@ -65,11 +66,11 @@ if points is not None:
 # %% [markdown]
 # ## Steeper laws
 #
-# With a smaller $s_0$ the constant $L_\mu$ grows, but the observed factor does not grow with it
-# for ever. It is largest where $s_0$ is about the slip that happens; if $s_0$ is much smaller,
-# nearly all points have slipped to where $\mu$ is flat again. The condition of the theorem is
-# sufficient, not necessary. The friction force always lies between those for the constants
-# $\mu_0$ and $\mu_1$.
+# With a smaller $s_0$ the constant $L_\mu$ grows, but the observed factor does not always grow with
+# it. The factor is largest where $s_0$ is about as large as the slips; if $s_0$ is much smaller,
+# nearly all points have slips for which $\mu$ is nearly constant again. The condition of the
+# theorem is sufficient, not necessary. The friction force always lies between those for the
+# constants $\mu_0$ and $\mu_1$.
 
 # %%
 cases = {"mu_0": f"{MU_0}", "mu_1": f"{MU_1}"} | {

@@ -13,8 +13,8 @@
 #         friction: {coefficient: 0.6}
 #
 # The second section has a friction coefficient of its own. Everything else about friction, and the
-# friction of the first section, is that of the common section `friction`. What is learned here:
-# where the numbers of each foundation are, in the parameters and in the solution.
+# friction of the first section, is that of the common section `friction`. This demo shows where
+# the numbers of each foundation are, in the parameters and in the solution.
 
 # %%
 import sys
@@ -32,8 +32,8 @@ comm = MPI.COMM_WORLD
 parameters = load(FILE, CHANGES).parameters
 if comm.rank == 0:
     for contact in parameters.contacts:
-        key = contact.friction_key("coefficient")
-        print(f"{contact.key} on {', '.join(contact.on)}: {key} = {contact.friction.coefficient}")
+        key, mu = contact.friction_key("coefficient"), contact.friction.coefficient
+        print(f"{contact.key} on {', '.join(contact.on)}: {key} = {mu}")
 solution = solve(parameters, comm)
 write(solution, parameters.output.directory)
 assert solution.converged, solution.summary["reason"]
