@@ -81,7 +81,7 @@ class ContactSurface:
         index_map = self.scalar_space.dofmap.index_map
         numbers = np.concatenate(comm.allgather(index_map.local_to_global(self.nodes)))
         dofs = np.empty(len(mesh.geometry.x), dtype=np.int32)
-        dofs[mesh.geometry.dofmap.reshape(-1)] = self.scalar_space.dofmap.list.reshape(-1)
+        dofs[_compat.cell_nodes(mesh).reshape(-1)] = self.scalar_space.dofmap.list.reshape(-1)
         corners = dofs[_compat.entities_to_geometry(mesh, self.domain.dim - 1, self.facets)]
         local = index_map.local_to_global(corners.reshape(-1)).reshape(corners.shape)
         facets = np.sort(np.searchsorted(numbers, np.concatenate(comm.allgather(local))), axis=1)

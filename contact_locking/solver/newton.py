@@ -25,6 +25,8 @@ _SMALL = 1e-4
 # Full steps that lead to the end leave a residual (relative to the forces) of 50 and of 0.016 at
 # most after the first and the second of them; most of those that do not leave thousands at once.
 _ARRIVES = {1: 100.0, 2: 0.02}
+# Where no more than two steps may follow, the second leaves this share of it at most.
+_SOON = 0.1
 
 
 class CriticalPointStep:
@@ -212,9 +214,11 @@ class NewtonSolver:
         self._last = residual if iteration else np.inf
         if residual <= self._tolerance * scale or (stalls and residual <= self._rounding(snes)):
             return ConvergedReason.CONVERGED_FNORM_ABS
-        if self._near and residual > _ARRIVES.get(iteration, np.inf) * scale:
+        limit = snes.getTolerances()[3]
+        share = _SOON if iteration == 2 and limit <= 4 else 1.0
+        if self._near and residual > share * _ARRIVES.get(iteration, np.inf) * scale:
             raise NotConverged("the start is too far away")
-        if iteration >= snes.getTolerances()[3]:
+        if iteration >= limit:
             return ConvergedReason.DIVERGED_MAX_IT
         return None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
@@ -16,6 +18,10 @@ _INNER_SHARE = 0.1
 # length/epsilon an interior point solution is too far for it, and where a few steps do not
 # arrive, many do not.
 _POLISHED_UP_TO = 1e7
+# A step of Newton's method enlarges the residual up to so many times as the penalties are stiffer
+# than the body.  Where the product is above this (relative to the forces), a few steps hardly
+# arrive.
+_REACH = 10.0
 
 
 def settle(newton: NewtonSolver, task: Task) -> None:
@@ -54,7 +60,24 @@ def polish(task: Task, most_steps: int, direct: PETSc.KSP | None = None, near: b
 
 def has_digits(target: Target) -> bool:
     """Whether the penalties leave the residual of (26) digits enough for Newton."""
+    return _sharpness(target) <= _POLISHED_UP_TO
+
+
+def is_in_reach(task: Task) -> bool:
+    """Whether a few steps of Newton's method arrive from here, as far as can be foreseen.
+
+    Collective.
+    """
+    if not has_digits(task.target):
+        return False
+    task.system.set_penalty(task.target.penalty)
+    residual = task.system.relative_residual(task.settings.tolerance)
+    return residual * _sharpness(task.target) <= _REACH
+
+
+def _sharpness(target: Target) -> float:
+    """How much stiffer than the body the penalties are at most."""
     penalty = target.penalty
     shortest = min((penalty.epsilon * target.young, *penalty.regularisations))
-    sharpest = target.length / _POLISHED_UP_TO
-    return penalty.n <= _POLISHED_UP_TO * target.stiffness and shortest >= sharpest
+    stiffest = target.length / shortest if shortest > 0.0 else math.inf
+    return max(penalty.n / target.stiffness, stiffest)

@@ -15,7 +15,7 @@ from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint, explain_failure
 from contact_locking.solver.linear import is_direct
 from contact_locking.solver.newton import NewtonSolver
-from contact_locking.solver.polish import has_digits, polish, settle
+from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle
 from contact_locking.solver.saved import SavedState
 from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.task import Task
@@ -116,8 +116,9 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
         task.add_stage(penalty, report.tangents)
         if not report.reason:
             # Newton's last steps want a linear solver as sharp as they are.
-            if solver.direct is not None and not solver.is_elastic:
-                polish(task, _POLISH, solver.direct)
+            direct = None if solver.is_elastic else solver.direct
+            if direct is not None and is_in_reach(task):
+                polish(task, _POLISH, direct)
             return task.succeed()
     finally:
         solver.destroy()

@@ -102,7 +102,7 @@ class BoundStep:
             new.image -= share * other.image
             new.step -= share * other.step
             new.displacement -= share * other.displacement
-        size = self._norm(new.image)
+        size = self._norm(new.image) or 1.0
         for values in (new.step, new.image, new.displacement):
             values /= size
         self._known.append(new)

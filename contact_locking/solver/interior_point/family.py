@@ -178,6 +178,10 @@ class Family(ABC):
         """How far what was seen enters a foundation, a length, on this rank."""
         return 0.0
 
+    def strain_limit(self) -> FloatArray:
+        """``int M`` and the volume where there is a limit M of the strain (2,), on this rank."""
+        return np.zeros(2)
+
     def body_work(self) -> float:
         """The work of reactions inside the body, on this rank."""
         return 0.0

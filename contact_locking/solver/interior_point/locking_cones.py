@@ -143,6 +143,9 @@ class LockingCones(LorentzCones):
         size = np.linalg.norm(self.seen, axis=0)
         return bool(np.all(size <= self.limit * (1.0 + margin + ROUNDING)))
 
+    def strain_limit(self) -> FloatArray:
+        return np.array([self.weights @ self.limit, self.weights.sum()])
+
     def body_work(self) -> float:
         return self.power(self.reactions, self.seen)
 

@@ -169,7 +169,10 @@ class InteriorPoint:
             for contact in task.system.contacts:
                 contact.bounds = np.zeros_like(contact.bounds)
             return
-        least = self.approach.opening * elastic.retreat() * target.length
+        opening, (low, high) = self.approach.opening, tuning.wide_between
+        if low < elastic.overstrain() < high:
+            opening = max(opening, tuning.wide_opening)
+        least = opening * elastic.retreat() * target.length
         for family in tangent.families:
             family.start(tuning.start_level * energy, least)
         for bound in bounds:

@@ -43,6 +43,12 @@ class ElasticStart:
         self.strain = self._size()
         return is_solution
 
+    def overstrain(self) -> float:
+        """The elastic strain over the mean of the limits, 0 where there are none; collective."""
+        local = sum(family.strain_limit() for family in self._tangent.families)
+        total, volume = self._tangent.comm.allreduce(local)
+        return float(self.strain * volume / total) if volume > 0.0 else 0.0
+
     def retreat(self) -> float:
         """Take back most of what the loads do; returns the strain of the rest; collective."""
         kept = self._tuning.start_load

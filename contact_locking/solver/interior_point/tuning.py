@@ -41,6 +41,12 @@ class Tuning:
     #: The residual of the elastic solve over the forces, in (0, 1), while nobody knows whether its
     #: displacement is admissible.
     start_accuracy: float = 0.03
+    #: Where the elastic strain is between so many times the limit, both > 0, contact starts open as
+    #: far as :attr:`wide_opening` says.  That takes up to a third of the tangents less there; it
+    #: takes more where next to nothing locks, and a tenth more where nearly all does.
+    wide_between: tuple[float, float] = (1.0, 8.0)
+    #: That opening of contact relative to the strain times the length, > 0.
+    wide_opening: float = 1.0
     #: An elastic displacement that exceeds its limits by this share at most, in [0, 1), is computed
     #: sharply before it is judged.
     start_margin: float = 0.1
