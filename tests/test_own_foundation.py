@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -87,12 +88,12 @@ def long(dim: int) -> tuple[Foundation, dict[str, Any]]:
 
 def one_sided(dim: int) -> tuple[Foundation, dict[str, Any]]:
     """A wedge whose edge is beside the body touches with one inclined plane."""
-    incline = np.array([-0.02, *[0.0] * (dim - 2), 1.0])
-    incline /= np.linalg.norm(incline)
+    size = math.hypot(0.02, 1.0)
+    incline = (-0.02 / size, *[0.0] * (dim - 2), 1.0 / size)
     edge = (-0.5, *[0.0] * (dim - 2), -0.02)
     left = (-1.0, *[0.0] * (dim - 1))
-    plane = {"half_space": {"point": list(edge), "normal": incline.tolist()}}
-    return Wedge(edge, (tuple(incline.tolist()), left)), plane
+    plane = {"half_space": {"point": list(edge), "normal": list(incline)}}
+    return Wedge(edge, (incline, left)), plane
 
 
 @pytest.mark.parametrize(

@@ -119,8 +119,8 @@ def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """The bounds for a body that the displacement conditions hold.
 
     With the test function ``v = u - w`` friction is not negative, because ``w_tau = 0``; contact
-    gives ``C + int p (gap - w_nu) >= C``; and locking gives, with ``theta = max |eps(w)|/M``, ``L +
-    int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with ``(f_w, v) = (f, v) - a(w, v)``
+    gives ``C + int p (gap - w_nu) >= C``; and locking gives, with ``theta = max |eps(w)|/M``,
+    ``L + int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with ``(f_w, v) = (f, v) - a(w, v)``
 
         a(v, v) + (1 - theta) W + L + C <= |f_w|_V |v|_V,
 
@@ -148,9 +148,9 @@ def _over(most: float, room: float) -> float:
 def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """The bounds where contact alone stops a rigid motion, so that ``|.|_V`` is not a norm.
 
-    Springs on Gamma_C carry the load: ``a(z, v) + int q v_nu = (f_w, v)`` for all v, with ``q = k
-    z_nu``.  Let all springs be pressed, ``q >= 0``.  Then ``v_nu <= gap - w_nu + eps p`` for ``v =
-    u - w`` in (25) gives, with W, L, C and theta as above and ``C = eps |p|^2``,
+    Springs on Gamma_C carry the load: ``a(z, v) + int q v_nu = (f_w, v)`` for all v, with
+    ``q = k z_nu``.  Let all springs be pressed, ``q >= 0``.  Then ``v_nu <= gap - w_nu + eps p``
+    for ``v = u - w`` in (25) gives, with W, L, C and theta as above and ``C = eps |p|^2``,
 
         a(v, v) + (1 - theta) W + L + C <= a(z, v) + B + 2 sqrt(D C),
         B = int q (gap - w_nu),   D = eps/4 |q|^2.

@@ -174,8 +174,8 @@ def _uniqueness(
     """Whether the theory excludes another solution.
 
     Let u_2 be this solution of (25), u_1 another one, ``v = u_1 - u_2``, and ``q`` the difference
-    of the pressures.  The difference of both equations, tested with v, contains at least ``eps
-    |q|^2`` from contact, so that
+    of the pressures.  The difference of both equations, tested with v, contains at least
+    ``eps |q|^2`` from contact, so that
 
         alpha |v|_V^2 + eps |q|^2 <= (mu* |R| |q| + L_mu |R sigma_nu(u_2)|_inf |v|_C) |v|_C
 

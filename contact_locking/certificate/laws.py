@@ -3,12 +3,12 @@
 This module repeats the formulas of the laws on purpose, in NumPy and from the conjugate functions,
 so that an error in the laws of the solver shows here.
 
-For a fixed friction bound each law reads ``z in d phi(x)``.  The sum ``phi(x) + phi*(z) - z x >=
-0`` of Fenchel vanishes exactly where the law holds.  The sum consists of a complementarity and, for
-finite n and eps > 0, of ``n int ([|eps| - M]^+ - |Z|/(2n))^2`` and ``int ([u_nu - gap]^+ - eps
-p)^2/(2 eps)``.  In equilibrium the sum over all laws is the duality gap.  The gap bounds ``a(u - w,
-u - w)/2`` for the exact discrete solution ``w`` with this friction bound, if the displacement keeps
-the strain limit for n = inf and the gap for eps = 0.
+For a fixed friction bound each law reads ``z in d phi(x)``.  The sum
+``phi(x) + phi*(z) - z x >= 0`` of Fenchel vanishes exactly where the law holds.  The sum consists
+of a complementarity and, for finite n and eps > 0, of ``n int ([|eps| - M]^+ - |Z|/(2n))^2`` and
+``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``.  In equilibrium the sum over all laws is the duality
+gap.  The gap bounds ``a(u - w, u - w)/2`` for the exact discrete solution ``w`` with this friction
+bound, if the displacement keeps the strain limit for n = inf and the gap for eps = 0.
 """
 
 from __future__ import annotations
@@ -136,10 +136,10 @@ def contact(state: SolvedState, fields: ContactFields) -> tuple[float, float, fl
 def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, float]:
     """Complementarity, excess over the bound, and wrong sign of friction, all relative; collective.
 
-    With ``t = -sigma_tau``, ``s = u_tau`` and the friction bound G, complementarity is ``int G
-    sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the work, zero exactly where (22)
-    holds.  The excess is ``int [|t| - G]^+`` over ``int G``.  The wrong sign is ``int [-t . s]^+``
-    over the work: friction dissipates work and never adds work.
+    With ``t = -sigma_tau``, ``s = u_tau`` and the friction bound G, complementarity is
+    ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the work, zero exactly where
+    (22) holds.  The excess is ``int [|t| - G]^+`` over ``int G``.  The wrong sign is
+    ``int [-t . s]^+`` over the work: friction dissipates work and never adds work.
     """
     epsilon = float(fields.contact.regularisation.value)
     weights = fields.surface.weights * fields.contact.free

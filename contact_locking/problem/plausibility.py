@@ -65,8 +65,8 @@ def about_the_strain(largest: float) -> list[str]:
 def about_the_overstrain(overstrain: float, n: float, young: float) -> list[str]:
     """A warning about a penalised strain that exceeds its limit by a large share of M.
 
-    ``overstrain`` is the largest ``|eps|/M - 1 = |Z|/(2 n M)`` (23).  The advised n assumes that Z
-    stays the same or, if this is more, that Z takes over the present stress of the material.
+    ``overstrain`` is the largest ``|eps|/M - 1 = |Z|/(2 n M)`` (23).  The advised n assumes that
+    the stiffer penalty bears the same Z or, if this is more, the present stress of the material.
     """
     if overstrain <= _NOTABLE:
         return []
