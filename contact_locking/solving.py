@@ -35,7 +35,7 @@ from contact_locking.results.derived import (
 from contact_locking.results.solution import Solution
 from contact_locking.solver import Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
-from contact_locking.solver.linear.options import UserOptions, require_harmless, require_known
+from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
 from contact_locking.solver.target import Target
 
 _WAY_OUT_OF_SLIDING = (
@@ -64,7 +64,7 @@ def solve(
     start = time.perf_counter()
     if restart is not None:
         checkpoint.expect(restart, comm)
-    _require_known_options(parameters, petsc_options)
+    _require_usable_options(parameters, petsc_options)
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm)
     # Before the solve, because the mesh file may change during the solve.
@@ -98,7 +98,7 @@ def solve_assembled(
     restarted = None if restart is None else Restart(restart, problem)
     given = problem.parameters.solver
     method = _method(problem)
-    _require_known_options(problem.parameters, petsc_options)
+    _require_usable_options(problem.parameters, petsc_options)
     options = UserOptions({**given.petsc, **(petsc_options or {})})
     settings = Settings(
         tolerance=given.tolerance,
@@ -143,21 +143,21 @@ def solve_assembled(
 
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
     """The facts and warnings of the assembled problem, without a solve; collective."""
-    _require_known_options(parameters)
+    _require_usable_options(parameters)
     problem = assemble(parameters, comm)
     problem.close()
     return {**problem.facts(), "warnings": problem.warnings}
 
 
-def _require_known_options(
+def _require_usable_options(
     parameters: Parameters, petsc_options: Mapping[str, Any] | None = None
 ) -> None:
-    """Raise InputError for a misspelt or harmful PETSc option."""
+    """Raise InputError for a harmful PETSc option, or one that is no option."""
     for options, section in (
         (parameters.solver.petsc, "solver.petsc"),
         (petsc_options or {}, None),
     ):
-        require_known(options, section)
+        require_names(options, section)
         require_harmless(options, section)
 
 

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 from petsc4py import PETSc
 
 from contact_locking import _compat
 from contact_locking.errors import InputError
-from contact_locking.plain_text import nearest
 
 PREFIX = "contact_locking_"
 
-# An option as PETSc's library holds it: "-ksp_type", "-pc_fieldsplit_%d_fields".
-_NAME = re.compile(rb"-([A-Za-z]\w*(?:%[ds]\w*)*)\0")
-# What can stand inside a solver, under a prefix of its own.
-_CLASSES = ("ksp", "pc", "mat", "vec", "snes")
+# A name of an option is one word.
+_NAME = re.compile(r"[A-Za-z]\w*")
 # Names of options that load code, start programs, open windows or connections, or take a file.
 _HARMFUL = re.compile(
     r"python|^dll_|library_preload|debug|terminal|popen|machine|saws|(^|_)display$|^x_|draw|_lg_"
@@ -30,7 +25,6 @@ _REPORTS = re.compile(r"view|monitor|reason|(^|_)(log|info|citations|history)(_|
 _PRINTED = re.compile(
     r"(?i:|true|false|yes|no|on|off|[-+]?\d+(\.\d*)?(e[-+]?\d+)?|(ascii)?(:(stdout|stderr)?(:\w*)*)?)"
 )
-_MAPPED = re.compile(r"/\S*libpetsc\S*")
 
 
 class UserOptions(dict[str, Any]):
@@ -69,8 +63,10 @@ class InsertedOptions:
         self._bare = InsertedOptions(bare, prefix="") if bare else None
         self._user = overrides if isinstance(overrides, UserOptions) else UserOptions()
         database = PETSc.Options(prefix)
+        # hasName would count as a use of the option.
+        present = {name.lower() for name in database.getAll()}
         for key, value in {**defaults, **(overrides or {})}.items():
-            if not database.hasName(key):
+            if key.lower() not in present:
                 database.setValue(key, value)
                 self._ours.append(key)
 
@@ -86,22 +82,20 @@ class InsertedOptions:
             self._bare.remove()
 
 
-def require_known(names: Iterable[str], section: str | None = None) -> None:
-    """Raise InputError for the first name that no object of PETSc can ask for, or has our prefix.
+def require_names(names: Iterable[str], section: str | None = None) -> None:
+    """Raise InputError for the first name that is not one word, or that has our prefix.
 
-    PETSc ignores what it does not know, so that a misspelt option would have no effect unseen.  It
-    has no list of its options, but its library holds each as text; objects inside others put their
-    prefixes before it, as in ``mg_levels_ksp_type``.  Where the library cannot be read no other is
-    refused.  ``section`` is the key of the study file that holds the names.
+    PETSc has no list of its options.  A misspelt one has no effect, and the warning about options
+    that PETSc has not used names it after the solve.  ``section`` is the key of the study file that
+    holds the names.
     """
-    known = _library()
     for name in names:
         key = None if section is None else f"{section}.{name}"
         shown = "" if section else f"-{name}: "
         if name.startswith(PREFIX):
             raise InputError(f"{shown}leave out {PREFIX}, which is put before it anyway", key)
-        if known and not _is_known(name.lower(), known):
-            raise InputError(f"{shown}PETSc has no such option{_guess(name, known)}", key)
+        if not _NAME.fullmatch(name):
+            raise InputError(f"{shown}the name of a PETSc option is one word, as in ksp_type", key)
 
 
 def require_harmless(options: Mapping[str, Any], section: str | None = None) -> None:
@@ -126,43 +120,3 @@ def require_harmless(options: Mapping[str, Any], section: str | None = None) -> 
                 "prints to standard output",
                 key,
             )
-
-
-def _is_known(name: str, known: frozenset[str]) -> bool:
-    """Whether the name, or what follows a prefix in it, is one of PETSc's."""
-    if name in known or any(pattern.fullmatch(name) for pattern in _patterns()):
-        return True
-    return any(ending in known for ending in _inner(name))
-
-
-def _inner(name: str) -> list[str]:
-    """What an object inside another would ask for."""
-    words = name.split("_")
-    return ["_".join(words[start:]) for start, word in enumerate(words) if word in _CLASSES]
-
-
-def _guess(name: str, known: frozenset[str]) -> str:
-    ending = [name, *_inner(name)][-1]
-    guess = nearest(ending, sorted(known))
-    return guess.replace(" '", f" '{name.removesuffix(ending)}")
-
-
-@cache
-def _library() -> frozenset[str]:
-    """The names of options in the libraries of PETSc and petsc4py; none if they are not found."""
-    try:
-        mapped = set(_MAPPED.findall(Path("/proc/self/maps").read_text(encoding="utf-8")))
-        contents = [Path(path).read_bytes() for path in sorted({*mapped, PETSc.__file__})]
-    except OSError:
-        return frozenset()
-    names = {name.decode().lower() for content in contents for name in _NAME.findall(content)}
-    # Not found in an unknown kind of library.
-    return frozenset(names) if "ksp_type" in names else frozenset()
-
-
-@cache
-def _patterns() -> tuple[re.Pattern[str], ...]:
-    """Names with a number or a word in them."""
-    names = [name for name in _library() if "%" in name and "_" in name.partition("%")[0]]
-    words = [name.replace("%d", r"\d+").replace("%s", r"\w+") for name in names]
-    return tuple(re.compile(rf"(?:\w+_)?{word}") for word in words)

@@ -10,6 +10,14 @@ Rank r has CHOLMOD factorise ``A_r`` together with ``A_GG``.  The corner of that
 ``L_r L_r^T = A_GG - A_Gr A_r^-1 A_rG``, so that the Schur complement S takes no solves; it is
 factorised as a dense matrix, on every rank.  This is one step of nested dissection (George,
 doi:10.1137/0710032), for few ranks, as the separator has to be small.
+
+The reason for a solver of our own is its speed.  On two ranks one tangent of the solver, a
+factorisation and six solves, takes PETSc's other solvers so many times as long (elasticity of a
+unit block, P1, PETSc 3.22; two shared cores, the least of five to eight turns):
+
+    unknowns          33 000 in 2D   132 000 in 2D   15 000 in 3D   41 000 in 3D
+    MUMPS                      1.7             1.4     1.4 to 1.7            1.5
+    PCBDDC, CG to 1e-8        13.9             9.5            3.6
 """
 
 from __future__ import annotations
