@@ -53,7 +53,7 @@ class Equilibrium:
 def equilibrium(state: SolvedState) -> Equilibrium:
     """Balance the stored stress, pressure and traction with the loads; collective.
 
-    Contact enters node by node, by the weights of the vertex rule and not through the forms of the
+    Contact enters node by node, by the weights of the nodes and not through the forms of the
     solver, so that a sign lost in either shows.
     """
     u, data, constraints = state.problem.u, state.problem.data, state.problem.constraints
@@ -61,7 +61,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     v = ufl.TestFunction(space)
     load = _nodal(forms.external_work(v, data))
     elastic = _nodal(forms.elastic_form(u, v, data))
-    stress = ufl.inner(state.body.locking_stress, strain(v)) * data.dx
+    stress = ufl.inner(state.body.locking_stress, strain(v)) * data.locking_dx
     internal = elastic + _nodal(stress)
     own = np.zeros_like(load)
     if data.own_energy is not None:

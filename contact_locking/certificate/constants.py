@@ -127,7 +127,8 @@ def trace_constant(state: SolvedState) -> float:
     """``c_0 = max |v|_{L2(Gamma_C)}/|v|_V`` over the discrete fields (11); collective.
 
     The largest eigenvalue of ``int v . w = lambda (v, w)_V`` is its square.  Gamma_C is integrated
-    by the vertex rule, as in the discrete problem; by convexity that is never less than exact.
+    by the nodes and their weights, as in the discrete problem; for affine fields that is never less
+    than exact, by convexity.
     The eigenvalue solver comes from below, to its tolerance, and the discrete fields are fewer than
     those of V: this is no upper bound of the constant in (11).
     Raises NotApplicable where the eigenvalue solver fails.
@@ -190,9 +191,9 @@ def _uniqueness(
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)).
 
     It is the condition of Theorem 4.2 with its constant written out; it fails for eps -> 0, as
-    there the constant of Theorem 4.1 is not explicit.  Norms on Gamma_C are those of the vertex
-    rule, c_0 is that of the discrete fields and comes from below, and mu* and L_mu may be sampled:
-    the condition speaks of the discrete problem, and as far as these numbers are right.
+    there the constant of Theorem 4.1 is not explicit.  Norms on Gamma_C are those of the nodal
+    weights, c_0 is that of the discrete fields and comes from below, and mu* and L_mu may be
+    sampled: the condition speaks of the discrete problem, and as far as these numbers are right.
     """
     bounds = [contact.friction for contact in state.problem.contacts]
     if all(bound.frictionless for bound in bounds):

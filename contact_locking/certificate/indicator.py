@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
+from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
-from contact_locking.problem.spaces import nodal_space
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -18,7 +18,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class ErrorIndicator:
-    """``eta_K`` as a P0 function, ``sqrt(sum eta_K^2)``, and the same of the elastic part alone."""
+    """``eta_K`` of each cell, ``sqrt(sum eta_K^2)``, and the same of the elastic part alone."""
 
     field: fem.Function
     total: float
@@ -37,11 +37,13 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     estimates.  The stress alone, in the norm of A^-1, would not do: P1 elements reach the limit in
     about every second cell of a locked zone in 2D, and in fewer in 3D, so Z alternates on any mesh,
     where strains hardly do.
-    Collective.
+    Raises NotApplicable where the strain is not constant in a cell.  Collective.
     """
-    cells, m = state.cells, len(MANDEL_PAIRS[state.dim])
-    elastic, strain = _mandel(cells.of(state.body.elastic_stress)), _mandel(cells.strain)
-    total = elastic + _mandel(cells.locking_stress)
+    if state.problem.element.degree != 1:
+        raise NotApplicable("not applicable: for linear elements")
+    points, m = state.points, len(MANDEL_PAIRS[state.dim])
+    elastic, strain = _mandel(points.of(state.body.elastic_stress)), _mandel(points.strain)
+    total = elastic + _mandel(points.locking_stress)
     values = np.column_stack([total, elastic, strain])
     defect = _recovered(state, values) - values[:, None, :]
     # The mass matrix of linear functions on a simplex: |K| (1 + delta_ij)/((d + 1)(d + 2)).
@@ -49,7 +51,7 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
 
     def work(stress: FloatArray) -> FloatArray:
         product = np.einsum("kim,kjm,ij->k", stress, defect[:, :, 2 * m :], mass, optimize=True)
-        return np.asarray(np.abs(product) * cells.volumes)
+        return np.asarray(np.abs(product) * points.weights)
 
     square = work(defect[:, :, :m])
     space = state.problem.material.limit.function_space
@@ -70,11 +72,11 @@ def _mandel(tensors: FloatArray) -> FloatArray:
 
 def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
     """Cell values (k, m) averaged at the corners of each owned cell, (k, d + 1, m); collective."""
-    mesh, cells, size = state.problem.domain.mesh, state.cells, values.shape[1]
-    space = nodal_space(mesh, size + 1)
+    mesh, points, size = state.problem.domain.mesh, state.points, values.shape[1]
+    space = state.problem.element.nodal_space(mesh, size + 1)
     corners = space.dofmap.list[: len(values)]
     result = np.empty((len(values), state.dim + 1, size))
-    weighted = np.column_stack([values, np.ones(len(values))]) * cells.volumes[:, None]
+    weighted = np.column_stack([values, np.ones(len(values))]) * points.weights[:, None]
     for inside in _regions(state, len(values)):
         sums = fem.Function(space)
         nodal = sums.x.array.reshape(-1, size + 1)

@@ -54,7 +54,7 @@ class Constraints:
 def constrain(
     domain: Domain, space: fem.FunctionSpace, wanted: Sequence[ComponentCondition]
 ) -> Constraints:
-    """Make the conditions of a P1 vector space; collective.
+    """Make the conditions of a space of displacements; collective.
 
     Where two conditions meet in a node, the later one holds.
     """

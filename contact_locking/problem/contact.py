@@ -74,10 +74,11 @@ class Contact:
     """Signorini's conditions (5) and Coulomb's law (6) on one part of Gamma_C.
 
     ``key`` is the place of the contact in the study file, ``on`` names its boundary parts.
-    ``normal`` and ``gap`` are P1 functions.  ``friction`` says which bound belongs to pressures and
-    slips; ``bound`` is the P1 function of the friction bound that the forms use at present.
-    ``regularisation`` is the length that smooths friction.  ``free`` (k,) marks the nodes whose
-    normal displacement is not prescribed: at the others there is neither pressure nor friction.
+    ``normal`` and ``gap`` are functions of the displacement's degree.  ``friction`` says which
+    bound belongs to pressures and slips; ``bound`` is the function of the friction bound that the
+    forms use at present.  ``regularisation`` is the length that smooths friction.  ``free`` (k,)
+    marks the nodes whose normal displacement is not prescribed: at the others there is neither
+    pressure nor friction.
     """
 
     key: str
@@ -131,7 +132,7 @@ class Contact:
         self.bound.x.scatter_forward()
 
     def norm(self, values: FloatArray) -> float:
-        """The L2 norm on this part of Gamma_C by the vertex rule; collective."""
+        """The L2 norm on this part of Gamma_C by the nodal weights; collective."""
         local = float(np.sum(self.surface.weights * values**2))
         return float(np.sqrt(self.surface.domain.comm.allreduce(local)))
 

@@ -25,12 +25,14 @@ from contact_locking.parameters import LoadParameters
 from contact_locking.problem.coefficients import AXES
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.plausibility import about_a_load
+from contact_locking.problem.spaces import Element
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
 
-# Expressions are integrated to the first degree; P1 test functions need no more.  The second is
-# that of another rule, to compare with: one with other points, none of them in the middle.
+# Expressions are integrated to the first degree; test functions of the first and the second degree
+# need no more.  The second is that of another rule, to compare with: one with other points, none of
+# them in the middle.
 _DEGREE, _OTHER_DEGREE = 4, 6
 # Rules that agree in the mean square of a load up to this share resolve it: at a pole as 1/x they
 # differ by more on any mesh, at a jump by less from a handful of facets on.
@@ -45,7 +47,11 @@ _SHAPES = {
 
 
 def build_loads(
-    domain: Domain, given: LoadParameters, stiffness: float, warnings: list[str]
+    domain: Domain,
+    given: LoadParameters,
+    stiffness: float,
+    warnings: list[str],
+    element: Element,
 ) -> list[tuple[Any, ufl.Measure]]:
     """Each body force and traction as a vector of UFL with its measure; collective.
 
@@ -54,7 +60,7 @@ def build_loads(
     """
     found: list[tuple[Any, ufl.Measure]] = []
     if given.body_force is not None:
-        load = _Load(domain, given.body_force, "loads.body_force")
+        load = _Load(domain, given.body_force, "loads.body_force", element)
         cells = np.arange(domain.mesh.topology.index_map(domain.dim).size_local, dtype=np.int32)
         largest = load.check(domain.dim, cells, warnings)
         low, high = domain.bounding_box()
@@ -64,7 +70,7 @@ def build_loads(
         found.append((load.ufl(), dx))
     for i, traction in enumerate(given.tractions):
         key = f"loads.tractions.{i}"
-        load = _Load(domain, traction.value, f"{key}.value")
+        load = _Load(domain, traction.value, f"{key}.value", element)
         measure = domain.ds(traction.on, f"{key}.on", **load.metadata)
         stress = load.check(domain.dim - 1, domain.facets(traction.on, f"{key}.on"), warnings)
         warnings += about_a_load(stress, stiffness, f"{key}.value")
@@ -75,16 +81,17 @@ def build_loads(
 class _Load:
     """A vector of numbers or expressions of x, y[, z]."""
 
-    def __init__(self, domain: Domain, values: Sequence[float | str], key: str) -> None:
-        self._domain = domain
-        self._key = key
+    def __init__(
+        self, domain: Domain, values: Sequence[float | str], key: str, element: Element
+    ) -> None:
+        self._domain, self._key, self._element = domain, key, element
         self._components: list[Expression] = [parse(value, AXES[: domain.dim]) for value in values]
         self._constant = all(component.is_constant for component in self._components)
 
     @property
     def metadata(self) -> dict[str, Any]:
         """For the form compiler."""
-        return {"quadrature_degree": 1 if self._constant else _DEGREE}
+        return {"quadrature_degree": self._element.degree if self._constant else _DEGREE}
 
     def ufl(self) -> Any:
         if self._constant:

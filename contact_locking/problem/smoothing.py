@@ -87,7 +87,7 @@ class HelmholtzFilter:
 
     ``surface`` is Gamma_C with its lumped mass m as weights, 0 at held nodes (those whose normal
     displacement is prescribed), where the equation then says ``K w~ = 0``: the natural condition
-    moves to the free nodes beside them.  ``stiffness`` is the P1 surface Laplacian K on Gamma_C as
+    moves to the free nodes beside them.  ``stiffness`` is the surface Laplacian K on Gamma_C as
     a distributed matrix whose local rows are the owned nodes.  The lumped mass keeps the filtered
     values positive where K is an M-matrix.  K 1 = 0 keeps the mean over each connected part of
     Gamma_C; as ``r^2 K`` is rounded, a large radius would lose it, so that the mean is taken off

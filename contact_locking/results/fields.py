@@ -35,8 +35,10 @@ def discontinuous(solution: Solution) -> list[fem.Function]:
     """All fields as discontinuous P1 functions.
 
     A VTX file holds functions of one element only, and discontinuous P1 contains P1 and P0.
-    Values are copied corner by corner, so that 0 and 1 stay 0 and 1.
+    Values are copied corner by corner, so that 0 and 1 stay 0 and 1.  Raises InputError for
+    elements of another degree than 1.
     """
+    solution.element.require_linear("fields in a VTX file")
     spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
     copies = []
     for name in FIELD_NAMES:

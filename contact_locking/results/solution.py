@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from contact_locking.parameters import Parameters
     from contact_locking.problem.domain import Domain
+    from contact_locking.problem.spaces import Element
     from contact_locking.results.derived import ContactFields
 
 
@@ -20,19 +21,22 @@ if TYPE_CHECKING:
 class Solution:
     """A solved state.  Every rank has its share of the fields; rank 0 has all contact points.
 
-    Fields on Gamma_C are P1 functions on the whole mesh, zero off Gamma_C.  A body without contact
+    The comments name the spaces for the linear element: P1 stands for the space of the element's
+    displacements, P0 for that of its strains.
+    Fields on Gamma_C are nodal, on the whole mesh, and zero off Gamma_C.  A body without contact
     has no contact points and no contact facets: both tables are empty.
     """
 
     parameters: Parameters
     domain: Domain
+    element: Element
     displacement: fem.Function  # P1, vector
     strain_norm: fem.Function  # P0, |eps(u)|
     locking_limit: fem.Function  # P0, M
     locked: fem.Function  # P0, 1 where |eps| >= M (1 - 1e-6), else 0
     elastic_stress: fem.Function  # P0, (d, d): A eps(u)
     locking_stress: fem.Function  # P0, (d, d): Z
-    error_indicator: fem.Function  # P0, eta_K, the error in h by stress recovery
+    error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery, for P1 alone
     contact_pressure: fem.Function  # P1, -sigma_nu >= 0
     smoothed_stress: fem.Function  # P1, R sigma_nu
     tangential_traction: fem.Function  # P1, vector, sigma_tau
