@@ -31,7 +31,7 @@ class ContactForces:
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Z as a P0 function, and the forces on each part of Gamma_C."""
+    """Z in the space of strains, and the forces on each part of Gamma_C."""
 
     locking_stress: fem.Function
     contacts: tuple[ContactForces, ...]
