@@ -114,8 +114,8 @@ P1 = Element(
 #: that is kept at the corners of a cell is kept everywhere in the cell.  The rule of the corners is
 #: exact for affine integrands only, and Z : eps(v) is quadratic: where a smooth solution locks, the
 #: rate in V is one, as for P1, with a smaller error.  On edges Simpson's rule, that of Gauss and
-#: Lobatto with three points, has the nodes as points and positive weights.  On triangles no rule has
-#: both, as the functions of the corners have the mean zero.
+#: Lobatto with three points, has the nodes as points and positive weights.  On triangles no rule
+#: has both, as the functions of the corners have the mean zero.
 P2 = Element(
     degree=2,
     strain_degree=1,
