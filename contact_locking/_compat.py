@@ -27,6 +27,12 @@ def interpolation_expression(expr: Any, space: Any) -> fem.Expression:
     return fem.Expression(expr, points() if callable(points) else points)
 
 
+def cell_nodes(mesh: dmesh.Mesh) -> npt.NDArray[np.int32]:
+    """Geometry nodes (k, nodes per cell); DOLFINx 0.11 has one array for each type of cell."""
+    dofmaps = getattr(mesh.geometry, "dofmaps", None)
+    return dofmaps[0] if isinstance(dofmaps, list) else mesh.geometry.dofmap
+
+
 def entities_to_geometry(mesh: dmesh.Mesh, dim: int, entities: Any) -> npt.NDArray[np.int32]:
     """Geometry nodes (k, nodes per entity); DOLFINx 0.9 divides by zero if there are none."""
     if len(entities) == 0:

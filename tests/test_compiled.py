@@ -55,7 +55,7 @@ def test_an_unknown_processor_gets_no_instructions_of_its_own(
 def test_dolfinx_own_file_of_options_wins(tmp_path: Path, said: list[str] | None) -> None:
     content = {} if said is None else {"cffi_extra_compile_args": said}
     (tmp_path / "dolfinx_jit_options.json").write_text(json.dumps(content))
-    script = "from contact_locking import compiled; print(compiled.options() == {})"
+    script = "from contact_locking.problem import compiled; print(compiled.options() == {})"
     printed = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
     )

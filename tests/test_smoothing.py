@@ -13,6 +13,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import block, column
 
+from contact_locking import _compat
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
 from contact_locking.problem.domain import Domain
@@ -118,7 +119,7 @@ def surface_of(
     facets = np.sort(dmesh.locate_entities_boundary(mesh, dim - 1, on))
     tags = dmesh.meshtags(mesh, dim - 1, facets, np.full(len(facets), 1, dtype=np.int32))
     regions = dmesh.meshtags(mesh, dim, np.empty(0, np.int32), np.empty(0, np.int32))
-    one_part = np.zeros(len(mesh.geometry.dofmap), dtype=np.int32)
+    one_part = np.zeros(len(_compat.cell_nodes(mesh)), dtype=np.int32)
     domain = Domain(mesh, regions, tags, one_part, {}, {"contact": 1})
     return ContactSurface(domain, fem.functionspace(mesh, ("P", 1, (dim,))), ("contact",))
 

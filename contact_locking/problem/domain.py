@@ -18,6 +18,7 @@ import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from contact_locking import _compat
 from contact_locking.errors import InputError, with_key
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
@@ -106,7 +107,7 @@ class Domain:
         """
         dim, middle = self.dim, self.bounding_box().mean(axis=0)
         owned = self.mesh.topology.index_map(dim).size_local
-        x = self.mesh.geometry.x[self.mesh.geometry.dofmap[:owned], :dim] - middle
+        x = self.mesh.geometry.x[_compat.cell_nodes(self.mesh)[:owned], :dim] - middle
         volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1]))
         sums = x.sum(axis=1)
         squares = np.einsum("cki,ckj->cij", x, x) + np.einsum("ci,cj->cij", sums, sums)

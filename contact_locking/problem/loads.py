@@ -166,7 +166,9 @@ def _quadrature(
         chunk = entities[start : start + _CHUNK]
         whole = dim == domain.dim
         corners = nodes[
-            mesh.geometry.dofmap[chunk] if whole else _compat.entities_to_geometry(mesh, dim, chunk)
+            _compat.cell_nodes(mesh)[chunk]
+            if whole
+            else _compat.entities_to_geometry(mesh, dim, chunk)
         ]
         edges = corners[:, 1:] - corners[:, :1]
         scale = np.sqrt(np.linalg.det(edges @ np.swapaxes(edges, 1, 2)))

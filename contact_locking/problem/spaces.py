@@ -16,6 +16,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
+from contact_locking import _compat
 from contact_locking.errors import InputError
 
 FloatArray = npt.NDArray[np.float64]
@@ -70,7 +71,7 @@ class Element:
         cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         if self.strain_degree == 0:
             return np.asarray(dmesh.compute_midpoints(mesh, dim, cells)[:, :dim].T)
-        corners = mesh.geometry.x[mesh.geometry.dofmap[cells]]
+        corners = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]]
         return np.asarray(corners.reshape(-1, 3)[:, :dim].T)
 
     def locking_dx(self, dx: ufl.Measure) -> ufl.Measure:

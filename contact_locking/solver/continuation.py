@@ -35,9 +35,14 @@ class PenaltyPath:
 
     @classmethod
     def onwards(cls, known: Penalty, target: Target) -> PenaltyPath:
-        """From the penalty parameters of a known solution, where the target is beyond them."""
-        end = target.penalty
-        pairs = zip(known.regularisations, end.regularisations, strict=True)
+        """From the penalty parameters of a known solution, where the target is beyond them.
+
+        Of a solution with another number of contacts the largest regularisation counts.
+        """
+        end, smooth = target.penalty, known.regularisations
+        if len(smooth) != len(end.regularisations):
+            smooth = (max(smooth, default=0.0),) * len(end.regularisations)
+        pairs = zip(smooth, end.regularisations, strict=True)
         n, epsilon = min(known.n, end.n), max(known.epsilon, end.epsilon)
         return cls(Penalty(n, epsilon, tuple(max(pair) for pair in pairs)), end)
 

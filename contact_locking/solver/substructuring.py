@@ -185,7 +185,7 @@ class Pieces:
         everywhere = self._matrix.createVecRight()
         numbers = np.concatenate([interior, shared[::-1]])
         self._local = PETSc.Vec().createSeq(len(numbers), comm=PETSc.COMM_SELF)
-        returned = np.arange(len(interior)), len(numbers) - 1 - mine
+        returned = np.arange(len(interior), dtype=np.int32), len(numbers) - 1 - mine
         kept = np.concatenate(returned)
         sets = [_index_set(chosen) for chosen in (numbers, kept, numbers[kept])]
         self._gather = PETSc.Scatter().create(everywhere, sets[0], self._local, None)

@@ -28,7 +28,7 @@ class Geometry:
     def of(cls, domain: Domain, space: Any) -> Geometry:
         """With the numbers that the dofs of a P1 space give to the nodes."""
         cells = space.dofmap.list
-        corners = domain.mesh.geometry.dofmap
+        corners = _compat.cell_nodes(domain.mesh)
         node_of = np.empty(int(corners.max()) + 1, dtype=np.int64)
         node_of[corners] = cells
         return cls(domain, space.tabulate_dof_coordinates()[:, : domain.dim], cells, node_of)
