@@ -117,11 +117,11 @@ P1 = Element(
 
 #: Quadratic displacements.  The strain is affine in a cell and its norm is convex: a constant limit
 #: that holds at the corners of a cell holds in the cell.  The vertex rule is exact for affine
-#: integrands only, and the work of the locking stress is not affine: where a smooth solution locks,
-#: the order of convergence in V is 1, as for P1, with a smaller error.  On edges the rule of Gauss
-#: and Lobatto with three points, which is Simpson's, has the nodes as points and positive weights.
-#: On triangles no rule has both properties: the integrals of the basis functions of the corners
-#: are 0.  There is therefore no contact in three dimensions.
+#: integrands only, and Z : eps(v) is quadratic: where a smooth solution locks, the order of
+#: convergence in V is 1, as for P1, with a smaller error.  On edges the rule of Gauss and Lobatto
+#: with three points, which is Simpson's, has the nodes as points and positive weights.  On
+#: triangles no rule has both properties: the integrals of the basis functions of the corners are 0.
+#: There is therefore no contact in three dimensions.
 P2 = Element(
     degree=2,
     strain_degree=1,
