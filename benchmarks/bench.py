@@ -38,7 +38,7 @@ from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import assemble
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.solution import Solution
-from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
+from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
 
 # The reference problem and the conic solver's form of it belong to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))

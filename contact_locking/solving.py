@@ -35,7 +35,7 @@ from contact_locking.results.derived import (
 from contact_locking.results.solution import Solution
 from contact_locking.solver import Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
-from contact_locking.solver.options import UserOptions, require_harmless, require_known
+from contact_locking.solver.linear.options import UserOptions, require_harmless, require_known
 from contact_locking.solver.target import Target
 
 _WAY_OUT_OF_SLIDING = (

@@ -18,7 +18,7 @@ from contact_locking.laws.friction_law import FrictionLaw
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
 from contact_locking.problem.contact import FrictionBound
-from contact_locking.solver.linear import iterative_options
+from contact_locking.solver.linear.ksp import iterative_options
 from contact_locking.solving import solve_assembled
 
 # Proved bounds ------------------------------------------------------------------------------------

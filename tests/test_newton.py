@@ -16,10 +16,10 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.problem.assembly import assemble
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.continuation import PenaltyPath
+from contact_locking.solver.linear.direct.substructuring import Pieces
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import solve
-from contact_locking.solver.substructuring import Pieces
 from contact_locking.solver.target import Target
 from contact_locking.solver.task import Task
 

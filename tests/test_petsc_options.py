@@ -14,9 +14,14 @@ from problems import block
 from contact_locking import check, solve
 from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.solver import options
-from contact_locking.solver.linear import create_ksp, destroy_ksp
-from contact_locking.solver.options import PREFIX, UserOptions, require_harmless, require_known
+from contact_locking.solver.linear import options
+from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp
+from contact_locking.solver.linear.options import (
+    PREFIX,
+    UserOptions,
+    require_harmless,
+    require_known,
+)
 
 KNOWN = """
 ksp_type ksp_rtol ksp_monitor ksp_monitor_true_residual ksp_view ksp_converged_reason ksp_norm_type

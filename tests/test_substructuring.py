@@ -17,11 +17,11 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.problem.compiled import installed
-from contact_locking.solver import substructuring
-from contact_locking.solver.linear import create_ksp, destroy_ksp, direct_options
-from contact_locking.solver.options import PREFIX, InsertedOptions
-from contact_locking.solver.separator import Separator
-from contact_locking.solver.substructure import Substructure, is_available
+from contact_locking.solver.linear.direct import substructuring
+from contact_locking.solver.linear.direct.separator import Separator
+from contact_locking.solver.linear.direct.substructure import Substructure, is_available
+from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
+from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
 SIDE = 40
 SEVERAL = MPI.COMM_WORLD.size > 1
@@ -252,7 +252,7 @@ def test_mumps_takes_over_for(
         request.addfinalizer(options.remove)
     else:
         monkeypatch.setattr(
-            "contact_locking.solver.separator._partition",
+            "contact_locking.solver.linear.direct.separator._partition",
             lambda counts, *_: np.zeros(len(counts), dtype=np.int32),
         )
     whole = grid()

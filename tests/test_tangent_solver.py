@@ -12,10 +12,10 @@ from problems import block
 
 from contact_locking import solving
 from contact_locking.results.solution import Solution
-from contact_locking.solver import tangent_solver
-from contact_locking.solver.filtered_multigrid import Filter, FilteredMultigrid
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
-from contact_locking.solver.linear import FILTER_LIMIT
+from contact_locking.solver.linear import tangent_solver
+from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid
+from contact_locking.solver.linear.ksp import FILTER_LIMIT
 
 _NEVER = 10**6
 

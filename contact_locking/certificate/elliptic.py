@@ -15,7 +15,7 @@ from ufl.core.expr import Expr
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled, forms
-from contact_locking.solver.linear import create_ksp, default_options, destroy_ksp
+from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
 
 # A prefix of its own: the options for the nonlinear solve do not concern these solves.
 _PREFIX = "contact_locking_certificate_"

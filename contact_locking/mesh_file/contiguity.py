@@ -61,7 +61,7 @@ def _check_duplicates(
         f"{places.at(mesh.points[one])}"
     )
     rest = len(np.unique(chosen)) - 2
-    said += f", and so are {rest} more nodes" if rest else ""
+    said += f", and {rest} more nodes" if rest else ""
     if apart.any():
         raise InputError(
             f"two parts of the body touch and share no nodes: {said}; {_FRAGMENT}, or leave a gap"

@@ -14,8 +14,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
-from contact_locking.solver.linear import LINEAR_FAILURE, configure, default_options
-from contact_locking.solver.options import PREFIX
+from contact_locking.solver.linear.ksp import LINEAR_FAILURE, configure, default_options
+from contact_locking.solver.linear.options import PREFIX
 from contact_locking.solver.task import Task
 
 ConvergedReason = PETSc.SNES.ConvergedReason

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from contact_locking.solver.options import UserOptions
+from contact_locking.solver.linear.options import UserOptions
 
 
 @dataclass(frozen=True)

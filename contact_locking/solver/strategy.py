@@ -13,7 +13,7 @@ from contact_locking.problem.contact import Contact
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint, explain_failure
-from contact_locking.solver.linear import is_direct
+from contact_locking.solver.linear.ksp import is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle
 from contact_locking.solver.saved import SavedState

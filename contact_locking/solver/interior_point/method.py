@@ -41,7 +41,7 @@ from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Approach, Tuning
-from contact_locking.solver.linear import LINEAR_FAILURE
+from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.solver.task import Task
 

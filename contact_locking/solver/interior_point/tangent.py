@@ -13,12 +13,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.problem import compiled, forms
-from contact_locking.solver.filtered_multigrid import StiffPart
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.linear import is_direct
-from contact_locking.solver.storage import IN_BLOCKS
-from contact_locking.solver.tangent_solver import TangentSolver
+from contact_locking.solver.linear.filtered_multigrid import StiffPart
+from contact_locking.solver.linear.ksp import is_direct
+from contact_locking.solver.linear.storage import IN_BLOCKS
+from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
 
 FloatArray = npt.NDArray[np.float64]

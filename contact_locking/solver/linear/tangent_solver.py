@@ -8,8 +8,8 @@ from typing import Any
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
-from contact_locking.solver.filtered_multigrid import FilteredMultigrid, StiffPart
-from contact_locking.solver.linear import (
+from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
+from contact_locking.solver.linear.ksp import (
     FILTER_LIMIT,
     LINEAR_FAILURE,
     create_ksp,
@@ -17,8 +17,8 @@ from contact_locking.solver.linear import (
     direct_options,
     preconditioner,
 )
+from contact_locking.solver.linear.storage import Unblocked
 from contact_locking.solver.settings import Settings
-from contact_locking.solver.storage import Unblocked
 
 # CG with the filtered multigrid.  The norm is that of the equilibrium residual, which is what is
 # left of an inexact solve.

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from contact_locking.solver.options import PREFIX, InsertedOptions
+from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
 IntArray = npt.NDArray[np.int32]
 

@@ -24,15 +24,15 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from contact_locking.solver.linear import (
+from contact_locking.solver.linear.ksp import (
     configure,
     create_ksp,
     destroy_ksp,
     direct_options,
     multigrid_options,
 )
-from contact_locking.solver.options import PREFIX
-from contact_locking.solver.storage import Unblocked
+from contact_locking.solver.linear.options import PREFIX
+from contact_locking.solver.linear.storage import Unblocked
 
 _CHANGES: dict[str, Any] = {
     # The zones move but the mesh does not: only values are made anew.

@@ -20,8 +20,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.linalg import blas, lapack
 
-from contact_locking.solver.separator import Separator
-from contact_locking.solver.substructure import Substructure, is_available
+from contact_locking.solver.linear.direct.separator import Separator
+from contact_locking.solver.linear.direct.substructure import Substructure, is_available
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]

@@ -8,8 +8,8 @@ from typing import Any
 from petsc4py import PETSc
 
 from contact_locking import _compat
-from contact_locking.solver.options import PREFIX, InsertedOptions
-from contact_locking.solver.substructuring import SPARE_MEMORY, Substructuring
+from contact_locking.solver.linear.direct import SPARE_MEMORY, Substructuring
+from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
 

@@ -1,0 +1,1 @@
+"""Linear algebra over PETSc: Krylov solvers and their options, multigrid, factorisations."""
