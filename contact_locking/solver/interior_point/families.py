@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
@@ -17,8 +17,6 @@ from contact_locking.solver.interior_point.lorentz import Lorentz
 from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.target import Target
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor, mandel_vector, strain
 from contact_locking.problem import compiled
 from contact_locking.problem.forms import ProblemData
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 class StrainOperator:
@@ -30,8 +27,8 @@ class StrainOperator:
         self,
         space: fem.FunctionSpace,
         data: ProblemData,
-        dofs: npt.NDArray[np.int32],
-        cells: npt.NDArray[np.int32],
+        dofs: IndexArray,
+        cells: IndexArray,
     ) -> None:
         mesh, element, dx = space.mesh, data.element, data.locking_dx
         self.space, self.dx, self.dofs, self.cells = space, dx, dofs, cells
@@ -75,7 +72,7 @@ class StrainOperator:
             tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
         function.x.scatter_forward()
 
-    def nodes_at(self, points: BoolArray) -> npt.NDArray[np.int32]:
+    def nodes_at(self, points: BoolArray) -> IndexArray:
         """The owned nodes of the cells of marked points (k,), of all ranks; collective."""
         touched = fem.Function(self.space)
         blocks = self.space.dofmap.list[self.cells[points]]
