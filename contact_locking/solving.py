@@ -251,7 +251,8 @@ def _measure_against_limit(
 ) -> None:
     """Solve the inequality on the same mesh and add the distance to the certificate; collective."""
     monitor.message("solving for n = .inf, to measure the distance")
-    problem = assemble(solution.parameters.limit(), solution.domain.comm, solution.domain)
+    limit, domain = solution.parameters.limit(), solution.domain
+    problem = assemble(limit, domain.comm, domain, solution.element)
     exact = solve_assembled(problem, monitor, petsc_options)
     measured: dict[str, Any]
     if exact.converged:
@@ -269,6 +270,7 @@ def _solution(
     return Solution(
         parameters=problem.parameters,
         domain=problem.domain,
+        element=problem.element,
         displacement=problem.u,
         strain_norm=body.strain_norm,
         locking_limit=body.locking_limit,

@@ -28,6 +28,7 @@ from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.problem.spaces import P1, Element
 from contact_locking.results.solution import Solution
 
 YOUNG, POISSON = 1.0, 0.3
@@ -54,6 +55,7 @@ class Manufactured:
     limit: float = math.inf
     n: float = 10.0
     epsilon: float = 0.1
+    element: Element = P1
 
     @property
     def dim(self) -> int:
@@ -126,7 +128,7 @@ class Manufactured:
             "friction": {"coefficient": self.friction, "smoothing": self.smoothing},
             "penalty": {"n": self.n, "epsilon": self.epsilon or None},
         }
-        made = assemble(with_changes(data, **changes), comm)
+        made = assemble(with_changes(data, **changes), comm, element=self.element)
         mesh = made.domain.mesh
         metadata = {"quadrature_degree": 4}
         made.data = dataclasses.replace(

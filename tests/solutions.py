@@ -14,6 +14,7 @@ from problems import block
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.problem.domain import from_geometry
+from contact_locking.problem.spaces import P1
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.solution import Solution
 
@@ -64,6 +65,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
     return Solution(
         parameters=parameters,
         domain=domain,
+        element=P1,
         displacement=function(vector, displacement),
         strain_norm=function(cell, lambda x: 0.02 * np.minimum(2.0 * x[-1], 1.0)),
         locking_limit=function(cell, lambda x: 0.02 + 0.0 * x[0]),

@@ -284,6 +284,7 @@ def test_where_no_admissible_field_is_found_the_bound_is_left_open_with_the_reas
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_indicator_vanishes_for_a_solution_that_is_exact(dim: int) -> None:
     solution = solved(column(dim))
+    assert solution.error_indicator is not None
     assert np.abs(solution.error_indicator.x.array).max() <= 1e-7
     assert solution.summary["certificate"]["errors"]["mesh"]["with_locking"] <= 1e-7
 

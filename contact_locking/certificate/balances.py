@@ -51,15 +51,15 @@ class Equilibrium:
 def equilibrium(state: SolvedState) -> Equilibrium:
     """Balance the stored stress, pressure and traction with the loads; collective.
 
-    The contact forces are sums over the nodes with the weights of the vertex rule.  They do not use
-    the forms of the solver, so that a wrong sign in either place shows.
+    The contact forces are sums over the nodes with the nodal weights.  They do not use the forms of
+    the solver, so that a wrong sign in either place shows.
     """
     u, data, constraints = state.problem.u, state.problem.data, state.problem.constraints
     space = u.function_space
     v = ufl.TestFunction(space)
     load = _nodal(forms.external_work(v, data))
     elastic = _nodal(forms.elastic_form(u, v, data))
-    stress = ufl.inner(state.body.locking_stress, strain(v)) * data.dx
+    stress = ufl.inner(state.body.locking_stress, strain(v)) * data.locking_dx
     internal = elastic + _nodal(stress)
     own = np.zeros_like(load)
     if data.own_energy is not None:

@@ -91,7 +91,7 @@ def _measured(state: SolvedState) -> dict[str, float]:
     penalty = state.target.penalty
     if np.isfinite(penalty.n):
         excess = unit_ball_excess(eps, data.inverse_limit) ** 2 * squared_norm(eps)
-        values["locking_penalty"] = 2.0 * penalty.n * integral(domain, excess * data.dx)
+        values["locking_penalty"] = 2.0 * penalty.n * integral(domain, excess * data.locking_dx)
     if state.contacts and penalty.epsilon > 0.0:
         entered = [np.maximum(fields.u_normal - fields.gap, 0.0) for fields in state.contacts]
         pairs = zip(state.contacts, entered, strict=True)
@@ -102,11 +102,11 @@ def _measured(state: SolvedState) -> dict[str, float]:
 
 
 def _locking_work(state: SolvedState) -> float:
-    """``int M |Z|`` over the cells that can lock; collective."""
-    cells = state.cells
-    limit = np.where(np.isfinite(cells.limit), cells.limit, 0.0)
-    size = np.linalg.norm(cells.locking_stress, axis=(1, 2))
-    return state.sum(cells.volumes * limit * size)
+    """``int M |Z|`` over the part of the body that can lock; collective."""
+    points = state.points
+    limit = np.where(np.isfinite(points.limit), points.limit, 0.0)
+    size = np.linalg.norm(points.locking_stress, axis=(1, 2))
+    return state.sum(points.weights * limit * size)
 
 
 def norm(state: SolvedState, u: fem.Function) -> float:
@@ -137,7 +137,7 @@ def _room_to_lock(state: SolvedState, w: fem.Function | None) -> float:
     """``1 - max |eps(w)|/M``, at least 0; 1 without w; collective."""
     if w is None:
         return 1.0
-    ratio = np.linalg.norm(state.cells.interpolated(strain(w)), axis=(1, 2)) / state.cells.limit
+    ratio = np.linalg.norm(state.points.interpolated(strain(w)), axis=(1, 2)) / state.points.limit
     return max(1.0 - maximum(state.comm, ratio), 0.0)
 
 

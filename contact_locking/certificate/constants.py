@@ -120,10 +120,10 @@ def trace_constant(state: SolvedState) -> float:
     """``c_0 = max |v|_{L2(Gamma_C)}/|v|_V`` over the discrete fields (11); collective.
 
     ``c_0^2`` is the largest eigenvalue of ``int v . w = lambda (v, w)_V``.  The integral over
-    Gamma_C uses the vertex rule, as the discrete problem does; by convexity the rule never gives
-    less than the exact integral.  The result is not an upper bound of the constant in (11): the
-    eigenvalue solver approaches from below, and V has more fields.  Raises NotApplicable if the
-    eigenvalue solver fails.
+    Gamma_C is a sum over the nodes with the nodal weights, as in the discrete problem; for affine
+    displacements the sum is never less than the exact integral, by convexity.  The result is not an
+    upper bound of the constant in (11): the eigenvalue solver approaches from below, and V has more
+    fields.  Raises NotApplicable if the eigenvalue solver fails.
     """
     from slepc4py import SLEPc
 
@@ -184,9 +184,10 @@ def _uniqueness(
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)).
 
     This is the condition of Theorem 4.2 with an explicit constant.  The condition fails for eps ->
-    0, where the constant of Theorem 4.1 is not explicit.  The norms on Gamma_C use the vertex rule,
-    c_0 is the constant of the discrete fields, approached from below, and mu* and L_mu may be
-    sampled.  The verdict is therefore about the discrete problem, and as certain as these numbers.
+    0, where the constant of Theorem 4.1 is not explicit.  The norms on Gamma_C use the nodal
+    weights, c_0 is the constant of the discrete fields, approached from below, and mu* and L_mu may
+    be sampled.  The verdict is therefore about the discrete problem, and as certain as these
+    numbers.
     """
     bounds = [contact.friction for contact in state.problem.contacts]
     if all(bound.frictionless for bound in bounds):

@@ -8,14 +8,14 @@ import numpy as np
 from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
-from contact_locking.problem.spaces import nodal_space
 
 
 @dataclass(frozen=True)
 class ErrorIndicator:
-    """``eta_K`` as a P0 function, ``sqrt(sum eta_K^2)``, and the same for the elastic stress."""
+    """``eta_K`` of each cell, ``sqrt(sum eta_K^2)``, and the same for the elastic stress."""
 
     field: fem.Function
     total: float
@@ -34,11 +34,14 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     locking law is monotone, this integral is at least ``a(u_exact - u, u_exact - u)``, which
     ``elastic`` estimates.  The product with the strain is necessary: in a locked zone P1 elements
     reach the limit in about every second cell in 2D and in fewer cells in 3D, so that Z alternates
-    between cells on every mesh, while the strain hardly does.  Collective.
+    between cells on every mesh, while the strain hardly does.  Raises NotApplicable for an element
+    whose strain is not constant in a cell.  Collective.
     """
-    cells, m = state.cells, len(MANDEL_PAIRS[state.dim])
-    elastic, strain = _mandel(cells.of(state.body.elastic_stress)), _mandel(cells.strain)
-    total = elastic + _mandel(cells.locking_stress)
+    if state.problem.element.degree != 1:
+        raise NotApplicable("not applicable: for linear elements")
+    points, m = state.points, len(MANDEL_PAIRS[state.dim])
+    elastic, strain = _mandel(points.of(state.body.elastic_stress)), _mandel(points.strain)
+    total = elastic + _mandel(points.locking_stress)
     values = np.column_stack([total, elastic, strain])
     defect = _recovered(state, values) - values[:, None, :]
     # The mass matrix of linear functions on a simplex: |K| (1 + delta_ij)/((d + 1)(d + 2)).
@@ -46,7 +49,7 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
 
     def work(stress: FloatArray) -> FloatArray:
         product = np.einsum("kim,kjm,ij->k", stress, defect[:, :, 2 * m :], mass, optimize=True)
-        return np.asarray(np.abs(product) * cells.volumes)
+        return np.asarray(np.abs(product) * points.weights)
 
     square = work(defect[:, :, :m])
     space = state.problem.material.limit.function_space
@@ -70,11 +73,11 @@ def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
 
     Collective.
     """
-    mesh, cells, size = state.problem.domain.mesh, state.cells, values.shape[1]
-    space = nodal_space(mesh, size + 1)
+    mesh, points, size = state.problem.domain.mesh, state.points, values.shape[1]
+    space = state.problem.element.nodal_space(mesh, size + 1)
     corners = space.dofmap.list[: len(values)]
     result = np.empty((len(values), state.dim + 1, size))
-    weighted = np.column_stack([values, np.ones(len(values))]) * cells.volumes[:, None]
+    weighted = np.column_stack([values, np.ones(len(values))]) * points.weights[:, None]
     for inside in _regions(state, len(values)):
         sums = fem.Function(space)
         nodal = sums.x.array.reshape(-1, size + 1)

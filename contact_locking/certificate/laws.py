@@ -86,22 +86,22 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     n = inf an element of ``dI_B(eps)`` (1).  The stress s is the mean stress or, if this is less,
     ``2n`` times the mean strain.  Squares is ``n int ([|eps| - M]^+ - |Z|/(2n))^2``, 0 for n = inf.
     """
-    cells = state.cells
-    norm = np.linalg.norm(cells.strain, axis=(1, 2))
-    size = np.linalg.norm(cells.locking_stress, axis=(1, 2))
-    work = np.einsum("kij,kij->k", cells.locking_stress, cells.strain)
-    locks = np.isfinite(cells.limit)
-    # A cell without a limit must not turn M |Z| into inf times 0.
-    largest = np.maximum(np.where(locks, cells.limit, norm), norm)
+    points = state.points
+    norm = np.linalg.norm(points.strain, axis=(1, 2))
+    size = np.linalg.norm(points.locking_stress, axis=(1, 2))
+    work = np.einsum("kij,kij->k", points.locking_stress, points.strain)
+    locks = np.isfinite(points.limit)
+    # A point without a limit must not turn M |Z| into inf times 0.
+    largest = np.maximum(np.where(locks, points.limit, norm), norm)
     products = np.abs(size * largest - work)
-    excess = np.maximum(norm - cells.limit, 0.0)
+    excess = np.maximum(norm - points.limit, 0.0)
     violation = np.abs(excess - size / (2.0 * state.target.penalty.n))
     n = state.target.penalty.n
     stress = min(state.mean_stress, 2.0 * n * state.mean_strain)
-    squares = n * state.sum(cells.volumes * violation**2) if np.isfinite(n) else 0.0
+    squares = n * state.sum(points.weights * violation**2) if np.isfinite(n) else 0.0
     return (
-        state.share_of_work(state.sum(cells.volumes * products)),
-        state.share_of_work(stress * state.sum(cells.volumes * violation)),
+        state.share_of_work(state.sum(points.weights * products)),
+        state.share_of_work(stress * state.sum(points.weights * violation)),
         state.share_of_work(squares),
     )
 

@@ -91,8 +91,8 @@ class Lifting:
 
     def _check(self, lifted: fem.Function) -> None:
         state = self._state
-        size = np.linalg.norm(state.cells.interpolated(strain(lifted)), axis=(1, 2))
-        if not self._nowhere(size - state.cells.limit * (1.0 + _ROUNDING)):
+        size = np.linalg.norm(state.points.interpolated(strain(lifted)), axis=(1, 2))
+        if not self._nowhere(size - state.points.limit * (1.0 + _ROUNDING)):
             raise NotApplicable(
                 "the elastic displacement with the prescribed values exceeds the locking limit, "
                 "and no other field was tried"

@@ -99,10 +99,10 @@ def _admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
     _check_entered(state, w)
-    a = np.zeros_like(state.cells.strain)
+    a = np.zeros_like(state.points.strain)
     if start is not None:
-        a = state.cells.interpolated(strain(start))
-    theta = _largest_step(a, state.cells.interpolated(strain(w)) - a, state.cells.limit)
+        a = state.points.interpolated(strain(start))
+    theta = _largest_step(a, state.points.interpolated(strain(w)) - a, state.points.limit)
     theta = float(state.comm.allreduce(theta, op=MPI.MIN))
     w.x.array[:] *= theta
     if start is not None:
@@ -111,7 +111,7 @@ def _admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
 
 
 def _largest_step(a: FloatArray, b: FloatArray, limit: FloatArray) -> float:
-    """The largest theta in [0, 1] with ``|a + theta b| <= M`` in all cells, where ``|a| <= M``."""
+    """The largest theta in [0, 1] with ``|a + theta b| <= M`` at all points, where ``|a| <= M``."""
     locks = np.isfinite(limit)
     a, b, limit = a[locks], b[locks], limit[locks]
     aa, ab, bb = (np.einsum("kij,kij->k", *pair) for pair in ((a, a), (a, b), (b, b)))
@@ -134,14 +134,14 @@ def _check_entered(state: SolvedState, w: fem.Function) -> None:
 
 def _gap(state: SolvedState, w: fem.Function) -> float:
     """``eta^2`` of :func:`penalty_error`; collective."""
-    u, data, cells = state.problem.u, state.problem.data, state.cells
+    u, data, points = state.problem.u, state.problem.data, state.points
     step = fem.Function(u.function_space)
     step.x.array[:] = w.x.array - u.x.array
     total = integral(state.problem.domain, 0.5 * forms.elastic_form(step, step, data))
-    stress, eps = cells.locking_stress, cells.interpolated(strain(w))
+    stress, eps = points.locking_stress, points.interpolated(strain(w))
     size = np.linalg.norm(stress, axis=(1, 2))
-    largest = np.where(np.isfinite(cells.limit), cells.limit, 0.0) * size
-    total += state.sum(cells.volumes * (largest - np.einsum("kij,kij->k", stress, eps)))
+    largest = np.where(np.isfinite(points.limit), points.limit, 0.0) * size
+    total += state.sum(points.weights * (largest - np.einsum("kij,kij->k", stress, eps)))
     for fields in state.contacts:
         normal, slip = fields.contact.split(w)
         work = np.sum(fields.traction * slip, axis=1)

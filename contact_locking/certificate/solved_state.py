@@ -17,7 +17,6 @@ from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import Problem
-from contact_locking.problem.spaces import strain_space
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import BodyFields, ContactFields, integral, penalised
 from contact_locking.solver import Settings, SolverReport
@@ -65,8 +64,8 @@ class SolvedState:
         return self.problem.domain.dim
 
     @cached_property
-    def cells(self) -> Cells:
-        return Cells(self)
+    def points(self) -> StrainPoints:
+        return StrainPoints(self)
 
     @cached_property
     def energy(self) -> float:
@@ -101,10 +100,10 @@ class SolvedState:
         With the mean strain |eps| the first term is the elastic energy, except for rounding.  The
         second term is the work of the locking stress, which can exceed the elastic energy by far.
         """
-        elastic = 0.5 * self.mean_stress * self.mean_strain * self.cells.volume
-        cells = self.cells
-        products = np.einsum("kij,kij->k", cells.locking_stress, cells.strain)
-        return elastic + abs(self.sum(cells.volumes * products))
+        elastic = 0.5 * self.mean_stress * self.mean_strain * self.points.volume
+        points = self.points
+        products = np.einsum("kij,kij->k", points.locking_stress, points.strain)
+        return elastic + abs(self.sum(points.weights * products))
 
     def share_of_work(self, value: float) -> float:
         """A value relative to :attr:`work`; the value itself for a body at rest."""
@@ -115,34 +114,37 @@ class SolvedState:
         return float(self.comm.allreduce(float(np.sum(values))))
 
 
-class Cells:
-    """P0 values over the owned cells: tensors are (k, d, d), scalars (k,)."""
+class StrainPoints:
+    """Values at the points of the strains in owned cells: tensors are (k, d, d), scalars (k,).
+
+    ``weights`` (k,) are the weights of the locking rule, and ``volume`` is the volume of the body.
+    """
 
     def __init__(self, state: SolvedState) -> None:
-        domain = state.problem.domain
+        domain, element = state.problem.domain, state.problem.element
         mesh, dim = domain.mesh, domain.dim
         self._owned = mesh.topology.index_map(dim).size_local
         self._dim = dim
-        self._space = strain_space(mesh, (dim, dim))
-        scalar = strain_space(mesh)
-        ones = compiled.form(ufl.TestFunction(scalar) * state.problem.data.dx)
-        self.volumes = self.scalars(fem.assemble_vector(ones).array, scalar)
-        self.volume = float(domain.comm.allreduce(float(self.volumes.sum())))
+        self._space = element.strain_space(mesh, (dim, dim))
+        scalar = element.strain_space(mesh)
+        ones = compiled.form(ufl.TestFunction(scalar) * state.problem.data.locking_dx)
+        self.weights = self.scalars(fem.assemble_vector(ones).array, scalar)
+        self.volume = float(domain.comm.allreduce(float(self.weights.sum())))
         self.limit = self.scalars(state.problem.material.limit.x.array, scalar)
         self.locking_stress = self.of(state.body.locking_stress)
         self.strain = self.interpolated(strain(state.problem.u))
 
     def scalars(self, array: FloatArray, space: fem.FunctionSpace) -> FloatArray:
-        """The values of a scalar P0 function in the cells, from its dofs."""
-        return np.asarray(array[space.dofmap.list.reshape(-1)[: self._owned]])
+        """The values of a scalar function at the points, from its dofs."""
+        return np.asarray(array[space.dofmap.list[: self._owned].reshape(-1)])
 
     def of(self, function: fem.Function) -> FloatArray:
-        """The values of a P0 tensor function in the cells."""
-        dofs = function.function_space.dofmap.list.reshape(-1)[: self._owned]
+        """The values of a tensor function at the points."""
+        dofs = function.function_space.dofmap.list[: self._owned].reshape(-1)
         return function.x.array.reshape(-1, self._dim, self._dim)[dofs]
 
     def interpolated(self, tensor: Expr) -> FloatArray:
-        """The values of a UFL tensor that is constant in each cell."""
+        """The values of a UFL tensor at the points."""
         function = fem.Function(self._space)
         function.interpolate(_compat.interpolation_expression(tensor, self._space))
         return self.of(function)

@@ -12,6 +12,7 @@ from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
+from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.indicator import error_indicator
 from contact_locking.certificate.laws import law_criteria
 from contact_locking.certificate.lifting import Lifting
@@ -23,7 +24,7 @@ from contact_locking.certificate.solved_state import SolvedState
 class Certificate:
     """Criteria, proved bounds, constants, resultants and error estimates, for summary.json.
 
-    ``error_indicator`` is the P0 field of the indicator.
+    ``error_indicator`` is the field of the indicator, None if the indicator is not applicable.
     """
 
     criteria: dict[str, Criterion]
@@ -31,7 +32,7 @@ class Certificate:
     constants: dict[str, Any]
     resultants: dict[str, Any]
     errors: dict[str, Any]
-    error_indicator: fem.Function
+    error_indicator: fem.Function | None
 
     @property
     def residual(self) -> float:
@@ -77,12 +78,11 @@ def certify(state: SolvedState) -> Certificate:
     Takes one solve with the inner product of V and, for a finite n, one elastic solve.
     """
     balance = equilibrium(state)
-    indicator = error_indicator(state)
+    mesh, field = _mesh_error(state)
     lifting = Lifting(state)
     with contextlib.closing(lifting):
         bounds = proved_bounds(state, lifting)
         penalty = penalty_error(state, lifting)
-    size = (2.0 * state.energy) ** 0.5
     return Certificate(
         criteria=balance.criteria(state.settings.tolerance) | law_criteria(state),
         bounds=bounds,
@@ -92,13 +92,24 @@ def certify(state: SolvedState) -> Certificate:
             "contact": balance.contact.tolist(),
             "reactions": balance.reactions.tolist(),
         },
-        errors={
-            "mesh": {
-                "energy_norm": indicator.elastic,
-                "relative": indicator.elastic / size if size > 0.0 else None,
-                "with_locking": indicator.total,
-            },
-            "penalty": penalty,
-        },
-        error_indicator=indicator.field,
+        errors={"mesh": mesh, "penalty": penalty},
+        error_indicator=field,
     )
+
+
+def _mesh_error(state: SolvedState) -> tuple[dict[str, Any], fem.Function | None]:
+    """The entry ``mesh`` of the error estimates, and the field of the indicator; collective.
+
+    Without an indicator the entry has the reason, and the field is None.
+    """
+    try:
+        indicator = error_indicator(state)
+    except NotApplicable as failure:
+        none = dict.fromkeys(("energy_norm", "relative", "with_locking"))
+        return {**none, "reason": str(failure)}, None
+    size = (2.0 * state.energy) ** 0.5
+    return {
+        "energy_norm": indicator.elastic,
+        "relative": indicator.elastic / size if size > 0.0 else None,
+        "with_locking": indicator.total,
+    }, indicator.field

@@ -26,7 +26,6 @@ from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.problem.assembly import Problem
-from contact_locking.problem.spaces import DEGREE, strain_space
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState
@@ -109,7 +108,7 @@ def write(solution: Solution, folder: Path) -> None:
                 float(fields.contact.regularisation.value) for fields in solution.contacts
             ),
             dimension=domain.dim,
-            degree=DEGREE,
+            degree=solution.element.degree,
             cells=domain.num_cells,
             nodes=int(nodes),
             contacts=len(solution.contacts),
@@ -167,7 +166,7 @@ def _load_multipliers(
 ) -> tuple[Multipliers, tuple[FloatArray, ...]]:
     """The multipliers and the friction bound (k,) of each contact; collective."""
     dim = problem.domain.dim
-    stress = load("locking_stress", strain_space(problem.domain.mesh, (dim, dim)))
+    stress = load("locking_stress", problem.element.strain_space(problem.domain.mesh, (dim, dim)))
     forces, bounds = [], []
     for number, contact in enumerate(problem.contacts):
         surface = contact.surface
@@ -229,9 +228,10 @@ def _difference_in_size(record: Record, problem: Problem) -> str:
 
     Raises InputError if the degrees of the displacement differ.
     """
-    if record.degree != DEGREE:
+    degree = problem.element.degree
+    if record.degree != degree:
         raise InputError(
-            f"the checkpoint holds elements of degree {record.degree}; degree {DEGREE} is needed"
+            f"the checkpoint holds elements of degree {record.degree}; degree {degree} is needed"
         )
     nodes = int(problem.u.function_space.dofmap.index_map.size_global)
     here = (problem.domain.dim, problem.domain.num_cells, nodes)

@@ -19,8 +19,10 @@ def gather(solution: Solution) -> Snapshot | None:
     """The snapshot on rank 0, None elsewhere; collective.
 
     Each rank sends the vertices and the cells that it owns.  A global number is therefore a place
-    in the arrays that the ranks make up together.
+    in the arrays that the ranks make up together.  Raises InputError for an element
+    of another degree than 1.
     """
+    solution.element.require_linear("pictures")
     domain, u = solution.domain, solution.displacement
     mesh, dim, comm = domain.mesh, domain.dim, domain.comm
     dofmap = u.function_space.dofmap

@@ -29,7 +29,7 @@ from contact_locking.problem.domain import Domain
 from contact_locking.problem.groups import groups
 from contact_locking.problem.loads import build_loads
 from contact_locking.problem.parts import Held, check_parts_held
-from contact_locking.problem.spaces import displacement_space
+from contact_locking.problem.spaces import P1, Element
 
 
 @dataclass
@@ -49,6 +49,10 @@ class Problem:
     penalty: Penalty
     held: list[Held]
     warnings: list[str]
+
+    @property
+    def element(self) -> Element:
+        return self.data.element
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
@@ -88,24 +92,29 @@ class Problem:
             contact.friction.smoothing.destroy()
 
 
-def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None = None) -> Problem:
+def assemble(
+    parameters: Parameters,
+    comm: MPI.Intracomm,
+    domain: Domain | None = None,
+    element: Element = P1,
+) -> Problem:
     """Make mesh, material, loads, conditions, contact and friction; collective.
 
     ``domain`` replaces the mesh of the study, if given.  Raises InputError for data that do not fit
-    the mesh.
+    the mesh or the element.
     """
     domain = domain or _domain(parameters, comm)
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
-    material = build_material(domain, parameters.material)
-    space = displacement_space(domain.mesh)
+    material = build_material(domain, parameters.material, element)
+    space = element.displacement_space(domain.mesh)
     _check_parts(domain, parameters)
     constraints = constrain(domain, space, _conditions(domain, parameters.loads))
     n, epsilon = parameters.penalty.n, parameters.penalty.compliance
     # The paper uses the compliance epsilon also for the regularisation length in (22): here Young's
     # modulus converts the compliance to a length.
     contacts = build_contacts(
-        domain, space, constraints, parameters, material.young * epsilon, warnings
+        domain, space, constraints, parameters, material.young * epsilon, warnings, element
     )
     slips = tuple(float(contact.regularisation.value) for contact in contacts)
     penalty = Penalty(n, epsilon, slips)
@@ -114,10 +123,11 @@ def assemble(parameters: Parameters, comm: MPI.Intracomm, domain: Domain | None 
         largest_eigenvalue=material.largest_eigenvalue,
         inverse_limit=material.inverse_limit,
         dx=ufl.Measure("dx", domain=domain.mesh),
-        loads=build_loads(domain, parameters.loads, material.stiffness, warnings),
+        loads=build_loads(domain, parameters.loads, material.stiffness, warnings, element),
         contacts=contacts,
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
+        element=element,
     )
     u = fem.Function(space, name="displacement")
     held = check_parts_held(domain, space, data, constraints, parameters.loads)

@@ -48,7 +48,7 @@ class Constraints:
 def constrain(
     domain: Domain, space: fem.FunctionSpace, wanted: Sequence[ComponentCondition]
 ) -> Constraints:
-    """The displacement conditions of a P1 vector space; collective.
+    """The displacement conditions of a space of displacements; collective.
 
     At a node of two conditions for the same component, the later condition holds.
     """

@@ -70,10 +70,11 @@ class Contact:
     """Signorini's conditions (5) and Coulomb's law (6) on one part of Gamma_C.
 
     ``key`` is the key of the contact in the study file, and ``on`` names its boundary parts.
-    ``normal`` and ``gap`` are P1 functions.  ``friction`` computes the friction bound of pressures
-    and slips; ``bound`` is the P1 function with the friction bound that the forms use at present.
-    ``regularisation`` is the length that smooths friction.  ``free`` (k,) marks the nodes whose
-    normal displacement is not prescribed; neither pressure nor friction acts at the other nodes.
+    ``normal`` and ``gap`` are functions of the displacement's degree.  ``friction`` computes the
+    friction bound of pressures and slips; ``bound`` is the function with the friction bound that
+    the forms use at present.  ``regularisation`` is the length that smooths friction.  ``free``
+    (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor friction
+    acts at the other nodes.
     """
 
     key: str
@@ -127,7 +128,7 @@ class Contact:
         self.bound.x.scatter_forward()
 
     def norm(self, values: FloatArray) -> float:
-        """The L2 norm on this part of Gamma_C by the vertex rule; collective."""
+        """The L2 norm on this part of Gamma_C by the nodal weights; collective."""
         local = float(np.sum(self.surface.weights * values**2))
         return float(np.sqrt(self.surface.domain.comm.allreduce(local)))
 

@@ -23,6 +23,7 @@ from contact_locking.problem.domain import Domain
 from contact_locking.problem.plausibility import about_the_gap
 from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Identity
 from contact_locking.problem.smoothing import Smoothing as SmoothingOperator
+from contact_locking.problem.spaces import Element
 from contact_locking.problem.surface import ContactSurface
 
 # The default radius of R is this share of the extent of Gamma_C.  It is at least twice the longest
@@ -63,17 +64,19 @@ def build_contacts(
     parameters: Parameters,
     penalty_slip: float,
     warnings: list[str],
+    element: Element,
 ) -> tuple[Contact, ...]:
     """The contacts that the study file asks for; collective.
 
-    ``penalty_slip`` is the regularisation of friction for a contact that has none in the file.
-    Raises InputError for a foundation behind Gamma_C and for a negative friction coefficient.
+    ``space`` is the displacement space of ``element``.  ``penalty_slip`` is the regularisation of
+    friction for a contact that has none in the file.  Raises InputError for a foundation behind
+    Gamma_C, for a negative friction coefficient, and for an element that has no contact.
     """
     u = fem.Function(space)
     free_dofs = constraints.free_dofs(u)
     found = []
     for given in parameters.contacts:
-        surface = ContactSurface(domain, space, given.on, f"{given.key}.on")
+        surface = ContactSurface(domain, space, given.on, f"{given.key}.on", element)
         gap, normals = _foundation_from(surface, given)
         kind = "gap" if given.foundation is None else "foundation"
         warnings += about_the_gap(domain, gap, f"{given.key}.{kind}")

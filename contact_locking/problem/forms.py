@@ -19,6 +19,7 @@ from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.locking import locking_energy, locking_stress
 from contact_locking.laws.signorini import contact_energy, contact_pressure
 from contact_locking.problem.contact import Contact
+from contact_locking.problem.spaces import Element
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,11 @@ class ProblemData:
     """The data of (25) as UFL.
 
     ``elastic_stress`` maps a strain to a stress.  ``largest_eigenvalue`` is the largest eigenvalue
-    of A in each cell, and ``inverse_limit`` is 1/M.  ``loads`` pairs each body force and traction
+    of A at each point, and ``inverse_limit`` is 1/M.  ``loads`` pairs each body force and traction
     with its measure.  ``contacts`` is empty for a body that touches nothing.  ``n`` and ``epsilon``
-    are the penalty parameters.  ``own_energy`` is for a law that this package does not have: it
-    maps u to a convex and differentiable functional J(u), whose derivative is added to (25).
+    are the penalty parameters.  ``element`` is the element of the displacements.  ``own_energy`` is
+    for a law that this package does not have: it maps u to a convex and differentiable functional
+    J(u), whose derivative is added to (25).
     """
 
     elastic_stress: Callable[[Expr], Expr]
@@ -40,7 +42,13 @@ class ProblemData:
     contacts: tuple[Contact, ...]
     n: fem.Constant
     epsilon: fem.Constant
+    element: Element
     own_energy: Callable[[fem.Function], Expr] | None = None
+
+    @property
+    def locking_dx(self) -> ufl.Measure:
+        """The measure ``dx`` with the locking rule of the element."""
+        return self.element.locking_dx(self.dx)
 
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
@@ -89,7 +97,7 @@ def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
 def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     """The left side of (25) minus its right side."""
     locking = locking_stress(strain(u), data.inverse_limit, data.n)
-    form = elastic_form(u, v, data) + ufl.inner(locking, strain(v)) * data.dx
+    form = elastic_form(u, v, data) + ufl.inner(locking, strain(v)) * data.locking_dx
     for contact in data.contacts:
         nu = contact.normal
         traction = pressure(u, contact, data) * normal_part(v, nu)
@@ -108,7 +116,7 @@ def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
 def energy(u: fem.Function, data: ProblemData) -> Expr:
     """The potential of (25) at a fixed friction bound; its derivative is :func:`residual`."""
     form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
-    form += locking_energy(strain(u), data.inverse_limit, data.n) * data.dx
+    form += locking_energy(strain(u), data.inverse_limit, data.n) * data.locking_dx
     for contact in data.contacts:
         nu, gap = contact.normal, contact.gap
         slip, regularisation = tangential_part(u, nu), contact.regularisation

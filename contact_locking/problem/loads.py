@@ -25,9 +25,11 @@ from contact_locking.parallel import agree
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.plausibility import about_a_load
+from contact_locking.problem.spaces import Element
 
-# The quadrature degree of an expression; P1 test functions need no more.  The check compares with a
-# rule of the other degree, whose points differ and do not include the midpoint of a cell.
+# The quadrature degree of an expression; test functions of degree 1 or 2 need no more.  The check
+# compares with a rule of the other degree, whose points differ and do not include the midpoint of a
+# cell.
 _DEGREE, _OTHER_DEGREE = 4, 6
 # A load is resolved if both rules give the same mean square up to this share.  At a pole like 1/x
 # the difference is larger on every mesh; at a jump it is smaller from a handful of facets on.
@@ -42,7 +44,11 @@ _SHAPES = {
 
 
 def build_loads(
-    domain: Domain, given: LoadParameters, stiffness: float, warnings: list[str]
+    domain: Domain,
+    given: LoadParameters,
+    stiffness: float,
+    warnings: list[str],
+    element: Element,
 ) -> list[tuple[Any, ufl.Measure]]:
     """Each body force and traction as a UFL vector with its measure; collective.
 
@@ -51,7 +57,7 @@ def build_loads(
     """
     found: list[tuple[Any, ufl.Measure]] = []
     if given.body_force is not None:
-        load = _Load(domain, given.body_force, "loads.body_force")
+        load = _Load(domain, given.body_force, "loads.body_force", element)
         cells = np.arange(domain.mesh.topology.index_map(domain.dim).size_local, dtype=np.int32)
         largest = load.check(domain.dim, cells, warnings)
         low, high = domain.bounding_box()
@@ -61,7 +67,7 @@ def build_loads(
         found.append((load.ufl(), dx))
     for i, traction in enumerate(given.tractions):
         key = f"loads.tractions.{i}"
-        load = _Load(domain, traction.value, f"{key}.value")
+        load = _Load(domain, traction.value, f"{key}.value", element)
         measure = domain.ds(traction.on, f"{key}.on", **load.metadata)
         stress = load.check(domain.dim - 1, domain.facets(traction.on, f"{key}.on"), warnings)
         warnings += about_a_load(stress, stiffness, f"{key}.value")
@@ -72,16 +78,17 @@ def build_loads(
 class _Load:
     """One load: a vector of numbers or expressions of x, y[, z]."""
 
-    def __init__(self, domain: Domain, values: Sequence[float | str], key: str) -> None:
-        self._domain = domain
-        self._key = key
+    def __init__(
+        self, domain: Domain, values: Sequence[float | str], key: str, element: Element
+    ) -> None:
+        self._domain, self._key, self._element = domain, key, element
         self._components: list[Expression] = [parse(value, AXES[: domain.dim]) for value in values]
         self._constant = all(component.is_constant for component in self._components)
 
     @property
     def metadata(self) -> dict[str, Any]:
         """The quadrature degree for the form compiler."""
-        return {"quadrature_degree": 1 if self._constant else _DEGREE}
+        return {"quadrature_degree": self._element.degree if self._constant else _DEGREE}
 
     def ufl(self) -> Any:
         if self._constant:

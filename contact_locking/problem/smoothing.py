@@ -85,7 +85,7 @@ class HelmholtzFilter:
 
     ``surface`` is Gamma_C with the lumped mass m as weights.  The mass is 0 at held nodes, whose
     normal displacement is prescribed; the equation there is ``K w~ = 0``, which moves the natural
-    condition to the free nodes around.  ``stiffness`` is the P1 surface Laplacian K, a distributed
+    condition to the free nodes around.  ``stiffness`` is the surface Laplacian K, a distributed
     matrix with the owned nodes as local rows.  ``radius`` is the length r.
 
     The lumped mass keeps the filtered values positive where K is an M-matrix.  Because of K 1 = 0

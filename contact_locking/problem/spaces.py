@@ -1,36 +1,131 @@
-"""The discretisation: the elements, and the points at which the laws hold.
+"""Elements: the spaces of the discretisation, and the points, with weights, at which the laws hold.
 
-Displacements are continuous, and affine in each cell.  Strains are constant in each cell, so that
-the locking law holds at one point of each cell.  The laws of contact and friction hold at the nodes
-of Gamma_C, with the weights of the vertex rule.
+All that depends on the element is here, so that another element is another :class:`Element`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import dolfinx
+import numpy as np
+import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 
-#: The degree of the displacement.
-DEGREE = 1
-#: The vertex rule: an integral over Gamma_C is a weighted sum of the values at the nodes.
-CONTACT_RULE: dict[str, Any] = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+from contact_locking import _compat
+from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.errors import InputError
 
-
-def nodal_space(mesh: dolfinx.mesh.Mesh, size: int) -> fem.FunctionSpace:
-    """Continuous fields with ``size`` components, of the degree of the displacement; collective."""
-    return fem.functionspace(mesh, ("P", DEGREE, (size,)))
+#: A quadrature rule as the metadata of a measure; the empty rule is exact for polynomials.
+Rule = Mapping[str, Any]
 
 
-def displacement_space(mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
-    """The space of displacements; collective."""
-    return nodal_space(mesh, mesh.topology.dim)
+@dataclass(frozen=True)
+class Element:
+    """Displacements, strains, and the points of the laws, on triangles and tetrahedra.
 
+    Displacements are continuous and of degree ``degree`` in each cell.  Strains, stresses and
+    limits are discontinuous and of degree ``strain_degree``, 0 or 1; their degrees of freedom are
+    the values at the midpoint or at the corners of each cell.
 
-def strain_space(mesh: dolfinx.mesh.Mesh, shape: tuple[int, ...] = ()) -> fem.FunctionSpace:
-    """The space of strains, stresses and limits: discontinuous, of one degree less; collective.
+    The points of ``locking_rule``, the rule for integrals of the locking law over the cells, must
+    be the points of the strains: the limit then holds at these points, with the weights of the
+    rule.  The points of ``contact_rule``, the rule for integrals over Gamma_C, must be the nodes of
+    the displacement, and the weights must be positive: contact and friction then act at the nodes.
 
-    ``shape`` is the shape of the values, () for scalars.
+    ``pieces`` maps the dimension d to the pieces of a facet, each with d nodes of the facet.  The
+    nodes of a facet are numbered from 0, with the corners first.  The element has no contact in a
+    dimension without an entry.
     """
-    return fem.functionspace(mesh, ("DG", DEGREE - 1, shape))
+
+    degree: int
+    strain_degree: int
+    locking_rule: Rule
+    contact_rule: Rule
+    pieces: Mapping[int, tuple[tuple[int, ...], ...]]
+
+    def nodal_space(self, mesh: dolfinx.mesh.Mesh, size: int) -> fem.FunctionSpace:
+        """Continuous fields of the displacement's degree with ``size`` components; collective."""
+        return fem.functionspace(mesh, ("P", self.degree, (size,)))
+
+    def displacement_space(self, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
+        """The space of displacements; collective."""
+        return self.nodal_space(mesh, mesh.topology.dim)
+
+    def strain_space(
+        self, mesh: dolfinx.mesh.Mesh, shape: tuple[int, ...] = ()
+    ) -> fem.FunctionSpace:
+        """The space of strains, stresses and limits; collective.
+
+        ``shape`` is the shape of the values, () for scalars.
+        """
+        return fem.functionspace(mesh, ("DG", self.strain_degree, shape))
+
+    def strain_places(self, mesh: dolfinx.mesh.Mesh) -> FloatArray:
+        """The coordinates (d, k) of the points of the strains, local cell by local cell.
+
+        Ghost cells are included.
+        """
+        dim = mesh.topology.dim
+        index_map = mesh.topology.index_map(dim)
+        cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        if self.strain_degree == 0:
+            return np.asarray(dmesh.compute_midpoints(mesh, dim, cells)[:, :dim].T)
+        corners = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]]
+        return np.asarray(corners.reshape(-1, 3)[:, :dim].T)
+
+    def locking_dx(self, dx: ufl.Measure) -> ufl.Measure:
+        """The measure ``dx`` with the locking rule."""
+        return dx(metadata=dict(self.locking_rule)) if self.locking_rule else dx
+
+    def facet_pieces(self, dim: int, key: str) -> IndexArray:
+        """The pieces (m, d) of a facet in d dimensions.
+
+        Raises InputError with the key if the element has no contact in d dimensions.
+        """
+        if dim not in self.pieces:
+            raise InputError(
+                f"there is no contact in {dim} dimensions for elements of degree {self.degree}; "
+                "take elements of degree 1",
+                key,
+            )
+        return np.array(self.pieces[dim], dtype=np.int32)
+
+    def require_linear(self, what: str) -> None:
+        """Raise InputError, with ``what`` as the subject, unless displacements are affine."""
+        if self.degree != 1:
+            raise InputError(
+                f"{what} are for linear elements; these elements have degree {self.degree}"
+            )
+
+
+_VERTICES: Rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+
+#: Affine displacements.  The strain is constant in a cell, so that the locking law holds at one
+#: point of the cell.  If the gap is affine, the contact condition at the nodes implies the
+#: condition on the facets.
+P1 = Element(
+    degree=1,
+    strain_degree=0,
+    locking_rule={},
+    contact_rule=_VERTICES,
+    pieces={2: ((0, 1),), 3: ((0, 1, 2),)},
+)
+
+#: Quadratic displacements.  The strain is affine in a cell and its norm is convex: a constant limit
+#: that holds at the corners of a cell holds in the cell.  The vertex rule is exact for affine
+#: integrands only, and Z : eps(v) is quadratic: where a smooth solution locks, the order of
+#: convergence in V is 1, as for P1, with a smaller error.  On edges the rule of Gauss and Lobatto
+#: with three points, which is Simpson's, has the nodes as points and positive weights.  On
+#: triangles no rule has both properties: the integrals of the basis functions of the corners are 0.
+#: There is therefore no contact in three dimensions.
+P2 = Element(
+    degree=2,
+    strain_degree=1,
+    locking_rule=_VERTICES,
+    contact_rule={"quadrature_rule": "GLL", "quadrature_degree": 3},
+    pieces={2: ((0, 2), (2, 1))},
+)

@@ -1,7 +1,7 @@
 """Gamma_C in the discrete problem: nodes, weights and nodal averages.
 
-Integrals over Gamma_C use the vertex rule, so that contact and friction act at the nodes.  If the
-gap is affine, the contact condition at the nodes implies the condition on the facets.
+Integrals over Gamma_C use the contact rule of the element, whose points are the nodes, so that
+contact and friction act at the nodes.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.problem import compiled
 from contact_locking.problem.domain import Domain
-from contact_locking.problem.spaces import CONTACT_RULE
+from contact_locking.problem.spaces import P1, Element
 from contact_locking.problem.surface_mesh import SurfaceMesh
 
 # The normal displacement is prescribed where the free directions hold less of the unit normal.
@@ -24,11 +24,13 @@ _PRESCRIBED = 1e-6
 
 
 class ContactSurface:
-    """The nodes of Gamma_C in the P1 spaces, with the weights of the vertex rule.
+    """The nodes of Gamma_C in the element's spaces, with the weights of its rule.
 
-    ``nodes`` (k,) are the owned nodes as indices of the scalar space, ``blocks`` (k,) the same
-    nodes as blocks of the vector space, ``points`` (k, d) the coordinates of the nodes, and
-    ``weights`` (k,) their shares of the measure of Gamma_C.  The constructor is collective.
+    ``space`` is the space of displacements.  ``nodes`` (k,) are the owned nodes as indices of the
+    scalar space, ``blocks`` (k,) the same nodes as blocks of the vector space, ``points`` (k, d)
+    the coordinates of the nodes, and ``weights`` (k,) their shares of the measure of Gamma_C.
+    Raises InputError with the ``key`` for an element that has no contact.  The constructor is
+    collective.
     """
 
     def __init__(
@@ -37,10 +39,12 @@ class ContactSurface:
         space: fem.FunctionSpace,
         names: tuple[str, ...],
         key: str = "contact.on",
+        element: Element = P1,
     ) -> None:
+        self._pieces = element.facet_pieces(domain.dim, key)
         self.domain = domain
         self.facets = domain.facets(names, key)
-        self.ds = domain.ds(names, key, **CONTACT_RULE)
+        self.ds = domain.ds(names, key, **element.contact_rule)
         self.vector_space = space
         self.scalar_space, to_vector = _compat.collapse(space.sub(0))
         owned = self.scalar_space.dofmap.index_map.size_local
@@ -73,16 +77,14 @@ class ContactSurface:
 
     def whole(self, free: BoolArray | None = None) -> SurfaceMesh:
         """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective."""
-        comm, mesh = self.domain.comm, self.domain.mesh
+        comm = self.domain.comm
         weights = self.weights if free is None else np.where(free, self.weights, 0.0)
         counts = comm.allgather(len(self.nodes))
         first = sum(counts[: comm.rank])
         # The ranks own dofs in ascending order, so that the gathered numbers ascend as well.
         index_map = self.scalar_space.dofmap.index_map
         numbers = np.concatenate(comm.allgather(index_map.local_to_global(self.nodes)))
-        dofs = np.empty(len(mesh.geometry.x), dtype=np.int32)
-        dofs[_compat.cell_nodes(mesh).reshape(-1)] = self.scalar_space.dofmap.list.reshape(-1)
-        corners = dofs[_compat.entities_to_geometry(mesh, self.domain.dim - 1, self.facets)]
+        corners = self._piece_nodes()
         local = index_map.local_to_global(corners.reshape(-1)).reshape(corners.shape)
         facets = np.sort(np.searchsorted(numbers, np.concatenate(comm.allgather(local))), axis=1)
         return SurfaceMesh(
@@ -93,24 +95,27 @@ class ContactSurface:
         )
 
     def scalar_function(self, values: FloatArray, name: str = "f") -> fem.Function:
-        """A P1 function with the given values (k,) on Gamma_C and zero elsewhere; collective."""
+        """A function with the given values (k,) on Gamma_C and zero elsewhere; collective."""
         function = fem.Function(self.scalar_space, name=name)
         function.x.array[self.nodes] = values
         function.x.scatter_forward()
         return function
 
     def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
-        """A P1 vector function with the given values (k, d) on Gamma_C; collective."""
+        """A vector function with the given values (k, d) on Gamma_C; collective."""
         function = fem.Function(self.vector_space, name=name)
         function.x.array.reshape(-1, self.domain.dim)[self.blocks] = values
         function.x.scatter_forward()
         return function
 
     def facet_corners(self) -> FloatArray | None:
-        """The corners (m, d, d) of the facets of Gamma_C on rank 0, otherwise None; collective."""
-        mesh, dim = self.domain.mesh, self.domain.dim
-        corners = _compat.entities_to_geometry(mesh, dim - 1, self.facets)
-        gathered = self.domain.comm.gather(mesh.geometry.x[corners, :dim])
+        """The corners (m, d, d) of the pieces of facets, on rank 0, otherwise None; collective.
+
+        The nodes divide each facet of Gamma_C into pieces; for affine displacements a facet is one
+        piece.
+        """
+        places = self.scalar_space.tabulate_dof_coordinates()[:, : self.domain.dim]
+        gathered = self.domain.comm.gather(places[self._piece_nodes()])
         return None if gathered is None else np.concatenate(gathered)
 
     def integral(self, values: FloatArray) -> FloatArray:
@@ -138,6 +143,19 @@ class ContactSurface:
         rows.destroy()
         full.destroy()
         return surface
+
+    def _piece_nodes(self) -> IndexArray:
+        """The pieces (m, d) of the facets of Gamma_C, as local nodes of the scalar space."""
+        topology, dim = self.domain.mesh.topology, self.domain.dim
+        dofmap = self.scalar_space.dofmap
+        cells = self.domain.owners(self.facets)
+        topology.create_connectivity(dim, dim - 1)
+        facets_of = topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)
+        place = np.argmax(facets_of[cells] == self.facets[:, None], axis=1)
+        layout = dofmap.dof_layout
+        closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
+        nodes = dofmap.list[cells[:, None], closure[place]]
+        return np.asarray(nodes[:, self._pieces].reshape(-1, dim))
 
     def _assemble(self, form: Expr) -> FloatArray:
         vector = fem.assemble_vector(compiled.form(form))

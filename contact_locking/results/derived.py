@@ -20,7 +20,7 @@ from contact_locking.problem import compiled, forms
 from contact_locking.problem.coefficients import Material
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
-from contact_locking.problem.spaces import strain_space
+from contact_locking.problem.spaces import Element
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
 from contact_locking.solver.multipliers import ContactForces, Multipliers
@@ -42,7 +42,7 @@ _SCALAR_FIELDS = {
 
 
 class BodyFields:
-    """P0 fields of the body, exact because P1 strains are constant in a cell."""
+    """Fields of the body in the space of strains, with the values at the points of the strains."""
 
     def __init__(
         self,
@@ -55,8 +55,8 @@ class BodyFields:
         eps, tensor = strain(u), (domain.dim, domain.dim)
         stress = data.elastic_stress(eps)
         norm = ufl.sqrt(ufl.inner(eps, eps))
-        self.strain_norm = _p0(domain, norm, "strain_norm")
-        self.elastic_stress = _p0(domain, stress, "elastic_stress", tensor)
+        self.strain_norm = _at_points(data.element, domain, norm, "strain_norm")
+        self.elastic_stress = _at_points(data.element, domain, stress, "elastic_stress", tensor)
         self.locking_stress = locking
         self.locking_limit = m.limit
         self.locked = fem.Function(m.limit.function_space, name="locked")
@@ -129,7 +129,8 @@ class ContactFields:
 def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multipliers:
     """Locking stress (23), pressure (25) and friction (22) of u by the penalty laws; collective."""
     stress = locking_stress(strain(u), data.inverse_limit, data.n)
-    locking = _p0(domain, stress, "locking_stress", (domain.dim, domain.dim))
+    tensor = (domain.dim, domain.dim)
+    locking = _at_points(data.element, domain, stress, "locking_stress", tensor)
     forces = []
     for contact in data.contacts:
         pressure = contact.surface.average(forms.pressure(u, contact, data))()
@@ -169,7 +170,7 @@ def gather_contacts(
 
 
 def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, fem.Function]:
-    """The fields of all contacts as P1 functions, zero off Gamma_C; collective.
+    """The fields of all contacts as nodal functions, zero off Gamma_C; collective.
 
     At a node of several contacts the value is the mean, weighted by the nodal weights of the
     contacts, so that the nodal forces add up; the state is the largest state.
@@ -203,7 +204,7 @@ def body_summary(
 ) -> dict[str, Any]:
     """The keys of summary.json about the body: energies, strains and sizes; collective."""
     dofmap = u.function_space.dofmap
-    owned = domain.mesh.topology.index_map(domain.dim).size_local
+    owned = fields.strain_norm.function_space.dofmap.index_map.size_local
     one = fem.Constant(domain.mesh, 1.0)
     return {
         "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
@@ -223,8 +224,10 @@ def integral(domain: Domain, form: Expr) -> float:
     return float(domain.comm.allreduce(fem.assemble_scalar(compiled.form(form))))
 
 
-def _p0(domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()) -> fem.Function:
-    space = strain_space(domain.mesh, shape)
+def _at_points(
+    element: Element, domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()
+) -> fem.Function:
+    space = element.strain_space(domain.mesh, shape)
     function = fem.Function(space, name=name)
     function.interpolate(_compat.interpolation_expression(expr, space))
     function.x.scatter_forward()

@@ -35,8 +35,10 @@ def discontinuous(solution: Solution) -> list[fem.Function]:
     """All fields as discontinuous P1 functions.
 
     All functions of a VTX file have one element, and discontinuous P1 contains P1 and P0.  The
-    values are copied at the corners and not interpolated, so that 0 and 1 stay 0 and 1.
+    values are copied at the corners and not interpolated, so that 0 and 1 stay 0 and 1.  Raises
+    InputError for an element of another degree than 1.
     """
+    solution.element.require_linear("fields in a VTX file")
     spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
     copies = []
     for name in FIELD_NAMES:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from contact_locking.parameters import Parameters
     from contact_locking.problem.domain import Domain
+    from contact_locking.problem.spaces import Element
     from contact_locking.results.derived import ContactFields
 
 
@@ -20,19 +21,22 @@ if TYPE_CHECKING:
 class Solution:
     """The result of a solve: each rank has a share of the fields, rank 0 all contact points.
 
-    The fields on Gamma_C are P1 functions on the whole mesh, zero off Gamma_C.  For a body without
-    contact the tables of contact points and contact facets are empty.
+    The comments name the spaces of linear displacements; in general P1 stands for the space of
+    displacements and P0 for the space of strains.  The fields on Gamma_C are functions on the whole
+    mesh, zero off Gamma_C.  For a body without contact the tables of contact points and contact
+    facets are empty.
     """
 
     parameters: Parameters
     domain: Domain
+    element: Element
     displacement: fem.Function  # P1, vector
     strain_norm: fem.Function  # P0, |eps(u)|
     locking_limit: fem.Function  # P0, M
     locked: fem.Function  # P0, 1 where |eps| >= M (1 - 1e-6), else 0
     elastic_stress: fem.Function  # P0, (d, d): A eps(u)
     locking_stress: fem.Function  # P0, (d, d): Z
-    error_indicator: fem.Function  # P0, eta_K, the error in h by stress recovery
+    error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery, for P1 alone
     contact_pressure: fem.Function  # P1, -sigma_nu >= 0
     smoothed_stress: fem.Function  # P1, R sigma_nu
     tangential_traction: fem.Function  # P1, vector, sigma_tau

@@ -10,13 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.problem.contact import joint_norm
 from contact_locking.solver.task import Task
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def fixed_point(

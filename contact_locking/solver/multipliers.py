@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
-FloatArray = npt.NDArray[np.float64]
+from contact_locking.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -21,7 +20,7 @@ class ContactForces:
 
     pressure: FloatArray
     friction: FloatArray
-    touches: npt.NDArray[np.bool_]
+    touches: BoolArray
 
     @classmethod
     def none(cls, nodes: int, dim: int) -> ContactForces:
@@ -31,7 +30,7 @@ class ContactForces:
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Z as a P0 function, and the forces on each part of Gamma_C."""
+    """Z in the space of strains, and the forces on each part of Gamma_C."""
 
     locking_stress: fem.Function
     contacts: tuple[ContactForces, ...]

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem.system import PenalisedSystem
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

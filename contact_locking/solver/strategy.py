@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-import numpy.typing as npt
-
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem.contact import Contact
@@ -19,8 +17,6 @@ from contact_locking.solver.polish import has_digits, is_in_reach, polish, settl
 from contact_locking.solver.saved import SavedState
 from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.task import Task
-
-FloatArray = npt.NDArray[np.float64]
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2

@@ -18,15 +18,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.family import Direction, Reaction
 from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass

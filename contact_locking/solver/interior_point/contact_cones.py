@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.laws.convex import normal_part
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
-from contact_locking.solver.interior_point.family import Family, IntArray, Step
+from contact_locking.solver.interior_point.family import Family, Step
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.multipliers import Multipliers
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class ContactCones(Family):
@@ -118,7 +116,7 @@ class ContactCones(Family):
     def write_block(self) -> None:
         self.nodes.set_values(self._k, self.stiffness)
 
-    def stiff_nodes(self, factor: float, material: float) -> IntArray:
+    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self.nodes.stiffer_than(factor * material, self.stiffness)
 
     # The start, and whether anything is admissible.

@@ -10,11 +10,11 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.system import PenalisedSystem
 
 Scalar = TypeVar("Scalar", bound=np.generic)
-FloatArray = npt.NDArray[np.float64]
 
 
 class ContactNodes:
@@ -58,7 +58,7 @@ class ContactNodes:
         with forces as values:
             values.reshape(-1, self.dim)[self._blocks] += (self.weights * traction).T
 
-    def stiffer_than(self, stiffness: float, springs: FloatArray) -> npt.NDArray[np.int32]:
+    def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
         """The nodes, as blocks, that springs (k,) per area hold more stiffly than a material."""
         spacing = self.weights ** (1.0 / (self.dim - 1))
         return self._blocks[springs * spacing > stiffness]

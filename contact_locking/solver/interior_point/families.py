@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
@@ -17,8 +17,6 @@ from contact_locking.solver.interior_point.lorentz import Lorentz
 from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.target import Target
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -59,12 +57,15 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
 
 
 def _strains(system: PenalisedSystem) -> tuple[StrainOperator, FloatArray]:
-    """The strains at the points that can lock, one for each cell, and M (k,) there; collective."""
+    """The strains at the points that can lock, and M (k,) there; collective."""
     data, space = system.data, system.u.function_space
     topology = space.mesh.topology
     owned = topology.index_map(topology.dim).size_local
-    # Degrees of freedom of P0 spaces, in which cells need not be numbered as in the mesh.
-    dofs = data.inverse_limit.function_space.dofmap.list.reshape(-1)[:owned]
+    # The degrees of freedom of the space of strains need not follow the numbers of the cells.
+    by_cell = data.inverse_limit.function_space.dofmap.list[:owned]
+    dofs = by_cell.reshape(-1)
+    cells = np.repeat(np.arange(owned, dtype=np.int32), by_cell.shape[1])
     inverse_limit = data.inverse_limit.x.array[dofs]
-    cells = np.flatnonzero(inverse_limit > 0.0).astype(np.int32)
-    return StrainOperator(space, data.dx, dofs[cells], cells), 1.0 / inverse_limit[cells]
+    locks = inverse_limit > 0.0
+    strains = StrainOperator(space, data, dofs[locks], cells[locks])
+    return strains, 1.0 / inverse_limit[locks]

@@ -15,15 +15,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.multipliers import Multipliers
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -158,7 +155,7 @@ class Family(ABC):
         self.write_block()
 
     @abstractmethod
-    def stiff_nodes(self, factor: float, material: float) -> IntArray:
+    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         """The owned nodes of what is stiffer than the material by a factor; collective."""
 
     # The start, and whether anything is admissible.

@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.target import Target
-
-FloatArray = npt.NDArray[np.float64]
 
 # Multipliers are balanced by a stress this many times stiffer than the material.
 _STIFFER = 1e6

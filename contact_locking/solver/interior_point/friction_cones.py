@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.laws.convex import tangential_part
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
-from contact_locking.solver.interior_point.family import IntArray, Step
+from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, dot
 from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
 from contact_locking.solver.multipliers import Multipliers
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class FrictionCones(LorentzCones):
@@ -134,5 +132,5 @@ class FrictionCones(LorentzCones):
         for function, values in ((self._a, self.a), (self._b, self.b), (self._w, self.w)):
             self.nodes.set_values(function, values)
 
-    def stiff_nodes(self, factor: float, material: float) -> IntArray:
+    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self.nodes.stiffer_than(factor * material, self.a)

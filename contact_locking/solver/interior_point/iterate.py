@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.family import Direction, Family, Reaction
 from contact_locking.solver.interior_point.tangent import Tangent
-
-FloatArray = npt.NDArray[np.float64]
 
 # Mehrotra's second-order terms, with those of recentrings, of each family.
 Corrections = Mapping[Family, FloatArray]

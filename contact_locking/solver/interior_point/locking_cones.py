@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
@@ -11,16 +10,15 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem.system import ROUNDING
-from contact_locking.solver.interior_point.family import IntArray, Step
+from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, norm
 from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.multipliers import Multipliers
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class LockingCones(LorentzCones):
@@ -123,7 +121,7 @@ class LockingCones(LorentzCones):
         is_stiff = self._relative_stiffness(material) > factor
         self._write_stiffness(*(np.where(is_stiff, 0.0, values) for values in (self.a, self.b)))
 
-    def stiff_nodes(self, factor: float, material: float) -> IntArray:
+    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self._strains.nodes_at(self._relative_stiffness(material) > factor)
 
     def _write_stiffness(self, a: FloatArray, b: FloatArray) -> None:

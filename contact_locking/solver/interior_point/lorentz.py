@@ -15,12 +15,11 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem import compiled
 
-FloatArray = npt.NDArray[np.float64]
 # A point and its multiplier, or a step of both.
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
 

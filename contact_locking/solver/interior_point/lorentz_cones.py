@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.family import Family, Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class LorentzCones(Family):

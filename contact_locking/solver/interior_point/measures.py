@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.solver.settings import Settings
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem.contact import Contact
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Task
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class ElasticStart:

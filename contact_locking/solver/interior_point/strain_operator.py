@@ -3,43 +3,39 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor, mandel_vector, strain
 from contact_locking.problem import compiled
-from contact_locking.problem.spaces import strain_space
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from contact_locking.problem.forms import ProblemData
 
 
 class StrainOperator:
     """``v -> eps(v)`` at points with weights, and ``Z -> int Z : eps(.)`` for Z at these points.
 
     Strains and stresses are Mandel vectors (m, k), m being ``rows``, at k points of cells of this
-    rank.  A strain at a point is the mean over what the point stands for; ``weights`` (k,) are the
-    volumes of that.  The points are the degrees of freedom ``dofs`` (k,) of the spaces ``scalars``
-    and ``tensors``, and lie in the cells ``cells`` (k,).  Today these are the P0 spaces, with one
-    point in each cell.
+    rank.  The points are the degrees of freedom ``dofs`` (k,) of the spaces of strains ``scalars``
+    and ``tensors``, and lie in the cells ``cells`` (k,).  ``weights`` (k,) are the weights of the
+    locking rule at the points, and ``dx`` is the measure with this rule.
     """
 
     def __init__(
         self,
         space: fem.FunctionSpace,
-        dx: ufl.Measure,
-        dofs: npt.NDArray[np.int32],
-        cells: npt.NDArray[np.int32],
+        data: ProblemData,
+        dofs: IndexArray,
+        cells: IndexArray,
     ) -> None:
-        mesh = space.mesh
+        mesh, element, dx = space.mesh, data.element, data.locking_dx
         self.space, self.dx, self.dofs, self.cells = space, dx, dofs, cells
         self.comm, self.dim = mesh.comm, mesh.topology.dim
         self.rows = len(MANDEL_PAIRS[self.dim])
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        vectors = strain_space(mesh, (self.rows,))
+        vectors = element.strain_space(mesh, (self.rows,))
         form = compiled.form(
             ufl.inner(mandel_vector(strain(ufl.TrialFunction(space))), ufl.TestFunction(vectors))
             * dx
@@ -51,8 +47,8 @@ class StrainOperator:
         by_cell.assemble()
         self._matrix = self._by_component(by_cell)
         by_cell.destroy()
-        self.scalars = strain_space(mesh)
-        self.tensors = strain_space(mesh, (self.dim, self.dim))
+        self.scalars = element.strain_space(mesh)
+        self.tensors = element.strain_space(mesh, (self.dim, self.dim))
         self.weights: FloatArray = fem.assemble_vector(
             compiled.form(ufl.TestFunction(self.scalars) * dx)
         ).array[dofs]
@@ -76,7 +72,7 @@ class StrainOperator:
             tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
         function.x.scatter_forward()
 
-    def nodes_at(self, points: BoolArray) -> npt.NDArray[np.int32]:
+    def nodes_at(self, points: BoolArray) -> IndexArray:
         """The owned nodes of the cells of marked points (k,), of all ranks; collective."""
         touched = fem.Function(self.space)
         blocks = self.space.dofmap.list[self.cells[points]]

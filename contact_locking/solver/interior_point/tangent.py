@@ -6,12 +6,12 @@ import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.problem import compiled, forms
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -20,8 +20,6 @@ from contact_locking.solver.linear.ksp import is_direct
 from contact_locking.solver.linear.storage import IN_BLOCKS
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Tangent:
@@ -178,7 +176,7 @@ class Tangent:
 
         return StiffPart(self._stiff_nodes(stiff), lambda: self._stiff_nodes(nearly), assemble_rest)
 
-    def _stiff_nodes(self, factor: float) -> npt.NDArray[np.int32]:
+    def _stiff_nodes(self, factor: float) -> IndexArray:
         """The owned nodes with something free that are stiffer than the material; collective."""
         found = (family.stiff_nodes(factor, self._material) for family in self.families)
         nodes = functools.reduce(np.union1d, found)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
-
-IntArray = npt.NDArray[np.int32]
 
 _PREFIX = PREFIX + "separator_"
 
@@ -50,12 +48,12 @@ class Separator:
         self.touched = _unknowns(touches[separates], size)
 
 
-def _unknowns(chosen: npt.NDArray[np.bool_], size: int) -> IntArray:
+def _unknowns(chosen: BoolArray, size: int) -> IndexArray:
     nodes = np.flatnonzero(chosen)[:, None]
     return (nodes * size + np.arange(size)).reshape(-1).astype(np.int32)
 
 
-def _graph(matrix: PETSc.Mat) -> tuple[IntArray, IntArray]:
+def _graph(matrix: PETSc.Mat) -> tuple[IndexArray, IndexArray]:
     """How many neighbours each owned node has, and their global numbers, node by node."""
     size = matrix.getBlockSize()
     starts, columns, _ = matrix.getValuesCSR()
@@ -68,7 +66,7 @@ def _graph(matrix: PETSc.Mat) -> tuple[IntArray, IntArray]:
     return np.diff(pattern.indptr).astype(np.int32), pattern.indices.astype(np.int32)
 
 
-def _partition(counts: IntArray, neighbours: IntArray, parts: int) -> IntArray:
+def _partition(counts: IndexArray, neighbours: IndexArray, parts: int) -> IndexArray:
     """The part of each node, all of about one size, with few edges between them."""
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(PETSc.IntType)
     edges = PETSc.Mat().createAIJ(

@@ -12,9 +12,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.linalg import blas, lapack
 
+from contact_locking.arrays import FloatArray
 from contact_locking.problem import compiled
 
-FloatArray = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.integer]
 
 

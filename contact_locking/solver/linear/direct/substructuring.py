@@ -28,11 +28,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.linalg import blas, lapack
 
+from contact_locking.arrays import IndexArray
 from contact_locking.solver.linear.direct.separator import Separator
 from contact_locking.solver.linear.direct.substructure import Substructure, is_available
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 # A dense matrix on every rank: no more unknowns than these, and no larger share of all.  With it
 # two ranks are 1.2 to 1.6 times as fast as with MUMPS, in 2D, and from 2000 unknowns on in 3D; four
@@ -188,7 +186,7 @@ class Pieces:
         touched[self._touched] = True
         self._missing = 1.0 - self._comm.allreduce((touched[rows] & touched[columns]).astype(float))
 
-    def _find_scatters(self, interior: IntArray, shared: IntArray, mine: IntArray) -> None:
+    def _find_scatters(self, interior: IndexArray, shared: IndexArray, mine: IndexArray) -> None:
         """Between vectors and this rank's part of them: its interior, then the separator."""
         everywhere = self._matrix.createVecRight()
         numbers = np.concatenate([interior, shared[::-1]])
