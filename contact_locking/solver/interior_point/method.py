@@ -169,9 +169,7 @@ class InteriorPoint:
             for contact in task.system.contacts:
                 contact.bounds = np.zeros_like(contact.bounds)
             return
-        opening, (low, high) = self.approach.opening, tuning.wide_between
-        if low < elastic.overstrain() < high:
-            opening = max(opening, tuning.wide_opening)
+        opening = tuning.opening(self.approach, elastic.overstrain())
         least = opening * elastic.retreat() * target.length
         for family in tangent.families:
             family.start(tuning.start_level * energy, least)

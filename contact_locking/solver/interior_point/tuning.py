@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -44,7 +45,10 @@ class Tuning:
     #: Where the elastic strain is between so many times the limit, both > 0, contact starts open as
     #: far as :attr:`wide_opening` says.  That takes up to a third of the tangents less there; it
     #: takes more where next to nothing locks, and a tenth more where nearly all does.
-    wide_between: tuple[float, float] = (1.0, 8.0)
+    wide_between: tuple[float, float] = (1.25, 6.4)
+    #: Over this factor, > 1, outside of the two numbers the opening passes from one to the other:
+    #: where a limit is as large as a prescribed strain, rounding must not decide about the start.
+    wide_ramp: float = 1.25
     #: That opening of contact relative to the strain times the length, > 0.
     wide_opening: float = 1.0
     #: An elastic displacement that exceeds its limits by this share at most, in [0, 1), is computed
@@ -136,3 +140,14 @@ class Tuning:
     diverged: float = 1e2
     #: The laws stay violated as long as their residual is this share of the first, in (0, 1).
     violated: float = 0.01
+
+    def opening(self, approach: Approach, overstrain: float) -> float:
+        """The least opening of contact at the start; ``overstrain`` is the strain over its limit.
+
+        A geometric mean of the opening of ``approach`` and the wide one, continuous in the strain.
+        """
+        low, high = self.wide_between
+        beyond = max(low / overstrain, overstrain / high, 1.0) if overstrain > 0.0 else math.inf
+        share = max(0.0, 1.0 - math.log(beyond) / math.log(self.wide_ramp))
+        wide = max(approach.opening, self.wide_opening)
+        return approach.opening * (wide / approach.opening) ** share

@@ -11,9 +11,10 @@ Rank r has CHOLMOD factorise ``A_r`` together with ``A_GG``.  The corner of that
 factorised as a dense matrix, on every rank.  This is one step of nested dissection (George,
 doi:10.1137/0710032), for few ranks, as the separator has to be small.
 
-The reason for a solver of our own is its speed.  On two ranks one tangent of the solver, a
-factorisation and six solves, takes PETSc's other solvers so many times as long (elasticity of a
-unit block, P1, PETSc 3.22; two shared cores, the least of five to eight turns):
+The reason for a solver of our own is its speed.  On two ranks a factorisation and six solves, the
+work of one tangent, take PETSc's other solvers so many times as long.  The matrix is that of plain
+elasticity on a unit block, in place of a tangent with locked cells (P1, PETSc 3.22; two shared
+cores, the least of two to eight turns):
 
     unknowns          33 000 in 2D   132 000 in 2D   15 000 in 3D   41 000 in 3D
     MUMPS                      1.7             1.4     1.4 to 1.7            1.5
