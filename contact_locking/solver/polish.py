@@ -21,7 +21,7 @@ _POLISHED_UP_TO = 1e7
 # A step of Newton's method enlarges the residual up to so many times as the penalties are stiffer
 # than the body.  Where the product is above this (relative to the forces), a few steps hardly
 # arrive.
-_REACH = 10.0
+_REACH = 1e3
 
 
 def settle(newton: NewtonSolver, task: Task) -> None:
