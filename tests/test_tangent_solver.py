@@ -7,15 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from petsc4py import PETSc
 from problems import block
 
 from contact_locking import solving
+from contact_locking.errors import InputError
 from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid
-from contact_locking.solver.linear.ksp import FILTER_LIMIT
+from contact_locking.solver.linear.ksp import FILTER_LIMIT, LINEAR_SOLVERS, default_options
 
 _NEVER = 10**6
 
@@ -170,3 +172,22 @@ def test_filtering_what_contact_holds_takes_iterations_away(
     nothing = np.empty(0, dtype=np.int32)
     monkeypatch.setattr(ContactNodes, "stiffer_than", lambda *_: nothing)
     assert 1.5 * held < _solved(math.inf, "iterative").summary["iterations"]["linear"]
+
+
+def test_another_linear_solver_is_an_entry_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    by_diagonal = {"ksp_type": "cg", "pc_type": "jacobi", "ksp_rtol": 1e-10, "ksp_max_it": 10_000}
+    monkeypatch.setitem(LINEAR_SOLVERS, "diagonal", lambda comm: dict(by_diagonal))
+    given = block(2, 0.25, penalty__n=1e2)
+    solver = given.solver.model_copy(update={"linear": "diagonal"})
+    by_default = solving.solve(given)
+    by_entry = solving.solve(given.model_copy(update={"solver": solver}))
+    assert by_entry.converged, by_entry.summary["reason"]
+    assert by_entry.summary["iterations"]["linear"] > by_default.summary["iterations"]["linear"]
+    # Without a direct solver Newton does not polish: what the duality gap leaves is a square.
+    u, expected = by_entry.displacement.x.array, by_default.displacement.x.array
+    assert np.abs(u - expected).max() <= 1e-4 * np.abs(expected).max()
+
+
+def test_a_linear_solver_without_an_entry_is_refused_with_those_there_are() -> None:
+    with pytest.raises(InputError, match="there are: auto, direct, iterative"):
+        default_options("dirct", 2, 100, MPI.COMM_SELF)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from petsc4py import PETSc
 
 from contact_locking import _compat
+from contact_locking.errors import InputError
 from contact_locking.solver.linear.direct import SPARE_MEMORY, Substructuring
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
@@ -56,11 +57,18 @@ _ITERATIVE: dict[str, Any] = {"ksp_type": "cg", "ksp_rtol": 1e-4, "ksp_max_it": 
 
 
 def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, Any]:
-    """PETSc options for ``linear`` = direct, iterative, or auto (by dimension and size)."""
-    return direct_options(comm) if is_direct(linear, dim, size) else iterative_options()
+    """PETSc options for an entry of :data:`LINEAR_SOLVERS`, or auto (by dimension and size).
+
+    Raises InputError for a name without an entry.
+    """
+    name = "direct" if is_direct(linear, dim, size) else linear.replace("auto", "iterative")
+    if name not in LINEAR_SOLVERS:
+        known = ", ".join(["auto", *LINEAR_SOLVERS])
+        raise InputError(f"no linear solver {name!r}; there are: {known}", "solver.linear")
+    return LINEAR_SOLVERS[name](comm)
 
 
-def iterative_options() -> dict[str, Any]:
+def iterative_options(comm: Any = None) -> dict[str, Any]:
     """CG with algebraic multigrid."""
     return _ITERATIVE | multigrid_options()
 
@@ -80,6 +88,14 @@ def direct_options(comm: Any) -> dict[str, Any]:
     if comm.size == 1 and PETSc.Sys.hasExternalPackage(_SERIAL_PACKAGE):
         return {**_DIRECT, **_BY_CHOLMOD}
     return dict(_BY_MUMPS if comm.size == 1 else _IN_PIECES)
+
+
+#: The linear solvers by name: PETSc options for a communicator.  The interior point method puts
+#: the filtered multigrid in the place of the iterative one.
+LINEAR_SOLVERS: dict[str, Callable[[Any], dict[str, Any]]] = {
+    "direct": direct_options,
+    "iterative": iterative_options,
+}
 
 
 def create_ksp(

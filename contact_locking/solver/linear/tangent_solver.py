@@ -13,8 +13,8 @@ from contact_locking.solver.linear.ksp import (
     FILTER_LIMIT,
     LINEAR_FAILURE,
     create_ksp,
+    default_options,
     destroy_ksp,
-    direct_options,
     preconditioner,
 )
 from contact_locking.solver.linear.storage import Unblocked
@@ -57,7 +57,8 @@ class TangentSolver:
 
     def __init__(self, matrix: PETSc.Mat, dim: int, settings: Settings, factorises: bool) -> None:
         self._matrix, self._dim = matrix, dim
-        defaults = direct_options(matrix.getComm()) if factorises else _ITERATIVE
+        is_filtered = not factorises and settings.linear in ("auto", "iterative")
+        defaults = _ITERATIVE if is_filtered else self._options(settings.linear)
         self._ksp = create_ksp(matrix.getComm(), defaults, settings.petsc)
         self._factorises = factorises
         self._iterations = 0
@@ -72,6 +73,9 @@ class TangentSolver:
             self._ksp.setInitialGuessNonzero(True)
             self._max_iterations = self._ksp.getTolerances()[3]
         self._filters = False
+
+    def _options(self, linear: str) -> dict[str, Any]:
+        return default_options(linear, self._dim, self._matrix.getSize()[0], self._matrix.getComm())
 
     def refresh(self, split: Callable[[], StiffPart]) -> None:
         """The matrix has new values, ``split`` tells which are stiff; collective."""
