@@ -104,10 +104,14 @@ class Contact:
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes."""
+        dim = self.surface.domain.dim
+        return self.split_nodal(u.x.array.reshape(-1, dim)[self.surface.blocks])
+
+    def split_nodal(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The normal components (k,) and the tangential parts (k, d) of vectors (k, d)."""
         normals = self.normals
-        values = u.x.array.reshape(-1, normals.shape[1])[self.surface.blocks]
-        along = np.einsum("ki,ki->k", values, normals)
-        return along, values - along[:, None] * normals
+        along = np.einsum("ki,ki->k", vectors, normals)
+        return along, vectors - along[:, None] * normals
 
     def friction_bound(self, u: fem.Function, pressure: FloatArray) -> FloatArray:
         """The friction bound (k,) of a displacement and a pressure (k,); collective."""

@@ -230,6 +230,10 @@ class PenalisedSystem:
         """``u = 0`` at free dofs, and all friction bounds zero; collective."""
         self.u.x.array[:] = 0.0
         self._constraints.apply(self.u)
+        self.remove_friction()
+
+    def remove_friction(self) -> None:
+        """Set every friction bound to zero; collective."""
         for contact in self.contacts:
             contact.bounds = np.zeros_like(contact.bounds)
 

@@ -76,9 +76,8 @@ class ContactFields:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
         self.u_normal, self.u_tangent = contact.split(u)
-        self.pressure, traction = forces.pressure, 0.0 - forces.friction
-        along = np.einsum("ki,ki->k", traction, self.normal)[:, None]
-        self.traction = traction - along * self.normal
+        self.pressure = forces.pressure
+        self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
         self.bound = contact.bounds.copy()
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound

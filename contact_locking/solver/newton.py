@@ -25,8 +25,8 @@ _SMALL = 1e-4
 # Full steps that lead to the end leave a residual (relative to the forces) of 50 and of 0.016 at
 # most after the first and the second of them; most of those that do not leave thousands at once.
 _ARRIVES = {1: 100.0, 2: 0.02}
-# Where no more than two steps may follow, the second leaves this share of it at most.
-_SOON = 0.1
+# Where no more than so many steps may follow, the second one leaves this share of that at most.
+_FEW_LEFT, _SOON = 2, 0.1
 
 
 class CriticalPointStep:
@@ -215,7 +215,8 @@ class NewtonSolver:
         if residual <= self._tolerance * scale or (stalls and residual <= self._rounding(snes)):
             return ConvergedReason.CONVERGED_FNORM_ABS
         limit = snes.getTolerances()[3]
-        share = _SOON if iteration == 2 and limit <= 4 else 1.0
+        is_nearly_over = iteration == 2 and limit - iteration <= _FEW_LEFT
+        share = _SOON if is_nearly_over else 1.0
         if self._near and residual > share * _ARRIVES.get(iteration, np.inf) * scale:
             raise NotConverged("the start is too far away")
         if iteration >= limit:

@@ -18,9 +18,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
+from contact_locking.parallel import on_any_rank
 from contact_locking.solver.interior_point.family import Direction, Reaction
 from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.tangent import Tangent
@@ -65,7 +65,7 @@ class BoundStep:
         change, displacement = self._solve(right)
         parts = zip(self._laws, np.split(change, self._ends), strict=True)
         is_cut = any([law.change(part) for law, part in parts])
-        return None if self._tangent.comm.allreduce(is_cut, op=MPI.LOR) else displacement
+        return None if on_any_rank(self._tangent.comm, is_cut) else displacement
 
     def _solve(self, right: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The steps of the bounds for a right-hand side, and their displacement; collective.

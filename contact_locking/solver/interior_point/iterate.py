@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
+from contact_locking.parallel import maximum
 from contact_locking.solver.interior_point.family import Direction, Family, Reaction
 from contact_locking.solver.interior_point.tangent import Tangent
 
@@ -126,8 +127,7 @@ class Iterate:
 
     def largest_multiplier(self) -> float:
         """The largest multiplier of a limit on the displacement; collective."""
-        local = max(family.largest_multiplier() for family in self.families)
-        return float(self.comm.allreduce(local, op=MPI.MAX))
+        return maximum(self.comm, max(family.largest_multiplier() for family in self.families))
 
     def describe_excess(self) -> str:
         """Which limit the displacement visited last exceeds, and where; collective."""

@@ -166,8 +166,7 @@ class InteriorPoint:
         self._least_energy = tuning.least_energy * energy * target.volume
         self._least_force = self._least_energy / ((elastic.strain or 1.0) * target.length)
         if self.is_elastic:
-            for contact in task.system.contacts:
-                contact.bounds = np.zeros_like(contact.bounds)
+            task.system.remove_friction()
             return
         opening = tuning.opening(self.approach, elastic.overstrain())
         least = opening * elastic.retreat() * target.length

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
+from contact_locking.parallel import maximum
 from contact_locking.problem.contact import Contact
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
@@ -46,9 +46,7 @@ class MovingBound:
     def wanted(self) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact; collective."""
         new = self.contact.friction_bound(self.u, self.pressing.nodes.at_all(self.pressing.z))
-        largest = float(np.max(new, initial=0.0))
-        largest = self.pressing.comm.allreduce(largest, op=MPI.MAX)
-        return np.maximum(new, self.least * largest)
+        return np.maximum(new, self.least * maximum(self.pressing.comm, new))
 
     def used(self, elsewhere: FloatArray) -> FloatArray:
         """The bound at all nodes of the contact: of the cones, or ``elsewhere`` without cones."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from mpi4py import MPI
-
+from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -61,7 +60,7 @@ class ElasticStart:
         """The mean strain, or that which takes back how far the body enters the foundation."""
         strain = self._target.mean_strain(self._tangent.energy, 0.0, self._tolerance)
         local = max(family.penetration() for family in self._tangent.families)
-        deepest = float(self._tangent.comm.allreduce(local, op=MPI.MAX))
+        deepest = maximum(self._tangent.comm, local)
         return max(strain, deepest / self._target.length)
 
     def _set_springs(self) -> list[Reaction]:
@@ -79,4 +78,4 @@ class ElasticStart:
         """Whether all limits are kept, but for a share of them; collective."""
         displacement = self._tangent.largest_displacement()
         keeps = all(family.is_kept(margin, displacement) for family in self._tangent.families)
-        return bool(self._tangent.comm.allreduce(keeps, op=MPI.LAND))
+        return on_every_rank(self._tangent.comm, keeps)

@@ -8,15 +8,14 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import ufl
 from dolfinx.fem import petsc
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
-from contact_locking.solver.linear.ksp import is_direct
 from contact_locking.solver.linear.storage import IN_BLOCKS
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
@@ -43,7 +42,6 @@ class Tangent:
         elastic = forms.elastic_form(du, v, data)
         terms = [family.tangent_term(v, du) for family in families]
         self._form = compiled.form(sum(terms, start=elastic))
-        factorises = is_direct(task.settings.linear, self._dim, system.size)
         self.matrix = petsc.create_matrix(self._form, IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
@@ -53,7 +51,7 @@ class Tangent:
         self._load, self._stretched, self._unbalanced, self._right = vectors[:4]
         self._step, self._answer = vectors[4:]
         self._load.array_w[:] = system.load
-        self._linear = TangentSolver(self.matrix, self._dim, task.settings, factorises)
+        self._linear = TangentSolver(self.matrix, self._dim, task.settings)
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
@@ -137,8 +135,7 @@ class Tangent:
 
     def largest_displacement(self) -> float:
         """The largest component of the system's displacement; collective."""
-        local = float(np.max(np.abs(self.system.u.x.array), initial=0.0))
-        return float(self.comm.allreduce(local, op=MPI.MAX))
+        return maximum(self.comm, np.abs(self.system.u.x.array))
 
     def take_iterations(self) -> int:
         """The Krylov iterations since the last call."""

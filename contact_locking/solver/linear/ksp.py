@@ -61,7 +61,7 @@ def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, An
 
     Raises InputError for a name without an entry.
     """
-    name = "direct" if is_direct(linear, dim, size) else linear.replace("auto", "iterative")
+    name = chosen(linear, dim, size)
     if name not in LINEAR_SOLVERS:
         known = ", ".join(["auto", *LINEAR_SOLVERS])
         raise InputError(f"no linear solver {name!r}; there are: {known}", "solver.linear")
@@ -78,9 +78,16 @@ def multigrid_options() -> dict[str, Any]:
     return _MULTIGRID | (_BY_NODES if _compat.block_jacobi_follows_its_matrix() else _BY_ROWS)
 
 
+def chosen(linear: str, dim: int, size: int) -> str:
+    """The name that ``linear`` stands for: auto is direct or iterative, by dimension and size."""
+    if linear != "auto":
+        return linear
+    return "direct" if size <= DIRECT_LIMIT[dim] else "iterative"
+
+
 def is_direct(linear: str, dim: int, size: int) -> bool:
-    """Whether ``linear`` = direct, iterative, or auto means a factorisation."""
-    return linear == "direct" or (linear == "auto" and size <= DIRECT_LIMIT[dim])
+    """Whether ``linear`` means a factorisation."""
+    return chosen(linear, dim, size) == "direct"
 
 
 def direct_options(comm: Any) -> dict[str, Any]:

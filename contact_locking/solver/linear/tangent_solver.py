@@ -12,6 +12,7 @@ from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, 
 from contact_locking.solver.linear.ksp import (
     FILTER_LIMIT,
     LINEAR_FAILURE,
+    chosen,
     create_ksp,
     default_options,
     destroy_ksp,
@@ -55,27 +56,25 @@ class TangentSolver:
     The matrix is stored in blocks and has its near-nullspace.
     """
 
-    def __init__(self, matrix: PETSc.Mat, dim: int, settings: Settings, factorises: bool) -> None:
+    def __init__(self, matrix: PETSc.Mat, dim: int, settings: Settings) -> None:
         self._matrix, self._dim = matrix, dim
-        is_filtered = not factorises and settings.linear in ("auto", "iterative")
-        defaults = _ITERATIVE if is_filtered else self._options(settings.linear)
-        self._ksp = create_ksp(matrix.getComm(), defaults, settings.petsc)
-        self._factorises = factorises
+        comm, size = matrix.getComm(), matrix.getSize()[0]
+        name = chosen(settings.linear, dim, size)
+        defaults = _ITERATIVE if name == "iterative" else default_options(name, dim, size, comm)
+        self._ksp = create_ksp(comm, defaults, settings.petsc)
+        self._factorises = name == "direct"
         self._iterations = 0
         self._unblocked = Unblocked()
         self._multigrid: FilteredMultigrid | None = None
         # Its own multigrid, if the user has not replaced it, can do with blocks.
         is_replaced = preconditioner(defaults, settings.petsc) != PETSc.PC.Type.PYTHON
-        if not (factorises or is_replaced):
+        if not (self._factorises or is_replaced):
             self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim])
             self._ksp.getPC().setPythonContext(self._multigrid)
             self._ksp.setErrorIfNotConverged(False)
             self._ksp.setInitialGuessNonzero(True)
             self._max_iterations = self._ksp.getTolerances()[3]
         self._filters = False
-
-    def _options(self, linear: str) -> dict[str, Any]:
-        return default_options(linear, self._dim, self._matrix.getSize()[0], self._matrix.getComm())
 
     def refresh(self, split: Callable[[], StiffPart]) -> None:
         """The matrix has new values, ``split`` tells which are stiff; collective."""
