@@ -106,6 +106,14 @@ def test_loads_that_press_the_body_onto_neither_foundation_are_refused() -> None
         solve(between(2, contact, loads=loads))
 
 
+def test_a_body_without_loads_rests_between_its_foundations() -> None:
+    entries = [{"on": "bottom"}, {"on": ["left", "right"], "gap": 0.01}]
+    solution = solved(between(2, entries, loads={}))
+    assert solution.summary["iterations"]["tangents"] == 1
+    assert (solution.displacement.x.array == 0.0).all()
+    assert solution.summary["contact_force"] == [0.0, 0.0]
+
+
 @pytest.mark.parametrize("tampered", [0, 1])
 def test_the_certificate_judges_each_contact(
     tampered: int, monkeypatch: pytest.MonkeyPatch
