@@ -25,7 +25,8 @@ _SMALL = 1e-4
 # Full steps that lead to the end leave a residual (relative to the forces) of 50 and of 0.016 at
 # most after the first and the second of them; most of those that do not leave thousands at once.
 _ARRIVES = {1: 100.0, 2: 0.02}
-# Where no more than so many steps may follow, the second one leaves this share of that at most.
+# If at most _FEW_LEFT steps may follow the second step, the second step has to leave _SOON times
+# the residual above at most.
 _FEW_LEFT, _SOON = 2, 0.1
 
 

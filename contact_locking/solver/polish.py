@@ -37,7 +37,7 @@ def settle(newton: NewtonSolver, task: Task) -> None:
 
 
 def polish(task: Task, most_steps: int, direct: PETSc.KSP | None = None, near: bool = True) -> bool:
-    """Newton from the present state; where it fails, that stays.  Says whether it arrived."""
+    """Whether Newton's method arrives from the present state; if not, that state is restored."""
     if not has_digits(task.target):
         return False
     report = task.report

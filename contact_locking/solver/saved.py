@@ -11,7 +11,7 @@ from contact_locking.problem.system import PenalisedSystem
 
 @dataclass(frozen=True)
 class SavedState:
-    """What solved some problem on this mesh with the penalty parameters ``penalty``.
+    """The solution of some problem on this mesh with the penalty parameters ``penalty``.
 
     ``displacement`` holds local values, ghosts included, ``pressures`` those (k,) at the owned
     nodes of each contact; without any, nothing is known of them.
@@ -22,5 +22,5 @@ class SavedState:
     penalty: Penalty
 
     def enter(self, system: PenalisedSystem) -> None:
-        """Put displacement and friction bound into ``system``; collective."""
+        """Put the displacement and the friction bounds into ``system``; collective."""
         system.take_over(self.displacement, self.pressures)

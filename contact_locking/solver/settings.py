@@ -1,4 +1,4 @@
-"""What a solver is told."""
+"""The settings of a solver."""
 
 from __future__ import annotations
 

@@ -88,9 +88,10 @@ def _follow(path: PenaltyPath, task: Task) -> None:
 
 
 def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
-    """The interior point method, for a finite n polished by Newton where Newton can.
+    """Solve by the interior point method; for a finite n Newton's method polishes the solution.
 
-    It starts from nothing.  A saved state so near that Newton arrives from it makes it needless.
+    The interior point method starts from nothing.  Where Newton's method arrives from the saved
+    state, the interior point method is not run.
     """
     report, penalty = task.report, task.target.penalty
     report.suggestion = _INTERIOR_WAY_OUT
@@ -125,7 +126,7 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
 
 
 def _solve_by(solver: InteriorPoint, nested: Sequence[Contact], task: Task) -> None:
-    """Once, or for each value of ``nested`` bounds; why it failed is left in the report."""
+    """Solve once, or for each value of ``nested`` bounds; a failure is written into the report."""
     system, report = task.system, task.report
     start = system.u.x.array * (1.0 - system.free_dofs())
     report.reason, report.multipliers = "", None
@@ -155,7 +156,7 @@ def _solve_by(solver: InteriorPoint, nested: Sequence[Contact], task: Task) -> N
 
 
 def _newton_from(saved: SavedState, task: Task) -> bool:
-    """Newton from a saved state that is near; says whether it arrived, else starts afresh."""
+    """Whether Newton's method arrives from the saved state; if not, the system is cleared."""
     system, settings = task.system, task.settings
     if is_direct(settings.linear, system.dim, system.size) and has_digits(task.target):
         saved.enter(system)
@@ -169,7 +170,7 @@ def _newton_from(saved: SavedState, task: Task) -> bool:
 
 
 def _forget(task: Task) -> None:
-    """Start from nothing after a try from a saved state; what the try took stays counted."""
+    """Clear the system after a try from a saved state; the report keeps the counts of the try."""
     task.system.clear()
     task.report.stages.clear()
     task.report.friction_change = task.report.contraction = None

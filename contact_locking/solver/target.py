@@ -1,4 +1,4 @@
-"""What a strategy is asked for."""
+"""The penalty parameters to solve for, and the scales of the problem."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ class _BoundLaw:
         self._slope = known * self._nodes.of_all(slope * np.abs(smoothed))
 
     def distance(self, direction: Direction) -> FloatArray:
-        """What a direction leaves of the equation; collective."""
+        """The residual of the equation for a direction; collective."""
         friction = self.friction
         slip_step = friction.slip_step(direction.steps[friction])
         wanted = self._wanted + self._moved(direction.steps[self._contact].dual, slip_step)

@@ -70,7 +70,7 @@ class ContactNodes:
         return result
 
     def of_all(self, values: FloatArray) -> FloatArray:
-        """What values at all owned nodes of the contact are at these nodes."""
+        """The values (k,) at these nodes, from values at all owned nodes of the contact."""
         return np.asarray(values[self._active])
 
     def enter(self, values: npt.NDArray[Scalar], into: npt.NDArray[Scalar]) -> None:
@@ -78,11 +78,11 @@ class ContactNodes:
         into[self._active] = values.T
 
     def scalar(self) -> fem.Function:
-        """A P1 function that :meth:`set_values` gives values (k,)."""
+        """A function that :meth:`set_values` gives values (k,)."""
         return fem.Function(self.contact.surface.scalar_space)
 
     def vector(self) -> fem.Function:
-        """A P1 function that :meth:`set_values` gives values (d, k)."""
+        """A function that :meth:`set_values` gives values (d, k)."""
         return fem.Function(self.contact.surface.vector_space)
 
     def set_values(self, function: fem.Function, values: FloatArray) -> None:

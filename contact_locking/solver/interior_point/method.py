@@ -107,7 +107,7 @@ class InteriorPoint:
 
     @property
     def direct(self) -> PETSc.KSP | None:
-        """What factorised the tangents, for those of Newton's method, until this is destroyed."""
+        """The direct solver of the tangents, if any, for Newton's method, until :meth:`destroy`."""
         return self._tangent.direct
 
     def destroy(self) -> None:

@@ -130,7 +130,7 @@ class Tangent:
 
     @property
     def direct(self) -> PETSc.KSP | None:
-        """What factorises the tangents, for others, until this is destroyed."""
+        """The direct solver of the tangents, if any, until :meth:`destroy`."""
         return self._linear.direct
 
     def largest_displacement(self) -> float:

@@ -42,9 +42,9 @@ class Tuning:
     #: The residual of the elastic solve over the forces, in (0, 1), while nobody knows whether its
     #: displacement is admissible.
     start_accuracy: float = 0.03
-    #: Where the elastic strain is between so many times the limit, both > 0, contact starts open as
-    #: far as :attr:`wide_opening` says.  That takes up to a third of the tangents less there; it
-    #: takes more where next to nothing locks, and a tenth more where nearly all does.
+    #: Where the elastic strain over its limit is between these two numbers, both > 0, contact
+    #: starts with the opening :attr:`wide_opening`.  That takes up to a third fewer tangents there,
+    #: but more tangents where hardly any cell locks or nearly every cell does.
     wide_between: tuple[float, float] = (1.25, 6.4)
     #: Over this factor, > 1, outside of the two numbers the opening passes from one to the other:
     #: where a limit is as large as a prescribed strain, rounding must not decide about the start.
