@@ -117,14 +117,18 @@ def summary_rows(
     return [
         ("converged", "yes" if summary["converged"] else "no"),
         *([("restart", restart)] if restart else []),
-        ("size", f"{summary['dofs']} dofs, {summary['cells']} cells, {summary['ranks']} rank(s)"),
+        (
+            "size",
+            f"{summary['dofs']} dofs, {summary['cells']} cells of degree "
+            f"{summary['discretisation']['degree']}, {summary['ranks']} rank(s)",
+        ),
         (
             "iterations",
             f"{iterations['tangents']} tangents, {iterations['linear']} linear, "
             f"{iterations['friction']} friction updates",
         ),
         ("residual", f"{summary['residual']:.1e}"),
-        ("largest |eps|", f"{summary['strain_norm_max']:.4g}{against}"),
+        ("largest |eps|", f"{summary['strain_norm_max']:.4g}{against}{_between_points(summary)}"),
         ("locked share", f"{100 * summary['locked_fraction']:.1f} %"),
         ("contact force", _vector(summary["contact_force"])),
         ("friction force", _vector(summary["friction_force"])),
@@ -139,6 +143,15 @@ def summary_rows(
         ("time", f"{summary['wall_seconds']:.1f} s"),
         ("results in", str(directory)),
     ]
+
+
+def _between_points(summary: Mapping[str, Any]) -> str:
+    """The largest strain where no limit holds, if this strain is larger than at the points."""
+    largest = summary["strain_norm_max_in_cells"]
+    if largest <= summary["strain_norm_max"] * (1.0 + 1e-6):
+        return ""
+    beyond = f", {100 * summary['overstrain_max']:.3g} % beyond M" * (summary["overstrain_max"] > 0)
+    return f" at the Gauss points; {largest:.4g}{beyond}, between the points"
 
 
 def _vector(values: Iterable[float]) -> str:

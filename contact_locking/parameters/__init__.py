@@ -21,7 +21,13 @@ from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
 from .coulomb import FrictionParameters, Smoothing
 from .material import Elasticity, MaterialParameters
 from .mesh import MeshParameters
-from .numerics import CertificateParameters, OutputParameters, PenaltyParameters, SolverParameters
+from .numerics import (
+    CertificateParameters,
+    DiscretisationParameters,
+    OutputParameters,
+    PenaltyParameters,
+    SolverParameters,
+)
 from .rigid_body import Foundation
 from .study import StudyParameters
 from .values import Text
@@ -30,6 +36,7 @@ __all__ = [
     "CertificateParameters",
     "ContactParameters",
     "ContactSection",
+    "DiscretisationParameters",
     "Elasticity",
     "Foundation",
     "FrictionParameters",
@@ -50,6 +57,9 @@ class Parameters(Section):
 
     title: Text = entry("", "what the study is about, for headings")
     mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
+    discretisation: DiscretisationParameters = entry(
+        DiscretisationParameters(), "the element, and where it keeps the locking limit"
+    )
     material: MaterialParameters = entry(MaterialParameters(), "the material (1)")
     loads: LoadParameters = entry(LoadParameters(), "loads and supports")
     contact: OneOrSeveral = entry(

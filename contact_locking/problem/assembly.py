@@ -29,7 +29,7 @@ from contact_locking.problem.domain import Domain
 from contact_locking.problem.groups import groups
 from contact_locking.problem.loads import build_loads
 from contact_locking.problem.parts import Held, check_parts_held
-from contact_locking.problem.spaces import P1, Element
+from contact_locking.problem.spaces import Element, element_of
 
 
 @dataclass
@@ -75,6 +75,7 @@ class Problem:
             "dimension": self.domain.dim,
             "cells": self.domain.num_cells,
             "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
+            "elements": str(self.element),
             "regions": sorted(self.domain.cell_names),
             "boundary parts": sorted(self.domain.facet_names),
             "groups": groups(self.domain),
@@ -96,14 +97,15 @@ def assemble(
     parameters: Parameters,
     comm: MPI.Intracomm,
     domain: Domain | None = None,
-    element: Element = P1,
+    element: Element | None = None,
 ) -> Problem:
     """Make mesh, material, loads, conditions, contact and friction; collective.
 
-    ``domain`` replaces the mesh of the study, if given.  Raises InputError for data that do not fit
-    the mesh or the element.
+    ``domain`` replaces the mesh of the study and ``element`` its element, if given.  Raises
+    InputError for data that do not fit the mesh or the element.
     """
     domain = domain or _domain(parameters, comm)
+    element = element or element_of(parameters.discretisation)
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
     material = build_material(domain, parameters.material, element)

@@ -30,14 +30,16 @@ class Material:
     """The material on the mesh, for the forms and the certificate.
 
     ``elastic_stress`` maps a UFL strain to a stress.  ``limit`` is M in the space of strains, inf
-    where nothing locks, and ``inverse_limit`` is 1/M.  ``ellipticity`` (alpha) and ``stiffness``
-    are the smallest and the largest eigenvalue of A over the body, and ``young`` is the smallest
-    Young's modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, in the
-    space of strains.
+    where nothing locks, and ``inverse_limit`` is 1/M.  ``limit_at_peaks`` is M where the strain of
+    a cell is largest (`Element.at_peaks`).  ``ellipticity`` (alpha) and ``stiffness`` are the
+    smallest and the largest eigenvalue of A over the body, and ``young`` is the smallest Young's
+    modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, in the space of
+    strains.
     """
 
     elastic_stress: Callable[[Expr], Expr]
     limit: fem.Function
+    limit_at_peaks: fem.Function
     inverse_limit: fem.Function
     ellipticity: float
     stiffness: float
@@ -51,7 +53,25 @@ def build_material(domain: Domain, given: MaterialParameters, element: Element) 
     Raises InputError if A is not symmetric or not elliptic somewhere, and if M is not positive.
     """
     points = Points(domain, element)
-    limit, inverse = fem.Function(points.space), fem.Function(points.space)
+    limit, inverse = _limit(domain, given, points), fem.Function(points.space)
+    at_peaks = limit
+    if element.at_peaks is not element:
+        at_peaks = _limit(domain, given, Points(domain, element.at_peaks))
+    inverse.x.array[:] = 1.0 / limit.x.array
+    stress, eigenvalues, young, key = _elasticity(domain, points, given)
+    lowest, highest = _eigenvalue_range(domain, eigenvalues, key)
+    largest = fem.Function(points.space)
+    largest.x.array[points.dofs] = eigenvalues.max(axis=0)
+    least_young = _minimum(domain, young)
+    return Material(stress, limit, at_peaks, inverse, lowest, highest, least_young, largest)
+
+
+def _limit(domain: Domain, given: MaterialParameters, points: Points) -> fem.Function:
+    """M at the given points, inf where nothing locks; collective.
+
+    Raises InputError if M is not positive.
+    """
+    limit = fem.Function(points.space)
     limit.x.array[:] = np.inf
     for where, value, key in _locking_limits(domain, points, given):
         limit.x.array[points.dofs[where]] = points.evaluate(value, where, key, infinite=True)
@@ -62,12 +82,7 @@ def build_material(domain: Domain, given: MaterialParameters, element: Element) 
             raise InputError(
                 f"the locking limit must be at least {SMALLEST:g}, it reaches {smallest:g}", key
             )
-    inverse.x.array[:] = 1.0 / limit.x.array
-    stress, eigenvalues, young, key = _elasticity(domain, points, given)
-    lowest, highest = _eigenvalue_range(domain, eigenvalues, key)
-    largest = fem.Function(points.space)
-    largest.x.array[points.dofs] = eigenvalues.max(axis=0)
-    return Material(stress, limit, inverse, lowest, highest, _minimum(domain, young), largest)
+    return limit
 
 
 class Points:

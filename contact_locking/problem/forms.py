@@ -53,7 +53,8 @@ class ProblemData:
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
     """``a(u, v) = int A eps(u) : eps(v)``."""
-    return ufl.inner(data.elastic_stress(strain(u)), strain(v)) * data.dx
+    dx = data.element.elastic_dx(data.dx)
+    return ufl.inner(data.elastic_stress(strain(u)), strain(v)) * dx
 
 
 def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:
