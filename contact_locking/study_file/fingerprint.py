@@ -31,6 +31,8 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
+    if parameters.steps is None:
+        del data["steps"]
     return _short({**data, **_contact(parameters), "mesh": mesh_identity(parameters, digest)})
 
 
@@ -39,7 +41,8 @@ def problem_fingerprint(parameters: Parameters) -> str:
 
     The solver and the output do not count.
     """
-    data = parameters.model_dump(by_alias=True, include=set(_PROBLEM))
+    sections = {*_PROBLEM, "steps"} if parameters.steps else set(_PROBLEM)
+    data = parameters.model_dump(by_alias=True, include=sections)
     return _short({**data, **_contact(parameters), "mesh": mesh_identity(parameters)})
 
 
