@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import sys
 import time
 import traceback
@@ -53,6 +54,11 @@ def console() -> Console:
     if not _is_launched() and sys.stdout.isatty():
         return Console(highlight=False)
     return Console(highlight=False, width=120, force_terminal=False)
+
+
+def width() -> int:
+    """The columns of the terminal that standard output is; 0 for a file."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
 
 
 def complain(text: str) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel, model_validator
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, parse
+from contact_locking.expressions import POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
 from .base import Fault, Place, Section, entry, marks, refuse_if
@@ -29,6 +29,7 @@ from .numerics import (
     SolverParameters,
 )
 from .rigid_body import Foundation
+from .steps import StepParameters
 from .study import StudyParameters
 from .values import Text
 
@@ -48,6 +49,7 @@ __all__ = [
     "PenaltyParameters",
     "Smoothing",
     "SolverParameters",
+    "StepParameters",
     "StudyParameters",
 ]
 
@@ -68,6 +70,11 @@ class Parameters(Section):
         "contact.INDEX.on and so on",
     )
     friction: FrictionParameters = entry(FrictionParameters(), "Coulomb's friction (6)")
+    steps: StepParameters | None = entry(
+        None,
+        "the times of a process, whose loads and gaps depend on t; null: one static problem",
+        optional=True,
+    )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
     study: StudyParameters | None = entry(None, "many cases with other values", optional=True)
@@ -134,6 +141,8 @@ class Parameters(Section):
                     f"'{both[0]}' is in {keys[both[0]]}.on as well; "
                     "Gamma_D and Gamma_C must not overlap",
                 )
+        if self.steps is None:
+            yield from self._timed_faults()
         if self.study is not None:
             for fault in self.study.key_faults(type(self)):
                 yield Fault(("study", *fault.place), fault.message)
@@ -160,6 +169,16 @@ class Parameters(Section):
         for contact, section in self._contact_sections():
             for name in section.on:
                 yield from _unknown_name((*contact, "on"), name, facets, "the boundary")
+
+    def _timed_faults(self) -> Iterator[Fault]:
+        """The expressions of the time of a problem without steps."""
+        for place, text, variables in _expressions(self, ()):
+            if TIME in variables and TIME in parse(text, (*POSITION, *variables)).names:
+                yield Fault(
+                    place,
+                    "depends on the time t, and the file has no steps; add a section such as "
+                    "steps: {to: 1, count: 20}",
+                )
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
         sections: list[tuple[Place, MaterialParameters | LoadParameters | ContactSection]] = [
@@ -193,7 +212,7 @@ def _expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str,
             if isinstance(value, BaseModel):
                 yield from _expressions(value, inner)
             elif scalar and isinstance(value, str):
-                yield inner, value, "s" if scalar == "s" else ""
+                yield inner, value, scalar if isinstance(scalar, str) else ""
 
 
 def _leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -17,7 +18,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import SMALLEST, parse
+from contact_locking.expressions import SMALLEST, TIME, parse
 from contact_locking.laws import elasticity as law
 from contact_locking.parallel import agree
 from contact_locking.parameters import Elasticity, MaterialParameters
@@ -116,15 +117,21 @@ class Points:
 
 
 def evaluate(
-    comm: MPI.Intracomm, value: float | str, x: FloatArray, key: str, infinite: bool = False
+    comm: MPI.Intracomm,
+    value: float | str,
+    x: FloatArray,
+    key: str,
+    infinite: bool = False,
+    time: float = 0.0,
 ) -> FloatArray:
-    """A number or an expression of x, y[, z] at points (d, k), as (k,); collective.
+    """A number or an expression of x, y[, z] and t at points (d, k), as (k,); collective.
 
     Raises InputError with the key on all ranks if a value of any rank is NaN, or infinite without
     ``infinite``.
     """
-    expression = parse(value, AXES, allow_infinite=infinite)
-    places = dict(zip(AXES, x, strict=False))
+    expression = parse(value, (*AXES, TIME), allow_infinite=infinite)
+    places: dict[str, Any] = dict(zip(AXES, x, strict=False))
+    places[TIME] = time
     result = agree(comm, lambda: with_key(key, lambda: expression.numpy(**places)))
     return np.broadcast_to(np.asarray(result, dtype=float), x.shape[1:]).copy()
 

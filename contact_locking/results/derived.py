@@ -91,6 +91,8 @@ class ContactFields:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
         self.u_normal, self.u_tangent = contact.split(u)
+        # The slip of the step, and the accumulated slip.
+        self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)

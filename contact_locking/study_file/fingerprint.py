@@ -13,7 +13,7 @@ from contact_locking.parameters import Parameters
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
 # The sections that define a solution, beside contact and friction.
-_PROBLEM = ("mesh", "discretisation", "material", "loads", "penalty")
+_PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "penalty")
 
 
 def file_digest(path: str) -> str:
@@ -50,6 +50,9 @@ def _normalised(
     if parameters.discretisation.degree == 1:
         # There the limit is the same at vertices and at Gauss points.
         del data["discretisation"]
+    if parameters.steps is None:
+        # One static load keeps the fingerprint that it had before there were steps.
+        del data["steps"]
     return {**data, **_contact(parameters), "mesh": mesh_identity(parameters, digest)}
 
 
