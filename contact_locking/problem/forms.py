@@ -13,7 +13,6 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.locking import locking_energy, locking_stress
@@ -79,13 +78,12 @@ def external_work(v: Expr, data: ProblemData) -> Expr:
 
 def pressure(u: Expr, contact: Contact, data: ProblemData) -> Expr:
     """The contact pressure ``p = -sigma_nu`` of the penalty law (25)."""
-    return contact_pressure(normal_part(u, contact.normal), contact.gap, data.epsilon)
+    return contact_pressure(contact.parts(u)[0], contact.gap, data.epsilon)
 
 
 def friction(u: Expr, contact: Contact) -> Expr:
     """The negative friction traction ``-sigma_tau`` of the regularised law (22)."""
-    slip = tangential_part(u, contact.normal)
-    return friction_traction(slip, contact.bound, contact.regularisation)
+    return friction_traction(contact.parts(u)[1], contact.bound, contact.regularisation)
 
 
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
@@ -99,9 +97,9 @@ def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     locking = locking_stress(strain(u), data.inverse_limit, data.n)
     form = elastic_form(u, v, data) + ufl.inner(locking, strain(v)) * data.locking_dx
     for contact in data.contacts:
-        nu = contact.normal
-        traction = pressure(u, contact, data) * normal_part(v, nu)
-        traction += ufl.inner(friction(u, contact), tangential_part(v, nu))
+        v_normal, v_slip = contact.parts(v)
+        traction = pressure(u, contact, data) * v_normal
+        traction += ufl.inner(friction(u, contact), v_slip)
         form += traction * contact.surface.ds
     if data.own_energy is not None:
         form += own_forces(u, v, data)
@@ -118,10 +116,9 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
     form += locking_energy(strain(u), data.inverse_limit, data.n) * data.locking_dx
     for contact in data.contacts:
-        nu, gap = contact.normal, contact.gap
-        slip, regularisation = tangential_part(u, nu), contact.regularisation
-        density = contact_energy(normal_part(u, nu), gap, data.epsilon)
-        density += friction_energy(slip, contact.bound, regularisation)
+        u_normal, slip = contact.parts(u)
+        density = contact_energy(u_normal, contact.gap, data.epsilon)
+        density += friction_energy(slip, contact.bound, contact.regularisation)
         form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
 
@@ -129,9 +126,6 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
 def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[Contact], factor: Expr) -> Expr:
     """``factor int du_nu v_nu``: springs on Gamma_C along the contact normal."""
     return sum(
-        factor
-        * normal_part(du, contact.normal)
-        * normal_part(v, contact.normal)
-        * contact.surface.ds
+        factor * contact.parts(du)[0] * contact.parts(v)[0] * contact.surface.ds
         for contact in contacts
     )
