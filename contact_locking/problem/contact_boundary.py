@@ -98,7 +98,7 @@ def build_contacts(
                 on=given.on,
                 surface=surface,
                 normal=surface.vector_function(normals, "contact_normal"),
-                gap=surface.scalar_function(gap, "gap"),
+                gap=_limited_gap(surface, gap),
                 friction=bound,
                 regularisation=fem.Constant(domain.mesh, slip),
                 free=free,
@@ -158,6 +158,14 @@ def _foundation_from(
             key,
         )
     return gap, normals
+
+
+def _limited_gap(surface: ContactSurface, gap: FloatArray) -> fem.Function:
+    """The limited values of the gap (k,) as values at the nodes; collective."""
+    function = surface.scalar_function(gap, "gap")
+    function.x.array[surface.nodes] = surface.limited.of_function(function)
+    function.x.scatter_forward()
+    return function
 
 
 def _smoothing(

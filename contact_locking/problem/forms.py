@@ -13,7 +13,6 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.locking import locking_energy, locking_stress
@@ -80,12 +79,12 @@ def external_work(v: Expr, data: ProblemData) -> Expr:
 
 def pressure(u: Expr, contact: Contact, data: ProblemData) -> Expr:
     """The contact pressure ``p = -sigma_nu`` of the penalty law (25)."""
-    return contact_pressure(normal_part(u, contact.normal), contact.gap, data.epsilon)
+    return contact_pressure(contact.parts(u)[0], contact.gap, data.epsilon)
 
 
 def slip(u: Expr, contact: Contact) -> Expr:
     """The slip of the step, ``u_tau - u_{k-1,tau}``."""
-    return tangential_part(u, contact.normal) - contact.memory.place
+    return contact.parts(u)[1] - contact.memory.place
 
 
 def friction(u: Expr, contact: Contact) -> Expr:
@@ -104,9 +103,9 @@ def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     locking = locking_stress(strain(u), data.inverse_limit, data.n)
     form = elastic_form(u, v, data) + ufl.inner(locking, strain(v)) * data.locking_dx
     for contact in data.contacts:
-        nu = contact.normal
-        traction = pressure(u, contact, data) * normal_part(v, nu)
-        traction += ufl.inner(friction(u, contact), tangential_part(v, nu))
+        v_normal, v_slip = contact.parts(v)
+        traction = pressure(u, contact, data) * v_normal
+        traction += ufl.inner(friction(u, contact), v_slip)
         form += traction * contact.surface.ds
     if data.own_energy is not None:
         form += own_forces(u, v, data)
@@ -123,8 +122,7 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
     form += locking_energy(strain(u), data.inverse_limit, data.n) * data.locking_dx
     for contact in data.contacts:
-        nu, gap = contact.normal, contact.gap
-        density = contact_energy(normal_part(u, nu), gap, data.epsilon)
+        density = contact_energy(contact.parts(u)[0], contact.gap, data.epsilon)
         density += friction_energy(slip(u, contact), contact.bound, contact.regularisation)
         form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
@@ -133,9 +131,6 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
 def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[Contact], factor: Expr) -> Expr:
     """``factor int du_nu v_nu``: springs on Gamma_C along the contact normal."""
     return sum(
-        factor
-        * normal_part(du, contact.normal)
-        * normal_part(v, contact.normal)
-        * contact.surface.ds
+        factor * contact.parts(du)[0] * contact.parts(v)[0] * contact.surface.ds
         for contact in contacts
     )

@@ -29,10 +29,13 @@ class Families:
     every: list[Family]
     bounds: list[MovingBound]
     strains: StrainOperator
+    nodes: list[ContactNodes]
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self.strains.destroy()
+        for item in self.nodes:
+            item.destroy()
 
 
 def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> Families:
@@ -43,9 +46,10 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
     lorentz, penalty = Lorentz(system.comm), target.penalty
     strains, limit = _strains(system)
     families: list[Family] = [LockingCones(lorentz, strains, limit, penalty.compliance)]
-    bounds = []
+    bounds, touching = [], []
     for number, contact in enumerate(system.contacts):
         nodes = ContactNodes(contact, number, system)
+        touching.append(nodes)
         pressing = ContactCones(nodes, penalty.epsilon, target.length)
         families.append(pressing)
         if not contact.friction.frictionless:
@@ -53,7 +57,7 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
             rubbing = FrictionCones(lorentz, nodes, regularisation, target.length)
             families.append(rubbing)
             bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound))
-    return Families(families, bounds, strains)
+    return Families(families, bounds, strains, touching)
 
 
 def _strains(system: PenalisedSystem) -> tuple[StrainOperator, FloatArray]:
