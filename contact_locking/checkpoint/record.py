@@ -28,8 +28,8 @@ class Record:
 
     ``mesh`` holds the parameters of the mesh, or the digest of the mesh file; ``problem`` is the
     fingerprint of everything that defines the solution.  ``degree`` is the degree of the
-    displacement, ``contacts`` is the number of contacts, and ``regularisations`` has one length for
-    each contact.
+    displacement, ``contacts`` is the number of contacts, ``strain_sets`` that of the sets of
+    strains, and ``regularisations`` has one length for each contact.
     """
 
     version: str
@@ -42,6 +42,7 @@ class Record:
     cells: int
     nodes: int
     contacts: int
+    strain_sets: int
     mesh: dict[str, Any]
     problem: str
 
@@ -114,6 +115,8 @@ def _record(data: Mapping[str, Any]) -> Record:
         regularisations=tuple(float(value) for value in data["regularisations"]),
         mesh=dict(data["mesh"]),
         problem=str(data["problem"]),
+        # Older versions know the ball alone.
+        strain_sets=int(data.get("strain_sets", 1)),
         **numbers,
     )
 

@@ -19,12 +19,16 @@ from .base import Fault, Place, Section, entry, marks, refuse_if
 from .boundary import LoadParameters
 from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
 from .coulomb import FrictionParameters, Smoothing
-from .material import Elasticity, MaterialParameters
+from .material import Elasticity, MaterialParameters, Region
 from .mesh import MeshParameters
 from .numerics import CertificateParameters, OutputParameters, PenaltyParameters, SolverParameters
 from .rigid_body import Foundation
+from .strain_limit import StrainLimit
 from .study import StudyParameters
 from .values import Text
+
+# The keys of limits, whose expressions may be infinite.
+_MAY_BE_INFINITE = ("locking_limit", "at_most")
 
 __all__ = [
     "CertificateParameters",
@@ -39,8 +43,10 @@ __all__ = [
     "OutputParameters",
     "Parameters",
     "PenaltyParameters",
+    "Region",
     "Smoothing",
     "SolverParameters",
+    "StrainLimit",
     "StudyParameters",
 ]
 
@@ -163,7 +169,7 @@ class Parameters(Section):
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)
-                parse(text, known, allow_infinite=place[-1] == "locking_limit")
+                parse(text, known, allow_infinite=place[-1] in _MAY_BE_INFINITE)
             except InputError as error:
                 yield Fault(place, f"{error} in {dim}D")
 

@@ -30,6 +30,7 @@ from contact_locking.problem.groups import groups
 from contact_locking.problem.loads import build_loads
 from contact_locking.problem.parts import Held, check_parts_held
 from contact_locking.problem.spaces import P1, Element
+from contact_locking.problem.strain_limits import build_strain_sets
 
 
 @dataclass
@@ -128,6 +129,7 @@ def assemble(
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
         element=element,
+        limits=build_strain_sets(domain, parameters.material, element),
     )
     u = fem.Function(space, name="displacement")
     held = check_parts_held(domain, space, data, constraints, parameters.loads)
