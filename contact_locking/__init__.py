@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from contact_locking.problem.assembly import assemble
     from contact_locking.problem.contact import Contact, FrictionBound
     from contact_locking.results.solution import Solution
-    from contact_locking.solving import check, solve, solve_assembled
+    from contact_locking.solving import check, solve, solve_assembled, solve_steps
     from contact_locking.study_file import from_mapping, load
     from contact_locking.writing import save, write
 
@@ -38,6 +38,7 @@ __all__ = [
     "save",
     "solve",
     "solve_assembled",
+    "solve_steps",
     "write",
 ]
 
@@ -56,6 +57,7 @@ _HOME = {
     "save": "writing",
     "solve": "solving",
     "solve_assembled": "solving",
+    "solve_steps": "solving",
     "write": "writing",
 }
 

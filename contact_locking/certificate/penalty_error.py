@@ -36,7 +36,7 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     ``t = -sigma_tau`` of the penalised solution u,
 
         eta^2 = a(w - u, w - u)/2 + int (M |Z| - Z : eps(w)) + int p (gap - w_nu)
-                + int (G |w_tau| - t . w_tau),
+                + int (G |w_tau - u_old| - t . (w_tau - u_old)),
 
     where every term is non-negative.  With several sets of strains, ``M |Z| - Z : eps(w)`` stands
     for the sum of ``M |y| - y : L eps(w)`` over them.  eta^2 is the primal energy of w minus the
@@ -151,7 +151,7 @@ def _gap(state: SolvedState, w: fem.Function) -> float:
         work = item.work(item.measured(strain(w)))
         total += state.sum(points.weights * (item.support - work))
     for fields in state.contacts:
-        normal, slip = fields.contact.split(w)
+        normal, slip = fields.contact.split(w)[0], fields.contact.increment(w)
         work = np.sum(fields.traction * slip, axis=1)
         friction = fields.bound * np.linalg.norm(slip, axis=1) + work
         opening = fields.pressure * (fields.gap - normal)

@@ -192,6 +192,10 @@ class SetAtPoints:
         """``|L eps|``, or ``L eps`` for a half space: (k,) of what is measured."""
         return np.linalg.norm(measured, axis=(1, 2)) if measured.ndim > 1 else measured
 
+    def excess(self, measured: FloatArray) -> FloatArray:
+        """``[|L eps| - M]^+``, or ``[L eps - M]^+`` for a half space: (k,) of what is measured."""
+        return np.maximum(self.reach(measured) - self.limit, 0.0)
+
     def work(self, measured: FloatArray) -> FloatArray:
         """``y : L eps`` (k,) of what is measured."""
         if measured.ndim == 1:

@@ -62,20 +62,28 @@ class BodyFields:
         self.strain_norm = _at_points(data.element, domain, norm, "strain_norm")
         self.elastic_stress = _at_points(data.element, domain, stress, "elastic_stress", tensor)
         self.locking_stress, self.locking_parts = found.locking_stress, found.parts
+        limits = [(item, item.utilisation(eps)) for item in data.limits]
         #: The utilisation of each set of strains but the ball.
-        self._utilisations = [
-            _at_points(data.element, domain, item.utilisation(eps), item.name)
-            for item in data.limits
+        self.utilisations = [
+            _at_points(data.element, domain, share, item.name) for item, share in limits
         ]
         self.locking_limit = m.limit if data.only_ball else self._limit_along_strain(m.limit)
         self.locked = fem.Function(m.limit.function_space, name="locked")
         threshold = self.locking_limit.x.array * (1.0 - _LOCKED_MARGIN)
         self.locked.x.array[:] = self.strain_norm.x.array >= threshold
+        at_peaks = data.element.at_peaks
+        self._peaks = self.strain_norm
+        if at_peaks is not data.element:
+            self._peaks = _at_points(at_peaks, domain, norm, "strain_norm")
+        self._limit_at_peaks = m.limit_at_peaks
+        self._utilisations_at_peaks = [
+            _at_points(at_peaks, domain, share, item.name) for item, share in limits
+        ]
 
     def _limit_along_strain(self, ball: fem.Function) -> fem.Function:
         """The largest ``|eps|`` in K along the present strain, inf where nothing limits that."""
         limit = ball.copy()
-        used = np.max([item.x.array for item in self._utilisations], axis=0)
+        used = np.max([item.x.array for item in self.utilisations], axis=0)
         where = used > 0.0
         along = np.full_like(used, np.inf)
         along[where] = self.strain_norm.x.array[where] / used[where]
@@ -83,9 +91,20 @@ class BodyFields:
         return limit
 
     def largest_overstrain(self, domain: Domain) -> float:
-        """``max |eps|/M - 1`` over the body; collective."""
-        ratio = self.strain_norm.x.array / self.locking_limit.x.array
-        return maximum(domain.comm, ratio) - 1.0
+        """``max |eps|/M - 1`` over the points of the strains; collective."""
+        return _largest(domain, self.strain_norm, self.locking_limit) - 1.0
+
+    def peaks(self, domain: Domain) -> tuple[float, float]:
+        """``max |eps|`` and ``max |eps|/M - 1`` over the whole of every cell; collective."""
+        used = [_largest(domain, share) for share in self._utilisations_at_peaks]
+        used.append(_largest(domain, self._peaks, self._limit_at_peaks))
+        return _largest(domain, self._peaks), max(used) - 1.0
+
+
+def _largest(domain: Domain, values: fem.Function, over: fem.Function | None = None) -> float:
+    """The largest value at the points of the strains, as a multiple of ``over``; collective."""
+    ratio = values.x.array if over is None else values.x.array / over.x.array
+    return maximum(domain.comm, ratio)
 
 
 class ContactFields:
@@ -95,6 +114,8 @@ class ContactFields:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
         self.u_normal, self.u_tangent = contact.split(u)
+        # The slip of the step, and the accumulated slip.
+        self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
@@ -227,7 +248,10 @@ def body_summary(
     dofmap = u.function_space.dofmap
     owned = fields.strain_norm.function_space.dofmap.index_map.size_local
     one = fem.Constant(domain.mesh, 1.0)
+    largest, overstrain = fields.peaks(domain)
+    volume = integral(domain, one * data.dx)
     return {
+        "discretisation": data.element.facts(),
         "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
         "cells": domain.num_cells,
         "ranks": domain.comm.size,
@@ -235,8 +259,24 @@ def body_summary(
         "compliance": integral(domain, forms.external_work(u, data)),
         "elastic_energy": integral(domain, 0.5 * forms.elastic_form(u, u, data)),
         "strain_norm_max": maximum(domain.comm, fields.strain_norm.x.array[:owned]),
-        "locked_fraction": integral(domain, fields.locked * data.dx)
-        / integral(domain, one * data.dx),
+        "strain_norm_max_in_cells": largest,
+        "overstrain_max": max(overstrain, 0.0),
+        "locked_fraction": integral(domain, fields.locked * data.dx) / volume,
+        "strain_sets": [_about_set(domain, share, data) for share in fields.utilisations],
+    }
+
+
+def _about_set(
+    domain: Domain, utilisation: fem.Function, data: forms.ProblemData
+) -> dict[str, Any]:
+    """The entry of summary.json about one set of strains beside the ball; collective."""
+    used_up = utilisation.copy()
+    used_up.x.array[:] = utilisation.x.array >= 1.0 - _LOCKED_MARGIN
+    one = fem.Constant(domain.mesh, 1.0)
+    return {
+        "name": utilisation.name,
+        "utilisation_max": _largest(domain, utilisation),
+        "locked_fraction": integral(domain, used_up * data.dx) / integral(domain, one * data.dx),
     }
 
 
