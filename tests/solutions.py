@@ -72,6 +72,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         locked=function(cell, lambda x: (x[-1] > 0.5).astype(float)),
         elastic_stress=function(tensor, stress),
         locking_stress=function(tensor, lambda x: -stress(x)),
+        locking_parts=(),
         error_indicator=function(cell, lambda x: 1e-3 * x[0]),
         contact_pressure=function(scalar, pressure),
         smoothed_stress=function(scalar, lambda x: -pressure(x)),

@@ -29,7 +29,8 @@ class Record:
     ``mesh`` holds the parameters of the mesh, or the digest of the mesh file; ``problem`` is the
     fingerprint of everything that defines the solution.  ``degree`` is the degree of the
     displacement, and ``limit_at`` names the points of the strains.  ``contacts`` is the number of
-    contacts, and ``regularisations`` has one length for each contact.
+    contacts, ``strain_sets`` that of the sets of strains, and ``regularisations`` has one length
+    for each contact.
     """
 
     version: str
@@ -43,6 +44,7 @@ class Record:
     cells: int
     nodes: int
     contacts: int
+    strain_sets: int
     mesh: dict[str, Any]
     problem: str
 
@@ -116,6 +118,8 @@ def _record(data: Mapping[str, Any]) -> Record:
         limit_at=str(data["limit_at"]),
         mesh=dict(data["mesh"]),
         problem=str(data["problem"]),
+        # Older versions know the ball alone.
+        strain_sets=int(data.get("strain_sets", 1)),
         **numbers,
     )
 

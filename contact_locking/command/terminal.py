@@ -113,6 +113,9 @@ def summary_rows(
     """The summary in a few rows; ``ratio`` is the largest |eps|/M, zero if M is infinite."""
     iterations = summary["iterations"]
     against = f" = {ratio:.4g} M" if ratio > 0.0 else "  (no locking limit)"
+    if summary["strain_sets"]:
+        # The strain that uses up most of a limit need not be the largest.
+        against = f", up to {ratio:.4g} of the limits"
     restart = summary.get("restart")
     return [
         ("converged", "yes" if summary["converged"] else "no"),

@@ -19,7 +19,7 @@ from .base import Fault, Place, Section, entry, marks, refuse_if
 from .boundary import LoadParameters
 from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
 from .coulomb import FrictionParameters, Smoothing
-from .material import Elasticity, MaterialParameters
+from .material import Elasticity, MaterialParameters, Region
 from .mesh import MeshParameters
 from .numerics import (
     CertificateParameters,
@@ -30,8 +30,12 @@ from .numerics import (
 )
 from .rigid_body import Foundation
 from .steps import StepParameters
+from .strain_limit import StrainLimit
 from .study import StudyParameters
 from .values import Text
+
+# The keys of limits, whose expressions may be infinite.
+_MAY_BE_INFINITE = ("locking_limit", "at_most")
 
 __all__ = [
     "CertificateParameters",
@@ -47,9 +51,11 @@ __all__ = [
     "OutputParameters",
     "Parameters",
     "PenaltyParameters",
+    "Region",
     "Smoothing",
     "SolverParameters",
     "StepParameters",
+    "StrainLimit",
     "StudyParameters",
 ]
 
@@ -192,7 +198,7 @@ class Parameters(Section):
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)
-                parse(text, known, allow_infinite=place[-1] == "locking_limit")
+                parse(text, known, allow_infinite=place[-1] in _MAY_BE_INFINITE)
             except InputError as error:
                 yield Fault(place, f"{error} in {dim}D")
 

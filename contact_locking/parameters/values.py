@@ -56,6 +56,16 @@ def _extended(value: Any) -> float:
     return _number(value, infinite=True)
 
 
+def _negative(value: Any) -> float | str:
+    """A number below 0, minus infinity, or the text of an expression."""
+    if isinstance(value, float) and value == -math.inf:
+        return value
+    found = _IN_SPACE(value)
+    if not isinstance(found, str) and not found < 0.0:
+        raise ValueError(f"must be < 0, not {show(value)}")
+    return found
+
+
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
         raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
@@ -140,5 +150,6 @@ Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
 TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
 PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
 PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
+NegativeScalarOrInfinite = Annotated[float | str, BeforeValidator(_negative)]
 PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]
 NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_OF_SLIP)]

@@ -33,6 +33,7 @@ from contact_locking.problem.groups import groups
 from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
 from contact_locking.problem.spaces import Element, element_of
+from contact_locking.problem.strain_limits import build_strain_sets
 
 
 @dataclass
@@ -151,6 +152,7 @@ def assemble(
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
         element=element,
+        limits=build_strain_sets(domain, parameters.material, element),
     )
     u = fem.Function(space, name="displacement")
     held = check_parts_held(domain, space, data, constraints, parameters.loads)

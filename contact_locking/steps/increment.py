@@ -137,6 +137,7 @@ def solution_of(state: SolvedState, certificate: Certificate) -> Solution:
         locked=body.locked,
         elastic_stress=body.elastic_stress,
         locking_stress=body.locking_stress,
+        locking_parts=body.locking_parts,
         error_indicator=certificate.error_indicator,
         contacts=state.contacts,
         contact_points=points,

@@ -50,6 +50,10 @@ def _normalised(
     if parameters.discretisation.degree == 1:
         # There the limit is the same at vertices and at Gauss points.
         del data["discretisation"]
+    for section in (data["material"], *data["material"]["regions"].values()):
+        if not section["locking"]:
+            # A body with the ball alone keeps the fingerprint that it had before.
+            del section["locking"]
     if parameters.steps is None:
         # One static load keeps the fingerprint that it had before there were steps.
         del data["steps"]
