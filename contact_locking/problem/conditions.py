@@ -27,10 +27,14 @@ class ComponentCondition:
 
 @dataclass(frozen=True)
 class Constraints:
-    """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix."""
+    """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix.
+
+    ``wanted`` are the conditions for single components that :func:`constrain` was given.
+    """
 
     conditions: list[fem.DirichletBC]
     dofs: IndexArray
+    wanted: Sequence[ComponentCondition] = ()
 
     def apply(self, u: fem.Function) -> None:
         """Write the prescribed values into ``u``."""
@@ -63,7 +67,7 @@ def constrain(
         dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
         conditions.append(fem.dirichletbc(value, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
-    return Constraints(conditions, np.unique(np.concatenate(fixed)))
+    return Constraints(conditions, np.unique(np.concatenate(fixed)), tuple(wanted))
 
 
 def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
