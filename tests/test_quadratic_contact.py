@@ -120,7 +120,7 @@ def entered(solution: Solution) -> float:
 
 
 def pressed(dim: int, **changes: Any) -> Parameters:
-    """A block with a clamped side, whose top is pressed so that the bottom bends onto the ground."""
+    """A block with a clamped side, pressed on top so that the bottom bends onto the ground."""
     return block(dim, 0.25 if dim == 2 else 0.5, penalty__n=np.inf, **changes)
 
 

@@ -142,6 +142,7 @@ def summary_rows(
         ("criteria", _criteria(summary["certificate"]["criteria"])),
         ("proved bounds", _bounds(summary["bounds"])),
         ("error estimates", _errors(summary["certificate"]["errors"])),
+        *_guaranteed(summary["certificate"]["errors"].get("guaranteed")),
         ("uniqueness", summary["certificate"]["constants"]["uniqueness"]["verdict"]),
         ("time", f"{summary['wall_seconds']:.1f} s"),
         ("results in", str(directory)),
@@ -197,3 +198,14 @@ def _errors(errors: Mapping[str, Mapping[str, Any]]) -> str:
         if relative is not None:
             shown.append(label.format(100.0 * relative))
     return ", ".join(shown) or "none applies"
+
+
+def _guaranteed(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """The row of the guaranteed bound, if the study file asks for the bound."""
+    if entry is None:
+        return []
+    if not entry["applicable"]:
+        return [("guaranteed bound", entry["reason"])]
+    size = entry["relative"]
+    share = "nothing moves" if size is None else f"error at most {100.0 * size:.3g} %"
+    return [("guaranteed bound", f"{share}, for the friction bound of this solution")]
