@@ -23,6 +23,7 @@ from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
 from contact_locking.problem import plausibility
 from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.problem.domain import Domain
 from contact_locking.problem.parts import describe_slide
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import (
@@ -52,8 +53,11 @@ def solve(
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
+    domain: Domain | None = None,
 ) -> Solution:
-    """Solve (25)/(26) for the given parameters; collective.
+    """Solve (25)/(26) for the given parameters on one mesh; collective.
+
+    ``domain`` is a mesh in place of the study's; the section ``adapt`` is for `adaptivity.solve`.
 
     ``petsc_options`` override ``solver.petsc``, and both override the defaults.  ``restart`` is the
     folder of a run that saved its state on the same mesh; a restart changes the iterations and not
@@ -66,7 +70,7 @@ def solve(
         checkpoint.expect(restart, comm)
     _require_usable_options(parameters, petsc_options)
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
-    problem = assemble(parameters, comm)
+    problem = assemble(parameters, comm, domain)
     # Before the solve, because the mesh file may change during the solve.
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
@@ -265,7 +269,7 @@ def _measure_against_limit(
 def _solution(
     problem: Problem, state: SolvedState, certificate: Certificate, summary: dict[str, Any]
 ) -> Solution:
-    body = state.body
+    body, indicator = state.body, certificate.indicator
     points, facets = gather_contacts(state.contacts, problem.domain)
     return Solution(
         parameters=problem.parameters,
@@ -277,7 +281,8 @@ def _solution(
         locked=body.locked,
         elastic_stress=body.elastic_stress,
         locking_stress=body.locking_stress,
-        error_indicator=certificate.error_indicator,
+        error_indicator=indicator and indicator.field,
+        elastic_error_indicator=indicator and indicator.elastic_field,
         contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,

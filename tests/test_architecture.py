@@ -31,6 +31,7 @@ LAYERS = (
     ("certificate", "convergence"),
     ("checkpoint", "plotting"),
     ("report", "solving"),
+    ("adaptivity",),
     ("writing", "studies"),
     ("command",),
     ("__main__",),

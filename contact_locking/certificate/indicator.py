@@ -19,6 +19,7 @@ class ErrorIndicator:
 
     field: fem.Function
     total: float
+    elastic_field: fem.Function
     elastic: float
 
 
@@ -51,16 +52,22 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
         product = np.einsum("kim,kjm,ij->k", stress, defect[:, :, 2 * m :], mass, optimize=True)
         return np.asarray(np.abs(product) * points.weights)
 
-    square = work(defect[:, :, :m])
+    square, elastic_square = work(defect[:, :, :m]), work(defect[:, :, m : 2 * m])
+    return ErrorIndicator(
+        _field(state, "error_indicator", square),
+        float(np.sqrt(state.sum(square))),
+        _field(state, "elastic_error_indicator", elastic_square),
+        float(np.sqrt(state.sum(elastic_square))),
+    )
+
+
+def _field(state: SolvedState, name: str, square: FloatArray) -> fem.Function:
+    """The roots of values (k,) of the owned cells as a function; collective."""
     space = state.problem.material.limit.function_space
-    field = fem.Function(space, name="error_indicator")
+    field = fem.Function(space, name=name)
     field.x.array[space.dofmap.list.reshape(-1)[: len(square)]] = np.sqrt(square)
     field.x.scatter_forward()
-    return ErrorIndicator(
-        field,
-        float(np.sqrt(state.sum(square))),
-        float(np.sqrt(state.sum(work(defect[:, :, m : 2 * m])))),
-    )
+    return field
 
 
 def _mandel(tensors: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, parse
 from contact_locking.plain_text import nearest
 
+from .adapt import AdaptParameters
 from .base import Fault, Place, Section, entry, marks, refuse_if
 from .boundary import LoadParameters
 from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
@@ -27,6 +28,7 @@ from .study import StudyParameters
 from .values import Text
 
 __all__ = [
+    "AdaptParameters",
     "CertificateParameters",
     "ContactParameters",
     "ContactSection",
@@ -60,6 +62,9 @@ class Parameters(Section):
     friction: FrictionParameters = entry(FrictionParameters(), "Coulomb's friction (6)")
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
+    adapt: AdaptParameters | None = entry(
+        None, "meshes that are refined until the solution is accurate enough", optional=True
+    )
     study: StudyParameters | None = entry(None, "many cases with other values", optional=True)
     certificate: CertificateParameters = entry(
         CertificateParameters(), "checks of the results that are made on demand"

@@ -31,6 +31,9 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
+    if parameters.adapt is None:
+        # The fingerprint of a file without the section does not know the section.
+        del data["adapt"]
     return _short({**data, **_contact(parameters), "mesh": mesh_identity(parameters, digest)})
 
 
