@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from contact_locking.problem.assembly import assemble
     from contact_locking.problem.contact import Contact, FrictionBound
     from contact_locking.results.solution import Solution
-    from contact_locking.solving import check, solve_assembled
+    from contact_locking.solving import check, solve_assembled, solve_steps
     from contact_locking.study_file import from_mapping, load
     from contact_locking.writing import save, write
 
@@ -40,6 +40,7 @@ __all__ = [
     "solve",
     "solve_adaptively",
     "solve_assembled",
+    "solve_steps",
     "write",
 ]
 
@@ -59,6 +60,7 @@ _HOME = {
     "solve": "adaptivity",
     "solve_adaptively": "adaptivity",
     "solve_assembled": "solving",
+    "solve_steps": "solving",
     "write": "writing",
 }
 

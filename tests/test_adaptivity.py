@@ -34,6 +34,7 @@ def meshes(solution: Solution) -> list[dict[str, Any]]:
     return list(solution.summary["adapt"]["meshes"])
 
 
+@pytest.mark.serial
 def test_loop_ends_below_the_tolerance_with_fewer_unknowns_than_a_uniform_mesh() -> None:
     given = adaptive(material__locking_limit=float("inf"), adapt={"tolerance": 0.055})
     solutions = list(solve_adaptively(given))
@@ -49,6 +50,7 @@ def test_loop_ends_below_the_tolerance_with_fewer_unknowns_than_a_uniform_mesh()
     assert uniform.summary["certificate"]["errors"]["mesh"]["relative"] > 1.1 * estimates[-1]
 
 
+@pytest.mark.serial
 def test_default_radius_of_smoothing_is_that_of_the_first_mesh() -> None:
     solutions = list(solve_adaptively(adaptive(h=0.34)))
     first, last = (solution.domain for solution in (solutions[0], solutions[-1]))
@@ -61,6 +63,7 @@ def test_default_radius_of_smoothing_is_that_of_the_first_mesh() -> None:
     assert force[1] == pytest.approx(force[0], rel=0.05, abs=1e-4)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("adapt", "told"),
     [
@@ -78,17 +81,20 @@ def test_an_early_end_is_said_in_the_summary_and_in_a_warning(
     assert solution.converged and solution.summary["dofs"] <= adapt.get("max_dofs", 10**6)
 
 
+@pytest.mark.serial
 def test_a_body_whose_solution_the_first_mesh_holds_is_not_refined() -> None:
     solution = solve(column(adapt={"tolerance": 0.01}))
     assert solution.summary["adapt"]["reached"] and len(meshes(solution)) == 1
 
 
+@pytest.mark.serial
 def test_a_body_at_rest_is_solved_on_one_mesh() -> None:
     solution = solve(adaptive(loads={"displacements": [{"on": "left", "value": [0.0, 0.0]}]}))
     assert solution.summary["adapt"]["stopped"] == "the body is at rest"
     assert solution.summary["adapt"]["reached"]
 
 
+@pytest.mark.serial
 def test_a_solve_without_the_section_has_one_mesh_and_no_entry() -> None:
     solution = solve(block(h=0.5))
     assert "adapt" not in solution.summary and not solution.domain.is_refined
@@ -109,6 +115,7 @@ def test_meshes_do_not_depend_on_the_ranks(comm: MPI.Intracomm) -> None:
     assert max(comm.allgather(owned)) < 1.3 * together.domain.num_cells / comm.size
 
 
+@pytest.mark.serial
 def test_a_body_in_3d_with_regions_is_refined() -> None:
     given = adaptive(
         3,
@@ -174,13 +181,21 @@ def test_files_of_an_adaptive_run_tell_the_sequence(tmp_path: Path) -> None:
     assert [set(entry) for entry in summary["adapt"]["meshes"]] == [names] * len(meshes(solution))
 
 
+@pytest.mark.serial
 def test_bound_is_refused_until_it_has_contributions_of_cells() -> None:
     with pytest.raises(InputError, match="contributions of cells") as caught:
         solve(adaptive(adapt={"by": "bound"}))
     assert caught.value.key == "adapt.by"
 
 
+@pytest.mark.serial
 def test_section_counts_in_the_fingerprint_only_where_it_is_given() -> None:
     plain = block()
     assert study_file.fingerprint(plain) == study_file.fingerprint(block(adapt=None))
     assert study_file.fingerprint(plain) != study_file.fingerprint(adaptive(h=0.1))
+
+
+@pytest.mark.serial
+def test_adapted_meshes_and_steps_exclude_each_other() -> None:
+    with pytest.raises(ValueError, match="does not go with steps"):
+        adaptive(steps={"to": 1.0, "count": 2})

@@ -118,19 +118,35 @@ def norm(state: SolvedState, u: fem.Function) -> float:
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """The bounds for a body that the displacement conditions hold.
 
-    With the test function ``v = u - w`` friction is not negative, because ``w_tau = 0``; contact
-    gives ``C + int p (gap - w_nu) >= C``; and locking gives, with ``theta = max |eps(w)|/M``,
-    ``L + int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with ``(f_w, v) = (f, v) - a(w, v)``
+    With the test function ``v = u - w`` friction is at least ``-F`` (:func:`_remembered`), because
+    ``w_tau = 0``; contact gives ``C + int p (gap - w_nu) >= C``; and locking gives, with
+    ``theta = max |eps(w)|/M``, ``L + int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with
+    ``(f_w, v) = (f, v) - a(w, v)``
 
-        a(v, v) + (1 - theta) W + L + C <= |f_w|_V |v|_V,
+        a(v, v) + (1 - theta) W + L + C <= |f_w|_V |v|_V + F,
 
-    hence ``|u|_V <= |w|_V + |f_w|_V/alpha``, and ``|f_w|_V^2/(4 alpha)`` for the other three.
+    hence with ``q = |f_w|_V/(2 alpha)`` the bounds ``|u|_V <= |w|_V + q + sqrt(q^2 + F/alpha)``,
+    and ``|f_w|_V^2/(4 alpha) + F`` for the other three.
     """
     alpha = state.problem.material.ellipticity
-    load = dual_norm(state, w)
+    load, friction = dual_norm(state, w), _remembered(state)
     lift = 0.0 if w is None else norm(state, w)
-    most = 0.25 * load**2 / alpha
-    return _Bounds(lift + load / alpha, most, most, _over(most, _room_to_lock(state, w)))
+    half = 0.5 * load / alpha
+    largest = half + float(np.sqrt(half**2 + friction / alpha))
+    most = 0.25 * load**2 / alpha + friction
+    return _Bounds(lift + largest, most, most, _over(most, _room_to_lock(state, w)))
+
+
+def _remembered(state: SolvedState) -> float:
+    """``F = int G |u_{k-1,tau}|`` with the friction bound G of the state; collective.
+
+    In step k friction does the work ``int t . (u_tau - u_{k-1,tau}) >= 0`` with ``|t| <= G``, and
+    so at least ``-F`` against ``u_tau``.  F is zero in the first step and in the static problem.
+    """
+    return sum(
+        float(fields.surface.integral(fields.bound * np.linalg.norm(place, axis=1)))
+        for fields, place in ((f, f.contact.memory.tangential) for f in state.contacts)
+    )
 
 
 def _room_to_lock(state: SolvedState, w: fem.Function | None) -> float:
@@ -153,7 +169,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     for ``v = u - w`` in (25) gives, with W, L, C and theta as above and ``C = eps |p|^2``,
 
         a(v, v) + (1 - theta) W + L + C <= a(z, v) + B + 2 sqrt(D C),
-        B = int q (gap - w_nu),   D = eps/4 |q|^2.
+        B = int q (gap - w_nu) + F,   D = eps/4 |q|^2.
 
     As ``2 sqrt(D C) - C <= D`` and ``a(z, v) - a(v, v) <= a(z, z)/4``, the norm ``x^2 = a(v, v)``
     obeys ``x <= sqrt(a(z, z))/2 + sqrt(a(z, z)/4 + B + D)``, L and ``(1 - theta) W`` are at most
@@ -167,7 +183,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     bilinear = elasticity(state) + springs(state, stiffness)
     with elliptic_problem(state, bilinear, state.problem.constraints.conditions) as problem:
         z = problem.solve(_load(state, w))
-    carried = soft = 0.0
+    carried, soft = _remembered(state), 0.0
     for fields in state.contacts:
         pressure = stiffness * fields.contact.split(z)[0]
         if on_any_rank(domain.comm, pressure < 0.0):

@@ -29,12 +29,17 @@ _MARGIN = 100.0
 _CONSTANTS = 1e-10
 
 
+def law_limit(state: SolvedState, margin: float = _MARGIN) -> float:
+    """The limit of defects relative to the work: the tolerance of the solver times ``margin``."""
+    return margin * max(state.settings.tolerance, _TOLERANCE)
+
+
 def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Criterion]:
     """The criteria of all laws, relative to the work of the state; collective.
 
     The limits are the tolerances of the solver times ``margin``.
     """
-    law = margin * max(state.settings.tolerance, _TOLERANCE)
+    law = law_limit(state, margin)
     products, violation, squares = locking(state)
     gap = products + squares
     found = {
@@ -136,16 +141,16 @@ def contact(state: SolvedState, fields: ContactFields) -> tuple[float, float, fl
 def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, float]:
     """Complementarity, excess over the bound, and wrong sign of friction, all relative; collective.
 
-    With ``t = -sigma_tau``, ``s = u_tau`` and the friction bound G, complementarity is
-    ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the work, zero exactly where
-    (22) holds.  The excess is ``int [|t| - G]^+`` over ``int G``.  The wrong sign is
-    ``int [-t . s]^+`` over the work: friction dissipates work and never adds work.
+    With ``t = -sigma_tau``, the slip ``s = u_tau - u_{k-1,tau}`` of the step and the friction bound
+    G, complementarity is ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the
+    work, zero exactly where (22) holds.  The excess is ``int [|t| - G]^+`` over ``int G``.  The
+    wrong sign is ``int [-t . s]^+`` over the work: friction dissipates work and never adds work.
     """
     epsilon = float(fields.contact.regularisation.value)
     weights = fields.surface.weights * fields.contact.free
     size = np.linalg.norm(fields.traction, axis=1)
-    slip = np.sqrt(np.sum(fields.u_tangent**2, axis=1) + epsilon**2)
-    work = -np.sum(fields.traction * fields.u_tangent, axis=1)
+    slip = np.sqrt(np.sum(fields.increment**2, axis=1) + epsilon**2)
+    work = -np.sum(fields.traction * fields.increment, axis=1)
     left = epsilon * np.sqrt(np.maximum(fields.bound**2 - size**2, 0.0))
     products = np.abs(fields.bound * slip - left - work)
     total = state.sum(weights * fields.bound)
@@ -159,7 +164,7 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
 
 
 def bound_change(state: SolvedState, fields: ContactFields) -> float:
-    """``|G - mu(|u_tau|) |R sigma_nu||/|mu |R sigma_nu||`` in L2, with the bound G of the solver.
+    """``|G - mu(s) |R sigma_nu||/|mu |R sigma_nu||`` in L2, with the bound G of the solver.
 
     Collective.
     """

@@ -36,7 +36,7 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     ``t = -sigma_tau`` of the penalised solution u,
 
         eta^2 = a(w - u, w - u)/2 + int (M |Z| - Z : eps(w)) + int p (gap - w_nu)
-                + int (G |w_tau| - t . w_tau),
+                + int (G |w_tau - u_old| - t . (w_tau - u_old)),
 
     where every term is non-negative.  eta^2 is the primal energy of w minus the dual energy of
     (Z, p, t), with which u is in equilibrium (docs/certificate.md).
@@ -143,7 +143,7 @@ def _gap(state: SolvedState, w: fem.Function) -> float:
     largest = np.where(np.isfinite(points.limit), points.limit, 0.0) * size
     total += state.sum(points.weights * (largest - np.einsum("kij,kij->k", stress, eps)))
     for fields in state.contacts:
-        normal, slip = fields.contact.split(w)
+        normal, slip = fields.contact.split(w)[0], fields.contact.increment(w)
         work = np.sum(fields.traction * slip, axis=1)
         friction = fields.bound * np.linalg.norm(slip, axis=1) + work
         opening = fields.pressure * (fields.gap - normal)

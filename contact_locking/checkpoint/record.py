@@ -16,7 +16,7 @@ from contact_locking._version import __version__
 from contact_locking.errors import InputError
 
 # A change of the written files raises this number.
-FORMAT = 3
+FORMAT = 4
 # The folder of a checkpoint in the folder of a run, and the names in this folder.
 NAME, RECORD, FIELDS, MESH = "checkpoint", "record.json", "state.bp", "mesh"
 _AGAIN = "save it again with contact-locking run --checkpoint"
@@ -28,8 +28,8 @@ class Record:
 
     ``mesh`` holds the parameters of the mesh, or the digest of the mesh file; ``problem`` is the
     fingerprint of everything that defines the solution.  ``degree`` is the degree of the
-    displacement, ``contacts`` is the number of contacts, and ``regularisations`` has one length for
-    each contact.
+    displacement, and ``limit_at`` names the points of the strains.  ``contacts`` is the number of
+    contacts, and ``regularisations`` has one length for each contact.
     """
 
     version: str
@@ -39,6 +39,7 @@ class Record:
     regularisations: tuple[float, ...]
     dimension: int
     degree: int
+    limit_at: str
     cells: int
     nodes: int
     contacts: int
@@ -118,6 +119,7 @@ def _record(data: Mapping[str, Any]) -> Record:
         n=float(data["n"]),
         epsilon=float(data["epsilon"]),
         regularisations=tuple(float(value) for value in data["regularisations"]),
+        limit_at=str(data["limit_at"]),
         mesh=dict(data["mesh"]),
         problem=str(data["problem"]),
         **numbers,

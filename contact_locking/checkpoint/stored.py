@@ -117,6 +117,7 @@ def write(solution: Solution, folder: Path) -> None:
             ),
             dimension=domain.dim,
             degree=solution.element.degree,
+            limit_at=solution.element.limit_at,
             cells=domain.num_cells,
             nodes=int(nodes),
             contacts=len(solution.contacts),
@@ -235,12 +236,20 @@ def _places(space: fem.FunctionSpace) -> fem.Function:
 def _difference_in_size(record: Record, problem: Problem) -> str:
     """The difference in size between the two meshes, in words; empty if there is none.
 
-    Raises InputError if the degrees of the displacement differ.
+    Raises InputError if the elements differ.
     """
-    degree = problem.element.degree
-    if record.degree != degree:
+    element = problem.element
+    if record.degree != element.degree:
         raise InputError(
-            f"the checkpoint holds elements of degree {record.degree}; degree {degree} is needed"
+            f"the checkpoint is of elements of degree {record.degree}, and the study has degree "
+            f"{element.degree}; restart with discretisation.degree: {record.degree}",
+            "discretisation.degree",
+        )
+    if record.limit_at != element.limit_at:
+        raise InputError(
+            f"the checkpoint has the locking limit at {record.limit_at}, and the study has the "
+            f"limit at {element.limit_at}; restart with discretisation.limit_at: {record.limit_at}",
+            "discretisation.limit_at",
         )
     nodes = int(problem.u.function_space.dofmap.index_map.size_global)
     here = (problem.domain.dim, problem.domain.num_cells, nodes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import sys
 import time
 import traceback
@@ -53,6 +54,11 @@ def console() -> Console:
     if not _is_launched() and sys.stdout.isatty():
         return Console(highlight=False)
     return Console(highlight=False, width=120, force_terminal=False)
+
+
+def width() -> int:
+    """The columns of the terminal that standard output is; 0 for a file."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
 
 
 def complain(text: str) -> None:
@@ -111,14 +117,18 @@ def summary_rows(
     return [
         ("converged", "yes" if summary["converged"] else "no"),
         *([("restart", restart)] if restart else []),
-        ("size", f"{summary['dofs']} dofs, {summary['cells']} cells, {summary['ranks']} rank(s)"),
+        (
+            "size",
+            f"{summary['dofs']} dofs, {summary['cells']} cells of degree "
+            f"{summary['discretisation']['degree']}, {summary['ranks']} rank(s)",
+        ),
         (
             "iterations",
             f"{iterations['tangents']} tangents, {iterations['linear']} linear, "
             f"{iterations['friction']} friction updates",
         ),
         ("residual", f"{summary['residual']:.1e}"),
-        ("largest |eps|", f"{summary['strain_norm_max']:.4g}{against}"),
+        ("largest |eps|", f"{summary['strain_norm_max']:.4g}{against}{_between_points(summary)}"),
         ("locked share", f"{100 * summary['locked_fraction']:.1f} %"),
         ("contact force", _vector(summary["contact_force"])),
         ("friction force", _vector(summary["friction_force"])),
@@ -133,6 +143,15 @@ def summary_rows(
         ("time", f"{summary['wall_seconds']:.1f} s"),
         ("results in", str(directory)),
     ]
+
+
+def _between_points(summary: Mapping[str, Any]) -> str:
+    """The largest strain where no limit holds, if this strain is larger than at the points."""
+    largest = summary["strain_norm_max_in_cells"]
+    if largest <= summary["strain_norm_max"] * (1.0 + 1e-6):
+        return ""
+    beyond = f", {100 * summary['overstrain_max']:.3g} % beyond M" * (summary["overstrain_max"] > 0)
+    return f" at the Gauss points; {largest:.4g}{beyond}, between the points"
 
 
 def _vector(values: Iterable[float]) -> str:

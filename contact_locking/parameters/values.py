@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, SMALLEST, parse
+from contact_locking.expressions import POSITION, SMALLEST, TIME, parse
 
 from .wording import show
 
@@ -108,6 +108,7 @@ def _number_or_text(value: Any) -> str:
     return TEXT if isinstance(value, str) else NUMBER
 
 
+_IN_SPACE_AND_TIME = _ScalarRule((*POSITION, TIME))
 _IN_SPACE, _OR_INFINITE = _ScalarRule(POSITION), _ScalarRule(POSITION, infinite=True)
 _OF_SLIP = _ScalarRule((*POSITION, "s"))
 _Text = Annotated[str, Tag(TEXT)]
@@ -131,10 +132,13 @@ Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(_finite), AfterV
 Share = Annotated[float, Field(gt=0, le=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 Integer = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Count = Annotated[int, Field(strict=True, ge=1, le=10**9), BeforeValidator(_whole)]
+Degree = Annotated[int, Field(strict=True, ge=1, le=2), BeforeValidator(_whole)]
+StepCount = Annotated[int, Field(strict=True, ge=1, le=100_000), BeforeValidator(_whole)]
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
+TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
 PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
 PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
 PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]

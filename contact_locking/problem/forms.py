@@ -53,7 +53,8 @@ class ProblemData:
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
     """``a(u, v) = int A eps(u) : eps(v)``."""
-    return ufl.inner(data.elastic_stress(strain(u)), strain(v)) * data.dx
+    dx = data.element.elastic_dx(data.dx)
+    return ufl.inner(data.elastic_stress(strain(u)), strain(v)) * dx
 
 
 def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:
@@ -82,10 +83,14 @@ def pressure(u: Expr, contact: Contact, data: ProblemData) -> Expr:
     return contact_pressure(normal_part(u, contact.normal), contact.gap, data.epsilon)
 
 
+def slip(u: Expr, contact: Contact) -> Expr:
+    """The slip of the step, ``u_tau - u_{k-1,tau}``."""
+    return tangential_part(u, contact.normal) - contact.memory.place
+
+
 def friction(u: Expr, contact: Contact) -> Expr:
     """The negative friction traction ``-sigma_tau`` of the regularised law (22)."""
-    slip = tangential_part(u, contact.normal)
-    return friction_traction(slip, contact.bound, contact.regularisation)
+    return friction_traction(slip(u, contact), contact.bound, contact.regularisation)
 
 
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
@@ -119,9 +124,8 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     form += locking_energy(strain(u), data.inverse_limit, data.n) * data.locking_dx
     for contact in data.contacts:
         nu, gap = contact.normal, contact.gap
-        slip, regularisation = tangential_part(u, nu), contact.regularisation
         density = contact_energy(normal_part(u, nu), gap, data.epsilon)
-        density += friction_energy(slip, contact.bound, regularisation)
+        density += friction_energy(slip(u, contact), contact.bound, contact.regularisation)
         form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
 

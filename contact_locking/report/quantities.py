@@ -29,7 +29,9 @@ class Quantity:
 QUANTITIES = (
     Quantity("compliance", "work of the loads, (f, u)", "energy"),
     Quantity("elastic_energy", "elastic energy, ½ a(u, u)", "energy"),
-    Quantity("strain_norm_max", "largest strain |ε(u)|", "1"),
+    Quantity("strain_norm_max", "largest strain |ε(u)| where the limit is kept", "1"),
+    Quantity("strain_norm_max_in_cells", "largest strain |ε(u)| anywhere", "1", plotted=False),
+    Quantity("overstrain_max", "largest |ε(u)|/M − 1 anywhere", "1", plotted=False),
     Quantity("locked_fraction", "share of the body that is locked, |ε| ≥ M", "1", settles=False),
     Quantity("contact_force", "resultant of the contact pressure on the body", "force"),
     Quantity("friction_force", "resultant of the friction on the body", "force"),
@@ -70,6 +72,8 @@ QUANTITIES = (
         "1",
         plotted=False,
     ),
+    Quantity("discretisation.degree", "degree of the displacements", "1", plotted=False),
+    Quantity("discretisation.limit_at", "points of each cell with the limit", "", plotted=False),
     Quantity("dofs", "degrees of freedom", "1", plotted=False),
     Quantity("cells", "cells of the mesh", "1", plotted=False),
 )

@@ -62,11 +62,26 @@ class BodyFields:
         self.locked = fem.Function(m.limit.function_space, name="locked")
         threshold = m.limit.x.array * (1.0 - _LOCKED_MARGIN)
         self.locked.x.array[:] = self.strain_norm.x.array >= threshold
+        at_peaks = data.element.at_peaks
+        self._peaks = self.strain_norm
+        if at_peaks is not data.element:
+            self._peaks = _at_points(at_peaks, domain, norm, "strain_norm")
+        self._limit_at_peaks = m.limit_at_peaks
 
     def largest_overstrain(self, domain: Domain) -> float:
-        """``max |eps|/M - 1`` over the body; collective."""
-        ratio = self.strain_norm.x.array / self.locking_limit.x.array
-        return maximum(domain.comm, ratio) - 1.0
+        """``max |eps|/M - 1`` over the points of the strains; collective."""
+        return _largest(domain, self.strain_norm, self.locking_limit) - 1.0
+
+    def peaks(self, domain: Domain) -> tuple[float, float]:
+        """``max |eps|`` and ``max |eps|/M - 1`` over the whole of every cell; collective."""
+        overstrain = _largest(domain, self._peaks, self._limit_at_peaks) - 1.0
+        return _largest(domain, self._peaks), overstrain
+
+
+def _largest(domain: Domain, values: fem.Function, over: fem.Function | None = None) -> float:
+    """The largest value at the points of the strains, as a multiple of ``over``; collective."""
+    ratio = values.x.array if over is None else values.x.array / over.x.array
+    return maximum(domain.comm, ratio)
 
 
 class ContactFields:
@@ -76,6 +91,8 @@ class ContactFields:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
         self.u_normal, self.u_tangent = contact.split(u)
+        # The slip of the step, and the accumulated slip.
+        self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
@@ -205,7 +222,9 @@ def body_summary(
     dofmap = u.function_space.dofmap
     owned = fields.strain_norm.function_space.dofmap.index_map.size_local
     one = fem.Constant(domain.mesh, 1.0)
+    largest, overstrain = fields.peaks(domain)
     return {
+        "discretisation": data.element.facts(),
         "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
         "cells": domain.num_cells,
         "ranks": domain.comm.size,
@@ -213,6 +232,8 @@ def body_summary(
         "compliance": integral(domain, forms.external_work(u, data)),
         "elastic_energy": integral(domain, 0.5 * forms.elastic_form(u, u, data)),
         "strain_norm_max": maximum(domain.comm, fields.strain_norm.x.array[:owned]),
+        "strain_norm_max_in_cells": largest,
+        "overstrain_max": max(overstrain, 0.0),
         "locked_fraction": integral(domain, fields.locked * data.dx)
         / integral(domain, one * data.dx),
     }

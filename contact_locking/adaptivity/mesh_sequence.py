@@ -13,7 +13,7 @@ from contact_locking.results.solution import Solution
 _LEAST_FALL, _MESHES = 0.95, 4
 
 
-class History:
+class MeshSequence:
     """The meshes of the loop with their errors, and the reason why the loop ends.
 
     ``meshes`` has an entry for each mesh, as in summary.json.  ``stopped`` is empty as long as the

@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from contact_locking import checkpoint, solving
 from contact_locking.adaptivity import curvature
-from contact_locking.adaptivity.history import History
+from contact_locking.adaptivity.mesh_sequence import MeshSequence
 from contact_locking.adaptivity.marking import marked_cells
 from contact_locking.adaptivity.measured_error import ErrorMeasure, measure_by
 from contact_locking.adaptivity.refinement import refined
@@ -72,29 +72,29 @@ def solve_adaptively(
     monitor = Attentive(monitor or Monitor())
     given = parameters.adapt or AdaptParameters()
     measure = measure_by(given.by)
-    history = History(given)
+    sequence = MeshSequence(given)
     began = time.perf_counter()
     domain = None if restart is None else checkpoint.refined_mesh(restart, comm)
     domain = domain or mesh_of(parameters, comm)
     while True:
         solution = solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
         restart = None
-        history.add(solution, measure)
-        finer = None if history.stopped else _refined(solution, measure, history)
-        monitor.mesh(len(history.meshes), history.told())
-        if history.stopped and not history.is_reached:
-            _warn(solution, monitor, history)
+        sequence.add(solution, measure)
+        finer = None if sequence.stopped else _refined(solution, measure, sequence)
+        monitor.mesh(len(sequence.meshes), sequence.told())
+        if sequence.stopped and not sequence.is_reached:
+            _warn(solution, monitor, sequence)
         seconds = time.perf_counter() - began
-        solution.summary |= {"adapt": history.summary(), "wall_seconds": seconds}
+        solution.summary |= {"adapt": sequence.summary(), "wall_seconds": seconds}
         yield solution
         if finer is None:
             return
         domain = finer
 
 
-def _refined(solution: Solution, measure: ErrorMeasure, history: History) -> Domain | None:
-    """The next mesh; None, with the reason in ``history``, if there is none; collective."""
-    domain, given = solution.domain, history.given
+def _refined(solution: Solution, measure: ErrorMeasure, sequence: MeshSequence) -> Domain | None:
+    """The next mesh; None, with the reason in ``sequence``, if there is none; collective."""
+    domain, given = solution.domain, sequence.given
     squares = measure.squares(solution)
     assert squares is not None
     mesh, found = gather_mesh(domain), gather_cells(domain, squares)
@@ -111,13 +111,13 @@ def _refined(solution: Solution, measure: ErrorMeasure, history: History) -> Dom
     try:
         on_root(domain.comm, work)
     except NotRefined as reason:
-        history.stop(str(reason))
+        sequence.stop(str(reason))
         return None
     finer = spread(held[0] if held else None, domain.comm)
     dofmap = solution.element.displacement_space(finer.mesh).dofmap
     dofs = int(dofmap.index_map.size_global * dofmap.index_map_bs)
     if dofs > given.max_dofs:
-        history.stop(f"the next mesh has {dofs} unknowns, more than adapt.max_dofs")
+        sequence.stop(f"the next mesh has {dofs} unknowns, more than adapt.max_dofs")
         return None
     return finer
 
@@ -133,7 +133,7 @@ def _finer(mesh: WholeMesh, marked: BoolArray, parameters: Parameters) -> WholeM
     return replace(finer, diagnosis=replace(finer.diagnosis, warnings=[*told, *news]))
 
 
-def _warn(solution: Solution, monitor: Monitor, history: History) -> None:
-    text = f"the meshes were not refined until adapt.tolerance was reached: {history.stopped}"
+def _warn(solution: Solution, monitor: Monitor, sequence: MeshSequence) -> None:
+    text = f"the meshes were not refined until adapt.tolerance was reached: {sequence.stopped}"
     solution.summary["warnings"].append(text)
     monitor.message(f"warning: {text}")
