@@ -18,9 +18,9 @@ from mpi4py import MPI
 
 from contact_locking import checkpoint, solving
 from contact_locking.adaptivity import curvature
-from contact_locking.adaptivity.mesh_sequence import MeshSequence
 from contact_locking.adaptivity.marking import marked_cells
 from contact_locking.adaptivity.measured_error import ErrorMeasure, measure_by
+from contact_locking.adaptivity.mesh_sequence import MeshSequence
 from contact_locking.adaptivity.refinement import refined
 from contact_locking.arrays import BoolArray
 from contact_locking.errors import NotRefined
