@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
     study = _load(arguments.file, _overrides(arguments))
     comm = world_with_dolfinx(arguments)
-    from contact_locking import solving, writing
+    from contact_locking import adaptivity, writing
 
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
         with _monitor(arguments, comm, speaks) as monitor, petsc_complaints():
-            solution = solving.solve(parameters, comm, monitor, arguments.petsc, restart)
+            solution = adaptivity.solve(parameters, comm, monitor, arguments.petsc, restart)
         warnings = writing.write(solution, directory, save_state)
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")

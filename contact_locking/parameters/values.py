@@ -139,6 +139,7 @@ PositiveOrInfinite = Annotated[
     float, Field(gt=0), BeforeValidator(_extended), AfterValidator(_not_tiny)
 ]
 Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
+Share = Annotated[float, Field(gt=0, le=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 Integer = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Count = Annotated[int, Field(strict=True, ge=1, le=10**9), BeforeValidator(_whole)]
 Degree = Annotated[int, Field(strict=True, ge=1, le=2), BeforeValidator(_whole)]
