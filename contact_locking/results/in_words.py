@@ -129,7 +129,11 @@ def _areas(touching: float, slipping: float) -> str:
 
 
 def _vector(values: Iterable[float]) -> str:
-    return "(" + ", ".join(f"{value + 0.0:.4g}" for value in values) + ")"
+    """The vector, with zero for components that rounding alone keeps from zero."""
+    given = list(values)
+    least = 1e-12 * max(map(abs, given), default=0.0)
+    shown = [0.0 if abs(value) < least else value + 0.0 for value in given]
+    return "(" + ", ".join(f"{value:.4g}" for value in shown) + ")"
 
 
 def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
