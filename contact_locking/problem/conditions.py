@@ -213,7 +213,9 @@ def sliding_motions(contact: FloatArray) -> FloatArray:
 
 def describe_motion(motion: FloatArray, dim: int) -> str:
     """A rigid motion (3 or 6 coefficients) in words."""
-    names = [f"translation along {AXES[i]}" for i in range(dim)]
-    names += ["rotation"] if dim == 2 else [f"rotation about {a}" for a in "zyx"]
     share = np.abs(motion) / np.abs(motion).max()
-    return " with ".join(name for name, s in zip(names, share, strict=True) if s > 0.1)
+    along = [axis for axis, size in zip(AXES, share[:dim], strict=False) if size > 0.1]
+    about = [axis for axis, size in zip("zyx", share[dim:], strict=False) if size > 0.1]
+    turns = "rotation" + (f" about {' and '.join(about)}" if dim == 3 else "")
+    moves = [f"translation along {' and '.join(along)}"] if along else []
+    return " with ".join([*moves, turns] if about else moves)
