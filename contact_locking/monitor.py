@@ -66,5 +66,8 @@ class Attentive(Monitor):
     def mesh(self, number: int, text: str) -> None:
         self._listener.mesh(number, text)
 
+    def counted(self, tangents: int, friction_updates: int) -> None:
+        self._listener.counted(tangents, friction_updates)
+
     def finish(self) -> None:
         self._listener.finish()
