@@ -22,6 +22,7 @@ class ErrorIndicator:
 
     field: fem.Function
     total: float
+    elastic_field: fem.Function
     elastic: float
 
 
@@ -60,16 +61,22 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
         product = np.einsum("kim,kjm,ij->k", stress, defect[:, :, 2 * m :], mass, optimize=True)
         return np.asarray(np.abs(product) * cell_volumes)
 
-    square = work(defect[:, :, :m])
-    field = fem.Function(fem.functionspace(state.problem.domain.mesh, ("DG", 0)))
-    field.name = "error_indicator"
-    field.x.array[field.function_space.dofmap.list.reshape(-1)[: len(square)]] = np.sqrt(square)
-    field.x.scatter_forward()
+    square, elastic_square = work(defect[:, :, :m]), work(defect[:, :, m : 2 * m])
     return ErrorIndicator(
-        field,
+        _field(state, "error_indicator", square),
         float(np.sqrt(state.sum(square))),
-        float(np.sqrt(state.sum(work(defect[:, :, m : 2 * m])))),
+        _field(state, "elastic_error_indicator", elastic_square),
+        float(np.sqrt(state.sum(elastic_square))),
     )
+
+
+def _field(state: SolvedState, name: str, square: FloatArray) -> fem.Function:
+    """The roots of values (k,) of the owned cells as a function; collective."""
+    space = fem.functionspace(state.problem.domain.mesh, ("DG", 0))
+    field = fem.Function(space, name=name)
+    field.x.array[space.dofmap.list.reshape(-1)[: len(square)]] = np.sqrt(square)
+    field.x.scatter_forward()
+    return field
 
 
 def _defect_of_affine(state: SolvedState, values: FloatArray) -> FloatArray:

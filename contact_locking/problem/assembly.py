@@ -33,6 +33,7 @@ from contact_locking.problem.groups import groups
 from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
 from contact_locking.problem.spaces import Element, element_of
+from contact_locking.problem.strain_limits import build_strain_sets
 
 
 @dataclass
@@ -122,7 +123,7 @@ def assemble(
     ``domain`` replaces the mesh of the study and ``element`` its element, if given.  Raises
     InputError for data that do not fit the mesh or the element.
     """
-    domain = domain or _domain(parameters, comm)
+    domain = domain or mesh_of(parameters, comm)
     element = element or element_of(parameters.discretisation)
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
@@ -151,6 +152,7 @@ def assemble(
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
         element=element,
+        limits=build_strain_sets(domain, parameters.material, element),
     )
     u = fem.Function(space, name="displacement")
     held = check_parts_held(domain, space, data, constraints, parameters.loads)
@@ -170,7 +172,8 @@ def assemble(
     )
 
 
-def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+    """The mesh of the study, which is the first mesh where meshes are adapted; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
         return domains.from_geometry(geometry, comm)

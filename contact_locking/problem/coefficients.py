@@ -21,7 +21,7 @@ from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import SMALLEST, TIME, parse
 from contact_locking.laws import elasticity as law
 from contact_locking.parallel import agree
-from contact_locking.parameters import Elasticity, MaterialParameters
+from contact_locking.parameters import Elasticity, MaterialParameters, Region
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.spaces import Element
 
@@ -139,11 +139,20 @@ def evaluate(
 def _locking_limits(
     domain: Domain, points: Points, given: MaterialParameters
 ) -> Iterator[tuple[IndexArray, float | str, str]]:
-    yield points.all, given.locking_limit, "material.locking_limit"
+    yield points.all, *_ball(given, "material")
     for name, region in given.regions.items():
-        if region.locking_limit is not None:
+        if region.limits is not None:
             where = points.of(domain.cells(name, f"material.regions.{name}"))
-            yield where, region.locking_limit, f"material.regions.{name}.locking_limit"
+            yield where, *_ball(region, f"material.regions.{name}")
+
+
+def _ball(given: MaterialParameters | Region, place: str) -> tuple[float | str, str]:
+    """M of the ball among the limits of a section, inf without a ball, and its key."""
+    for index, limit in enumerate(given.locking or ()):
+        if limit.norm == "strain":
+            return limit.upper, f"{place}.locking.{index}.at_most"
+    short = given.locking_limit
+    return np.inf if short is None else short, f"{place}.locking_limit"
 
 
 def _elasticities(

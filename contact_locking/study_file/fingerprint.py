@@ -31,6 +31,9 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
+    if parameters.adapt is None:
+        # One mesh keeps the fingerprint that it had before there were adapted meshes.
+        del data["adapt"]
     return _short(_normalised(data, parameters, digest))
 
 
@@ -50,6 +53,10 @@ def _normalised(
     if parameters.discretisation.degree == 1:
         # There the limit is the same at vertices and at Gauss points.
         del data["discretisation"]
+    for section in (data["material"], *data["material"]["regions"].values()):
+        if not section["locking"]:
+            # A body with the ball alone keeps the fingerprint that it had before.
+            del section["locking"]
     if parameters.steps is None:
         # One static load keeps the fingerprint that it had before there were steps.
         del data["steps"]
