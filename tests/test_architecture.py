@@ -33,6 +33,7 @@ LAYERS = (
     ("report", "steps"),
     ("solving",),
     ("writing", "studies"),
+    ("running",),
     ("command",),
     ("__main__",),
 )

@@ -22,6 +22,7 @@ on every mesh, for every n up to infinity, and for every size of the step.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,6 +102,19 @@ class EnergyBalance:
     dissipated: float
     numerical: float
     defect: float
+
+    @classmethod
+    def of_row(cls, row: Mapping[str, float]) -> EnergyBalance:
+        """The balance that a row of history.csv has."""
+        change = row["work"] - row["dissipated"] - row["numerical"]
+        return cls(
+            work=row["work"],
+            stored=row["stored"],
+            change=change,
+            dissipated=row["dissipated"],
+            numerical=row["numerical"],
+            defect=row["energy_defect"],
+        )
 
     def criterion(self, state: SolvedState) -> Criterion:
         """The energy balance as a criterion of the certificate."""

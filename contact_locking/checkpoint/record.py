@@ -29,7 +29,7 @@ class Record:
     ``mesh`` holds the parameters of the mesh, or the digest of the mesh file; ``problem`` is the
     fingerprint of everything that defines the solution.  ``degree`` is the degree of the
     displacement, ``contacts`` is the number of contacts, and ``regularisations`` has one length for
-    each contact.
+    each contact.  ``step`` is about the step of a process, None for a problem without steps.
     """
 
     version: str
@@ -44,6 +44,7 @@ class Record:
     contacts: int
     mesh: dict[str, Any]
     problem: str
+    step: dict[str, Any] | None = None
 
 
 def save(record: Record, folder: Path) -> None:
@@ -58,6 +59,8 @@ def save(record: Record, folder: Path) -> None:
         "regularisations": [str(value) for value in record.regularisations],
         "files": {path.name: _seen(path) for path in sorted((folder / FIELDS).iterdir())},
     }
+    if record.step is None:
+        del data["step"]
     (folder / RECORD).write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
 
 
@@ -114,6 +117,7 @@ def _record(data: Mapping[str, Any]) -> Record:
         regularisations=tuple(float(value) for value in data["regularisations"]),
         mesh=dict(data["mesh"]),
         problem=str(data["problem"]),
+        step=dict(data["step"]) if "step" in data else None,
         **numbers,
     )
 
