@@ -53,6 +53,9 @@ def test_a_summary_table_names_a_broken_bound() -> None:
         "iterations": {"tangents": 1, "linear": 1, "friction": 1},
         "residual": 1e-9,
         "strain_norm_max": 0.02,
+        "strain_norm_max_in_cells": 0.02,
+        "overstrain_max": 0.0,
+        "discretisation": {"degree": 1, "limit_at": "vertices"},
         "friction_force": [0.0, -0.0],
         "contact_area": 1.0,
         "slip_area": 0.5,
@@ -71,6 +74,10 @@ def test_a_summary_table_names_a_broken_bound() -> None:
     assert "violated: bad" in text and "= 1.01 M" in text and "(0, 0)" in text
     assert "2 hold; nearest to its limit: friction sign (2e-03 of it)" in text
     assert "mesh about 12 %" in text and "penalty at most" not in text and "not known" in text
+    assert "between" not in text
+    summary |= {"strain_norm_max_in_cells": 0.025, "overstrain_max": 0.25}
+    text = columns(summary_rows(summary, 1.0, "results"))
+    assert "1 M at the Gauss points; 0.025, 25 % beyond M, between the points" in text
     summary["certificate"]["criteria"]["friction_sign"] |= {"value": 1e-3, "holds": False}
     text = columns(summary_rows(summary, 1.01, "results"))
     assert "failed: friction_sign 1.0e-03 > 1e-06" in text

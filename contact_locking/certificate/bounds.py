@@ -18,7 +18,7 @@ from contact_locking.certificate.elliptic import (
 )
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.convex import squared_norm, unit_ball_excess
+from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem import forms
@@ -58,6 +58,10 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
     without slip, and the test function is ``v = u - w`` (:func:`_held_bounds`).  If contact alone
     stops a rigid motion, a pressure on Gamma_C carries the load (:func:`_pressed_bounds`).
 
+    Of the ball the proofs use ``Z : eps(u) = M |Z| + |Z|^2/2n``, and ``Z : eps(w) <= M |Z|`` where
+    w is admissible.  With its multiplier y in the place of Z the same holds for every other set of
+    strains, and W and L are sums over all sets.
+
     Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
     ``holds`` are None, and ``reason`` says why.  Collective; takes one linear solve, two with
     ``w``.
@@ -86,11 +90,10 @@ def _open(value: float, reason: str) -> dict[str, Any]:
 def _measured(state: SolvedState) -> dict[str, float]:
     """``|u|_V``, ``int M |Z|``, and the penalties unless n = inf or eps = 0; collective."""
     domain, data, u = state.problem.domain, state.problem.data, state.problem.u
-    eps = strain(u)
     values = {"displacement_norm": norm(state, u)}
     penalty = state.target.penalty
     if np.isfinite(penalty.n):
-        excess = unit_ball_excess(eps, data.inverse_limit) ** 2 * squared_norm(eps)
+        excess = sum(item.energy(strain(u), 1.0) for item in data.sets)
         values["locking_penalty"] = 2.0 * penalty.n * integral(domain, excess * data.locking_dx)
     if state.contacts and penalty.epsilon > 0.0:
         entered = [np.maximum(fields.u_normal - fields.gap, 0.0) for fields in state.contacts]
@@ -102,11 +105,9 @@ def _measured(state: SolvedState) -> dict[str, float]:
 
 
 def _locking_work(state: SolvedState) -> float:
-    """``int M |Z|`` over the part of the body that can lock; collective."""
+    """``int M |Z|`` over the part of the body that can lock, summed over the sets; collective."""
     points = state.points
-    limit = np.where(np.isfinite(points.limit), points.limit, 0.0)
-    size = np.linalg.norm(points.locking_stress, axis=(1, 2))
-    return state.sum(points.weights * limit * size)
+    return sum(state.sum(points.weights * item.largest * item.size) for item in points.sets)
 
 
 def norm(state: SolvedState, u: fem.Function) -> float:
@@ -150,11 +151,11 @@ def _remembered(state: SolvedState) -> float:
 
 
 def _room_to_lock(state: SolvedState, w: fem.Function | None) -> float:
-    """``1 - max |eps(w)|/M``, at least 0; 1 without w; collective."""
+    """``1 - max |eps(w)|/M`` over all sets of strains, at least 0; 1 without w; collective."""
     if w is None:
         return 1.0
-    ratio = np.linalg.norm(state.points.interpolated(strain(w)), axis=(1, 2)) / state.points.limit
-    return max(1.0 - maximum(state.comm, ratio), 0.0)
+    ratios = [item.reach(item.measured(strain(w))) / item.limit for item in state.points.sets]
+    return max(1.0 - max(maximum(state.comm, ratio) for ratio in ratios), 0.0)
 
 
 def _over(most: float, room: float) -> float:

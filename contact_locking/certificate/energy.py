@@ -165,10 +165,12 @@ def _friction_work(state: SolvedState, fields: ContactFields) -> float:
 def _stored(state: SolvedState) -> float:
     """``E``, with a user's own energy; collective."""
     penalty, points = state.target.penalty, state.points
+    eps = strain(state.problem.u)
     total = state.energy
     if np.isfinite(penalty.n):
-        excess = np.maximum(np.linalg.norm(points.strain, axis=(1, 2)) - points.limit, 0.0)
-        total += penalty.n * state.sum(points.weights * excess**2)
+        for item in points.sets:
+            excess = item.excess(item.measured(eps))
+            total += penalty.n * state.sum(points.weights * excess**2)
     if penalty.epsilon > 0.0:
         for fields in state.contacts:
             entered = np.maximum(fields.u_normal - fields.gap, 0.0)

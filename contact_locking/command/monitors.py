@@ -84,6 +84,10 @@ class TerminalMonitor(Monitor):
         self._residual = residual
         self._refresh()
 
+    def mesh(self, number: int, text: str) -> None:
+        self.finish()
+        self._line(f"mesh {number}: {text}")
+
     def finish(self) -> None:
         if not self._stage:
             return
@@ -160,6 +164,10 @@ class ProgressFile(Monitor):
     def iteration(self, k: int, residual: float) -> None:
         self._listener.iteration(k, residual)
         self._write(n=self._n, iteration=str(k), residual=f"{residual:.1e}")
+
+    def mesh(self, number: int, text: str) -> None:
+        self._listener.mesh(number, text)
+        self._write(message=f"mesh {number}: {text}")
 
     def finish(self) -> None:
         self._listener.finish()

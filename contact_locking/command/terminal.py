@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import sys
 import time
 import traceback
@@ -53,6 +54,11 @@ def console() -> Console:
     if not _is_launched() and sys.stdout.isatty():
         return Console(highlight=False)
     return Console(highlight=False, width=120, force_terminal=False)
+
+
+def width() -> int:
+    """The columns of the terminal that standard output is; 0 for a file."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
 
 
 def complain(text: str) -> None:
@@ -107,18 +113,25 @@ def summary_rows(
     """The summary in a few rows; ``ratio`` is the largest |eps|/M, zero if M is infinite."""
     iterations = summary["iterations"]
     against = f" = {ratio:.4g} M" if ratio > 0.0 else "  (no locking limit)"
+    if summary["strain_sets"]:
+        # The strain that uses up most of a limit need not be the largest.
+        against = f", up to {ratio:.4g} of the limits"
     restart = summary.get("restart")
     return [
         ("converged", "yes" if summary["converged"] else "no"),
         *([("restart", restart)] if restart else []),
-        ("size", f"{summary['dofs']} dofs, {summary['cells']} cells, {summary['ranks']} rank(s)"),
+        (
+            "size",
+            f"{summary['dofs']} dofs, {summary['cells']} cells of degree "
+            f"{summary['discretisation']['degree']}, {summary['ranks']} rank(s)",
+        ),
         (
             "iterations",
             f"{iterations['tangents']} tangents, {iterations['linear']} linear, "
             f"{iterations['friction']} friction updates",
         ),
         ("residual", f"{summary['residual']:.1e}"),
-        ("largest |eps|", f"{summary['strain_norm_max']:.4g}{against}"),
+        ("largest |eps|", f"{summary['strain_norm_max']:.4g}{against}{_between_points(summary)}"),
         ("locked share", f"{100 * summary['locked_fraction']:.1f} %"),
         ("contact force", _vector(summary["contact_force"])),
         ("friction force", _vector(summary["friction_force"])),
@@ -129,10 +142,20 @@ def summary_rows(
         ("criteria", _criteria(summary["certificate"]["criteria"])),
         ("proved bounds", _bounds(summary["bounds"])),
         ("error estimates", _errors(summary["certificate"]["errors"])),
+        *_guaranteed(summary["certificate"]["errors"].get("guaranteed")),
         ("uniqueness", summary["certificate"]["constants"]["uniqueness"]["verdict"]),
         ("time", f"{summary['wall_seconds']:.1f} s"),
         ("results in", str(directory)),
     ]
+
+
+def _between_points(summary: Mapping[str, Any]) -> str:
+    """The largest strain where no limit holds, if this strain is larger than at the points."""
+    largest = summary["strain_norm_max_in_cells"]
+    if largest <= summary["strain_norm_max"] * (1.0 + 1e-6):
+        return ""
+    beyond = f", {100 * summary['overstrain_max']:.3g} % beyond M" * (summary["overstrain_max"] > 0)
+    return f" at the Gauss points; {largest:.4g}{beyond}, between the points"
 
 
 def _vector(values: Iterable[float]) -> str:
@@ -175,3 +198,14 @@ def _errors(errors: Mapping[str, Mapping[str, Any]]) -> str:
         if relative is not None:
             shown.append(label.format(100.0 * relative))
     return ", ".join(shown) or "none applies"
+
+
+def _guaranteed(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """The row of the guaranteed bound, if the study file asks for the bound."""
+    if entry is None:
+        return []
+    if not entry["applicable"]:
+        return [("guaranteed bound", entry["reason"])]
+    size = entry["relative"]
+    share = "nothing moves" if size is None else f"error at most {100.0 * size:.3g} %"
+    return [("guaranteed bound", f"{share}, for the friction bound of this solution")]

@@ -56,6 +56,16 @@ def _extended(value: Any) -> float:
     return _number(value, infinite=True)
 
 
+def _negative(value: Any) -> float | str:
+    """A number below 0, minus infinity, or the text of an expression."""
+    if isinstance(value, float) and value == -math.inf:
+        return value
+    found = _IN_SPACE(value)
+    if not isinstance(found, str) and not found < 0.0:
+        raise ValueError(f"must be < 0, not {show(value)}")
+    return found
+
+
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
         raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
@@ -129,8 +139,10 @@ PositiveOrInfinite = Annotated[
     float, Field(gt=0), BeforeValidator(_extended), AfterValidator(_not_tiny)
 ]
 Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
+Share = Annotated[float, Field(gt=0, le=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 Integer = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Count = Annotated[int, Field(strict=True, ge=1, le=10**9), BeforeValidator(_whole)]
+Degree = Annotated[int, Field(strict=True, ge=1, le=2), BeforeValidator(_whole)]
 StepCount = Annotated[int, Field(strict=True, ge=1, le=100_000), BeforeValidator(_whole)]
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
@@ -139,5 +151,6 @@ Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
 TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
 PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
 PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
+NegativeScalarOrInfinite = Annotated[float | str, BeforeValidator(_negative)]
 PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]
 NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_OF_SLIP)]

@@ -32,7 +32,8 @@ from contact_locking.problem.domain import Domain
 from contact_locking.problem.groups import groups
 from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
-from contact_locking.problem.spaces import P1, Element
+from contact_locking.problem.spaces import Element, element_of
+from contact_locking.problem.strain_limits import build_strain_sets
 
 
 @dataclass
@@ -93,6 +94,7 @@ class Problem:
             "dimension": self.domain.dim,
             "cells": self.domain.num_cells,
             "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
+            "elements": str(self.element),
             "regions": sorted(self.domain.cell_names),
             "boundary parts": sorted(self.domain.facet_names),
             "groups": groups(self.domain),
@@ -114,14 +116,15 @@ def assemble(
     parameters: Parameters,
     comm: MPI.Intracomm,
     domain: Domain | None = None,
-    element: Element = P1,
+    element: Element | None = None,
 ) -> Problem:
     """Make mesh, material, loads, conditions, contact and friction; collective.
 
-    ``domain`` replaces the mesh of the study, if given.  Raises InputError for data that do not fit
-    the mesh or the element.
+    ``domain`` replaces the mesh of the study and ``element`` its element, if given.  Raises
+    InputError for data that do not fit the mesh or the element.
     """
-    domain = domain or _domain(parameters, comm)
+    domain = domain or mesh_of(parameters, comm)
+    element = element or element_of(parameters.discretisation)
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
     material = build_material(domain, parameters.material, element)
@@ -149,6 +152,7 @@ def assemble(
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
         element=element,
+        limits=build_strain_sets(domain, parameters.material, element),
     )
     u = fem.Function(space, name="displacement")
     held = check_parts_held(domain, space, data, constraints, parameters.loads)
@@ -168,7 +172,8 @@ def assemble(
     )
 
 
-def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+    """The mesh of the study, which is the first mesh where meshes are adapted; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
         return domains.from_geometry(geometry, comm)

@@ -38,11 +38,13 @@ class ComponentCondition:
 class Constraints:
     """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix.
 
+    ``wanted`` are the conditions for single components that :func:`constrain` was given.
     ``timed`` pairs each condition that depends on the time with the function of its values.
     """
 
     conditions: list[fem.DirichletBC]
     dofs: IndexArray
+    wanted: Sequence[ComponentCondition] = ()
     timed: Sequence[tuple[ComponentCondition, fem.Function]] = ()
 
     def advance(self) -> None:
@@ -84,7 +86,8 @@ def constrain(
         dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
         conditions.append(fem.dirichletbc(value, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
-    return Constraints(conditions, np.unique(np.concatenate(fixed)), timed)
+    fixed_dofs = np.unique(np.concatenate(fixed))
+    return Constraints(conditions, fixed_dofs, tuple(wanted), timed)
 
 
 def rigid_motions(space: fem.FunctionSpace) -> FloatArray:

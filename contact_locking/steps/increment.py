@@ -125,7 +125,7 @@ def require_usable_options(
 
 def solution_of(state: SolvedState, certificate: Certificate) -> Solution:
     """The fields, the contact points and the summary of a solved state; collective."""
-    problem, body = state.problem, state.body
+    problem, body, indicator = state.problem, state.body, certificate.indicator
     points, facets = gather_contacts(state.contacts, problem.domain)
     return Solution(
         parameters=problem.parameters,
@@ -137,7 +137,9 @@ def solution_of(state: SolvedState, certificate: Certificate) -> Solution:
         locked=body.locked,
         elastic_stress=body.elastic_stress,
         locking_stress=body.locking_stress,
-        error_indicator=certificate.error_indicator,
+        locking_parts=body.locking_parts,
+        error_indicator=indicator and indicator.field,
+        elastic_error_indicator=indicator and indicator.elastic_field,
         contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,
