@@ -192,8 +192,7 @@ def _external_forces(state: SolvedState) -> FloatArray:
         inner += nodal_forces(forms.own_forces(u, v, data))
     for fields in state.contacts:
         forces = fields.pressure[:, None] * fields.normal - fields.traction
-        weighted = forces * fields.surface.weights[:, None]
-        inner += fields.surface.vector_function(weighted).x.array
+        inner += fields.surface.nodal_forces(forces)
     fixed = problem.constraints.dofs[problem.constraints.dofs < owned]
     load[fixed] = inner[fixed]
     return load[:owned].copy()
