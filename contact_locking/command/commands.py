@@ -133,12 +133,13 @@ def check(arguments: argparse.Namespace) -> int:
     parameters = study.parameters
     comm = world_with_dolfinx(arguments)
     from contact_locking import solving, writing
+    from contact_locking.command import trial
     from contact_locking.problem import groups
 
     with _explained(study):
         writing.prepare(parameters.output.directory, comm)
         facts = solving.check(parameters, comm)
-    for warning in facts.pop("warnings"):
+    for warning in [*facts.pop("warnings"), *trial.warnings(parameters, facts["dimension"], comm)]:
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
