@@ -19,6 +19,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.problem.domain import Domain
 from contact_locking.results.solution import Solution
 from contact_locking.steps.increment import Increment, require_usable_options, solution_of
 from contact_locking.steps.loop import Steps
@@ -30,16 +31,20 @@ def solve(
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
+    domain: Domain | None = None,
 ) -> Solution:
-    """Solve (25)/(26) for the given parameters; collective.
+    """Solve (25)/(26) for the given parameters on one mesh; collective.
 
+    ``domain`` is a mesh in place of the study's; the section ``adapt`` is for `adaptivity.solve`.
     With steps this is the solution of the last step, see :func:`solve_steps`.  ``petsc_options``
     override ``solver.petsc``, and both override the defaults.  ``restart`` is the folder of a run
     that saved its state on the same mesh; a restart changes the iterations and not the solution.  A
     solve that does not converge returns its last state, with ``converged`` False and the reason in
     the summary.  Raises InputError for data that cannot be used.
     """
-    return deque(solve_steps(parameters, comm, monitor, petsc_options, restart), maxlen=1)[0]
+    return deque(solve_steps(parameters, comm, monitor, petsc_options, restart, domain), maxlen=1)[
+        0
+    ]
 
 
 def solve_steps(
@@ -48,6 +53,7 @@ def solve_steps(
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
+    domain: Domain | None = None,
 ) -> Iterator[Solution]:
     """Solve one step after the other, and yield the solution of each; collective.
 
@@ -61,7 +67,7 @@ def solve_steps(
         checkpoint.expect(restart, comm)
     require_usable_options(parameters, petsc_options)
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
-    problem = assemble(parameters, comm)
+    problem = assemble(parameters, comm, domain)
     # Before the solve, because the mesh file may change during the solve.
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:

@@ -74,6 +74,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         locking_stress=function(tensor, lambda x: -stress(x)),
         locking_parts=(),
         error_indicator=function(cell, lambda x: 1e-3 * x[0]),
+        elastic_error_indicator=function(cell, lambda x: 1e-3 * x[0]),
         contact_pressure=function(scalar, pressure),
         smoothed_stress=function(scalar, lambda x: -pressure(x)),
         tangential_traction=function(vector, traction),

@@ -32,6 +32,7 @@ LAYERS = (
     ("checkpoint", "plotting"),
     ("report", "steps"),
     ("solving",),
+    ("adaptivity",),
     ("writing", "studies"),
     ("command",),
     ("__main__",),

@@ -66,9 +66,8 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         own = -nodal_forces(forms.own_forces(u, v, data))
     touching = np.zeros_like(load)
     for contact in state.contacts:
-        nodal = contact.traction - contact.pressure[:, None] * contact.normal
-        nodal = nodal * contact.surface.weights[:, None]
-        touching += contact.surface.vector_function(nodal).x.array
+        tractions = contact.traction - contact.pressure[:, None] * contact.normal
+        touching += contact.surface.nodal_forces(tractions)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     unbalanced = (internal - own - load - touching)[:owned]
     fixed = constraints.dofs[constraints.dofs < owned]

@@ -17,6 +17,7 @@ from contact_locking.certificate.elliptic import EllipticProblem, NotApplicable,
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import on_any_rank, on_every_rank
+from contact_locking.problem.trace import make_nodal
 
 # Rounding in strains and displacements, relative to the limit and to the body.
 _ROUNDING = 1e-12
@@ -56,6 +57,8 @@ class Lifting:
             prescribed.x.array.reshape(-1, state.dim)[fields.surface.blocks] += values
         prescribed.x.scatter_forward()
         state.problem.constraints.apply(prescribed)
+        self._make_nodal(prescribed)
+        state.problem.constraints.apply(prescribed)
         lifted = self._elastic(prescribed)
         self._check(lifted)
         return lifted
@@ -71,6 +74,8 @@ class Lifting:
             anywhere = anywhere or not self._nowhere(entered)
             nodes[fields.surface.blocks] += entered[:, None] * fields.normal
         values.x.scatter_forward()
+        values.x.array[state.problem.constraints.dofs] = 0.0
+        self._make_nodal(values)
         values.x.array[state.problem.constraints.dofs] = 0.0
         return self._elastic(values) if anywhere else values
 
@@ -89,6 +94,10 @@ class Lifting:
                 conditions.append(fem.dirichletbc(mark, blocks.astype(np.int32)))
             self._problem = EllipticProblem(state, elasticity(state), conditions)
         return self._problem.solve(None, values)
+
+    def _make_nodal(self, values: fem.Function) -> None:
+        """Replace the limited values on Gamma_C by nodal values; collective."""
+        make_nodal(values, [fields.surface.limited for fields in self._state.contacts])
 
     def _check(self, lifted: fem.Function) -> None:
         state = self._state

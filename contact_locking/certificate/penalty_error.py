@@ -54,7 +54,7 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     try:
         if not state.report.converged:
             raise NotApplicable("the solve did not converge")
-        w = _admissible_neighbour(state, lifting)
+        w = admissible_neighbour(state, lifting)
     except NotApplicable as failure:
         none = dict.fromkeys(("energy_norm", "relative", "displacement_norm"))
         return {**none, "reason": str(failure)}
@@ -94,8 +94,11 @@ def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[st
     }
 
 
-def _admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
-    """``w = w_0 + theta (u - c - w_0)`` with the largest theta in [0, 1] and ``|eps(w)| <= M``."""
+def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
+    """``w = w_0 + theta (u - c - w_0)`` with the largest theta in [0, 1] and ``|eps(w)| <= M``.
+
+    Collective.  Raises NotApplicable if there is no such field.
+    """
     start, back = lifting.admissible, lifting.push_back()
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
@@ -110,6 +113,15 @@ def _admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     if start is not None:
         w.x.array[:] += (1.0 - theta) * start.x.array
     return w
+
+
+def energy_distance(state: SolvedState, w: fem.Function) -> float:
+    """``sqrt(a(w - u, w - u))`` for the displacement u of the state; collective."""
+    u = state.problem.u
+    step = fem.Function(u.function_space)
+    step.x.array[:] = w.x.array - u.x.array
+    form = forms.elastic_form(step, step, state.problem.data)
+    return float(np.sqrt(integral(state.problem.domain, form)))
 
 
 def _largest_step(a: FloatArray, b: FloatArray, limit: FloatArray) -> float:
@@ -143,10 +155,8 @@ def _check_entered(state: SolvedState, w: fem.Function) -> None:
 
 def _gap(state: SolvedState, w: fem.Function) -> float:
     """``eta^2`` of :func:`penalty_error`; collective."""
-    u, data, points = state.problem.u, state.problem.data, state.points
-    step = fem.Function(u.function_space)
-    step.x.array[:] = w.x.array - u.x.array
-    total = integral(state.problem.domain, 0.5 * forms.elastic_form(step, step, data))
+    points = state.points
+    total = 0.5 * energy_distance(state, w) ** 2
     for item in points.sets:
         work = item.work(item.measured(strain(w)))
         total += state.sum(points.weights * (item.support - work))

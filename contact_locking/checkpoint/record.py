@@ -18,7 +18,7 @@ from contact_locking.errors import InputError
 # A change of the written files raises this number.
 FORMAT = 4
 # The folder of a checkpoint in the folder of a run, and the names in this folder.
-NAME, RECORD, FIELDS = "checkpoint", "record.json", "state.bp"
+NAME, RECORD, FIELDS, MESH = "checkpoint", "record.json", "state.bp", "mesh"
 _AGAIN = "save it again with contact-locking run --checkpoint"
 
 
@@ -59,7 +59,7 @@ def save(record: Record, folder: Path) -> None:
         "n": str(record.n),
         "epsilon": str(record.epsilon),
         "regularisations": [str(value) for value in record.regularisations],
-        "files": {path.name: _seen(path) for path in sorted((folder / FIELDS).iterdir())},
+        "files": {path.name: _seen(path) for path in _files(folder)},
     }
     (folder / RECORD).write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
 
@@ -100,10 +100,16 @@ def load_fields(directory: str | Path) -> tuple[Record, Path]:
     Reads all files for their digests.  Raises as `load`.
     """
     record, files = load(directory)
-    fields = locate(directory) / FIELDS
+    folder = locate(directory)
     for name, (size, digest) in files.items():
-        _check_file(fields / Path(name).name, size, digest)
-    return record, fields
+        inside = folder if Path(name).stem == MESH else folder / FIELDS
+        _check_file(inside / Path(name).name, size, digest)
+    return record, folder / FIELDS
+
+
+def _files(folder: Path) -> list[Path]:
+    """The files of the fields, and of a refined mesh."""
+    return [*sorted((folder / FIELDS).iterdir()), *sorted(folder.glob(f"{MESH}.*"))]
 
 
 def _record(data: Mapping[str, Any]) -> Record:

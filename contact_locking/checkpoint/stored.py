@@ -26,6 +26,7 @@ from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.problem.assembly import Problem
+from contact_locking.problem.whole_mesh import gather_mesh
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState
@@ -75,6 +76,10 @@ def size(solution: Solution) -> int:
         cells = mesh.topology.index_map(mesh.topology.dim).size_global
         total += 8 * dofmap.index_map.size_global * dofmap.index_map_bs
         total += cells * (8 * dofmap.bs * dofmap.list.shape[1] + 12)
+    domain = solution.domain
+    if domain.is_refined:
+        # Points, cells, facets and parts.
+        total += domain.num_cells * (16 * (domain.dim + 2) + 8 * domain.dim + 4)
     return int(total)
 
 
@@ -95,9 +100,12 @@ def write(solution: Solution, folder: Path) -> None:
             raise
         raise ContactLockingError(f"ADIOS2 cannot write it: {_plain(error)}") from error
     penalties = solution.summary["penalty"]
+    mesh = gather_mesh(domain) if domain.is_refined else None
     nodes = solution.displacement.function_space.dofmap.index_map.size_global
 
     def finish() -> None:
+        if mesh is not None:
+            mesh.save(folder, records.MESH)
         record = Record(
             version=__version__,
             converged=solution.converged,
@@ -113,7 +121,7 @@ def write(solution: Solution, folder: Path) -> None:
             nodes=int(nodes),
             contacts=len(solution.contacts),
             strain_sets=len(solution.locking_parts),
-            mesh=study_file.mesh_identity(parameters),
+            mesh=study_file.mesh_identity(parameters) | ({"refined": True} if mesh else {}),
             problem=study_file.problem_fingerprint(parameters),
         )
         records.save(record, folder)
@@ -149,7 +157,8 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     space = problem.u.function_space
     difference = difference or _difference_in_places(load(_PLACES, space))
     if difference:
-        raise InputError(_another_mesh(directory, difference, record, identity))
+        here = identity | ({"refined": True} if problem.domain.is_refined else {})
+        raise InputError(_another_mesh(directory, difference, record, here))
     multipliers: Multipliers | None = None
     bounds: tuple[FloatArray, ...] = ()
     same_contacts = record.contacts == len(problem.contacts) or not problem.contacts

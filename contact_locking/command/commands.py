@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -53,7 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
     study = _load(arguments.file, _overrides(arguments))
     comm = world_with_dolfinx(arguments)
-    from contact_locking import solving, writing
+    from contact_locking import adaptivity, writing
+    from contact_locking.results import in_words
 
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
@@ -65,13 +67,14 @@ def run(arguments: argparse.Namespace) -> int:
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
         with _monitor(arguments, comm, speaks) as monitor, petsc_complaints():
-            solution = solving.solve(parameters, comm, monitor, arguments.petsc, restart)
+            solution = adaptivity.solve(parameters, comm, monitor, arguments.petsc, restart)
         warnings = writing.write(solution, directory, save_state)
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")
     ratio = _largest_strain_ratio(solution)
     if speaks:
-        print(terminal.columns(terminal.summary_rows(solution.summary, ratio, directory)))
+        outcome = [*in_words.rows(solution.summary, ratio), ("results in", str(directory))]
+        print(terminal.columns(outcome))
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
@@ -248,13 +251,15 @@ def _explained(study: StudyFile) -> Iterator[None]:
         raise InputError(study.explain(error), error.key) from error
 
 
-def _largest_strain_ratio(solution: Solution) -> float:
-    """The largest |eps|/M of the body; collective."""
+def _largest_strain_ratio(solution: Solution) -> float | None:
+    """The largest |eps|/M of the body, None for a body without a limit; collective."""
     from mpi4py import MPI
 
+    comm = solution.domain.comm
     strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array
-    largest = float((strain / limit).max(initial=0.0))
-    return float(solution.domain.comm.allreduce(largest, op=MPI.MAX))
+    if comm.allreduce(float(limit.min(initial=math.inf)), op=MPI.MIN) == math.inf:
+        return None
+    return float(comm.allreduce(float((strain / limit).max(initial=0.0)), op=MPI.MAX))
 
 
 def _shown(value: Any) -> str:

@@ -15,6 +15,7 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
+from .adapt import AdaptParameters
 from .base import Fault, Place, Section, entry, marks, refuse_if
 from .boundary import LoadParameters
 from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
@@ -38,6 +39,7 @@ from .values import Text
 _MAY_BE_INFINITE = ("locking_limit", "at_most")
 
 __all__ = [
+    "AdaptParameters",
     "CertificateParameters",
     "ContactParameters",
     "ContactSection",
@@ -83,6 +85,9 @@ class Parameters(Section):
     )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
+    adapt: AdaptParameters | None = entry(
+        None, "meshes that are refined until the solution is accurate enough", optional=True
+    )
     study: StudyParameters | None = entry(None, "many cases with other values", optional=True)
     certificate: CertificateParameters = entry(
         CertificateParameters(), "checks of the results that are made on demand"
@@ -139,6 +144,14 @@ class Parameters(Section):
                 ".inf cannot be solved by Newton's method; "
                 "take solver.method: interior_point (or auto), or a finite n such as 1e6",
             )
+        if self.solver.method == "newton":
+            for contact in self.contacts:
+                if contact.friction.regularisation == 0.0:
+                    yield Fault(
+                        tuple(contact.friction_key("regularisation").split(".")),
+                        "0 cannot be solved by Newton's method, which needs a smooth law; take "
+                        "solver.method: interior_point (or auto), or a positive length",
+                    )
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for index, displacement in enumerate(self.loads.displacements):
             if both := [name for name in displacement.on if name in keys]:
@@ -147,6 +160,12 @@ class Parameters(Section):
                     f"'{both[0]}' is in {keys[both[0]]}.on as well; "
                     "Gamma_D and Gamma_C must not overlap",
                 )
+        if self.adapt is not None and self.steps is not None:
+            yield Fault(
+                ("adapt",),
+                "does not go with steps, whose friction remembers the slip on one mesh; leave out "
+                "one of the two sections",
+            )
         if self.steps is None:
             yield from self._timed_faults()
         if self.study is not None:

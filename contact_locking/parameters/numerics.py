@@ -92,6 +92,11 @@ class CertificateParameters(Section):
     limit: Switch = entry(
         False, "solve for n = .inf on the same mesh too, and measure the distance to its solution"
     )
+    error_bound: Switch = entry(
+        False,
+        "a proved bound of the error of mesh and penalty in the energy norm, for the friction "
+        "bound of the solution; in 2D",
+    )
 
 
 class OutputParameters(Section):

@@ -123,7 +123,7 @@ def assemble(
     ``domain`` replaces the mesh of the study and ``element`` its element, if given.  Raises
     InputError for data that do not fit the mesh or the element.
     """
-    domain = domain or _domain(parameters, comm)
+    domain = domain or mesh_of(parameters, comm)
     element = element or element_of(parameters.discretisation)
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
@@ -172,7 +172,8 @@ def assemble(
     )
 
 
-def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+    """The mesh of the study, which is the first mesh where meshes are adapted; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
         return domains.from_geometry(geometry, comm)

@@ -38,11 +38,13 @@ class ComponentCondition:
 class Constraints:
     """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix.
 
+    ``wanted`` are the conditions for single components that :func:`constrain` was given.
     ``timed`` pairs each condition that depends on the time with the function of its values.
     """
 
     conditions: list[fem.DirichletBC]
     dofs: IndexArray
+    wanted: Sequence[ComponentCondition] = ()
     timed: Sequence[tuple[ComponentCondition, fem.Function]] = ()
 
     def advance(self) -> None:
@@ -84,7 +86,8 @@ def constrain(
         dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
         conditions.append(fem.dirichletbc(value, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
-    return Constraints(conditions, np.unique(np.concatenate(fixed)), timed)
+    fixed_dofs = np.unique(np.concatenate(fixed))
+    return Constraints(conditions, fixed_dofs, tuple(wanted), timed)
 
 
 def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
@@ -210,7 +213,9 @@ def sliding_motions(contact: FloatArray) -> FloatArray:
 
 def describe_motion(motion: FloatArray, dim: int) -> str:
     """A rigid motion (3 or 6 coefficients) in words."""
-    names = [f"translation along {AXES[i]}" for i in range(dim)]
-    names += ["rotation"] if dim == 2 else [f"rotation about {a}" for a in "zyx"]
     share = np.abs(motion) / np.abs(motion).max()
-    return " with ".join(name for name, s in zip(names, share, strict=True) if s > 0.1)
+    along = [axis for axis, size in zip(AXES, share[:dim], strict=False) if size > 0.1]
+    about = [axis for axis, size in zip("zyx", share[dim:], strict=False) if size > 0.1]
+    turns = "rotation" + (f" about {' and '.join(about)}" if dim == 3 else "")
+    moves = [f"translation along {' and '.join(along)}"] if along else []
+    return " with ".join([*moves, turns] if about else moves)

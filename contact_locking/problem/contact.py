@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from dolfinx import fem
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.friction_law import Coefficient, FrictionLaw
 from contact_locking.parallel import maximum
 from contact_locking.problem.slip_memory import SlipMemory
@@ -71,7 +73,8 @@ class Contact:
     """Signorini's conditions (5) and Coulomb's law (6) on one part of Gamma_C.
 
     ``key`` is the key of the contact in the study file, and ``on`` names its boundary parts.
-    ``normal`` and ``gap`` are functions of the displacement's degree.  ``friction`` computes the
+    ``normal`` and ``gap`` are functions with the normal and the limited value of the gap at the
+    nodes.  ``friction`` computes the
     friction bound of pressures and slips; ``bound`` is the function with the friction bound that
     the forms use at present.  ``regularisation`` is the length that smooths friction.  ``free``
     (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor friction
@@ -111,9 +114,13 @@ class Contact:
         self.gap.x.scatter_forward()
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
-        """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes."""
-        dim = self.surface.domain.dim
-        return self.split_nodal(u.x.array.reshape(-1, dim)[self.surface.blocks])
+        """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
+        return self.split_nodal(self.surface.limited.of_function(u))
+
+    def parts(self, v: Expr) -> tuple[Expr, Expr]:
+        """``v_nu`` and ``v_tau`` of the limited values at the nodes, in UFL."""
+        limited = self.surface.limited.of(v)
+        return normal_part(limited, self.normal), tangential_part(limited, self.normal)
 
     def split_nodal(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The normal components (k,) and the tangential parts (k, d) of vectors (k, d)."""

@@ -98,7 +98,7 @@ def build_contacts(
                 on=given.on,
                 surface=surface,
                 normal=surface.vector_function(normals, "contact_normal"),
-                gap=surface.scalar_function(gap, "gap"),
+                gap=_limited_gap(surface, gap),
                 friction=bound,
                 regularisation=fem.Constant(domain.mesh, slip),
                 free=free,
@@ -160,37 +160,51 @@ def _foundation_from(
     return gap, normals
 
 
+def _limited_gap(surface: ContactSurface, gap: FloatArray) -> fem.Function:
+    """The limited values of the gap (k,) as values at the nodes; collective."""
+    function = surface.scalar_function(gap, "gap")
+    function.x.array[surface.nodes] = surface.limited.of_function(function)
+    function.x.scatter_forward()
+    return function
+
+
 def _smoothing(
     surface: ContactSurface, free: BoolArray, part: ContactParameters, warnings: list[str]
 ) -> SmoothingOperator:
     given = part.friction.smoothing
     if given.kernel == "none":
         return Identity()
-    comm = surface.domain.comm
-    radius = given.radius
-    size = surface.domain.facet_diameter(surface.facets)
-    places = np.concatenate(comm.allgather(surface.points))
-    extent = _extent(places)
+    domain = surface.domain
+    comm, radius = domain.comm, given.radius
+    size = domain.facet_diameter(surface.facets)
     if radius is None:
-        radius = max(_DEFAULT_RADIUS_SHARE * extent, _DEFAULT_RADIUS_FACETS * size)
+        radius = domain.smoothing_radii.get(part.key) or default_radius(surface)
     elif radius < size:
         key = part.friction_key("smoothing.radius")
         warnings.append(
             f"{key}: {radius:g} is smaller than the mesh size {size:.3g} on "
-            "Gamma_C, so R hardly smooths; refine the mesh there or enlarge the radius"
+            f"{', '.join(part.on)}, so R hardly smooths; refine the mesh there or enlarge the "
+            "radius"
         )
     if given.kernel == "convolution":
         return Convolution(comm, surface.whole(free), radius)
-    radius = min(radius, _LARGEST_RADIUS_SHARE * extent)
+    radius = min(radius, _LARGEST_RADIUS_SHARE * _extent(surface))
     return HelmholtzFilter(comm, surface.whole(free), surface.laplacian(), radius)
 
 
-def _extent(places: FloatArray) -> float:
-    """About the largest distance between two of the points (k, d).
+def default_radius(surface: ContactSurface) -> float:
+    """The radius of R for a study that gives none; collective."""
+    size = surface.domain.facet_diameter(surface.facets)
+    return max(_DEFAULT_RADIUS_SHARE * _extent(surface), _DEFAULT_RADIUS_FACETS * size)
+
+
+def _extent(surface: ContactSurface) -> float:
+    """About the largest distance between two nodes of Gamma_C; collective.
 
     One end is the point farthest from the mean of the points, the other end the point farthest from
     the first.  The result is exact for a segment and a rectangle, in every position.
     """
+    places = np.concatenate(surface.domain.comm.allgather(surface.points))
     place = places.mean(axis=0)
     for _ in range(2):
         distances = np.linalg.norm(places - place, axis=1)

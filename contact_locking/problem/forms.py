@@ -13,7 +13,6 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.signorini import contact_energy, contact_pressure
@@ -101,12 +100,12 @@ def external_work(v: Expr, data: ProblemData) -> Expr:
 
 def pressure(u: Expr, contact: Contact, data: ProblemData) -> Expr:
     """The contact pressure ``p = -sigma_nu`` of the penalty law (25)."""
-    return contact_pressure(normal_part(u, contact.normal), contact.gap, data.epsilon)
+    return contact_pressure(contact.parts(u)[0], contact.gap, data.epsilon)
 
 
 def slip(u: Expr, contact: Contact) -> Expr:
     """The slip of the step, ``u_tau - u_{k-1,tau}``."""
-    return tangential_part(u, contact.normal) - contact.memory.place
+    return contact.parts(u)[1] - contact.memory.place
 
 
 def friction(u: Expr, contact: Contact) -> Expr:
@@ -126,9 +125,9 @@ def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     for item in data.sets:
         form += item.virtual_work(strain(u), strain(v), data.n) * data.locking_dx
     for contact in data.contacts:
-        nu = contact.normal
-        traction = pressure(u, contact, data) * normal_part(v, nu)
-        traction += ufl.inner(friction(u, contact), tangential_part(v, nu))
+        v_normal, v_slip = contact.parts(v)
+        traction = pressure(u, contact, data) * v_normal
+        traction += ufl.inner(friction(u, contact), v_slip)
         form += traction * contact.surface.ds
     if data.own_energy is not None:
         form += own_forces(u, v, data)
@@ -146,8 +145,7 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     for item in data.sets:
         form += item.energy(strain(u), data.n) * data.locking_dx
     for contact in data.contacts:
-        nu, gap = contact.normal, contact.gap
-        density = contact_energy(normal_part(u, nu), gap, data.epsilon)
+        density = contact_energy(contact.parts(u)[0], contact.gap, data.epsilon)
         density += friction_energy(slip(u, contact), contact.bound, contact.regularisation)
         form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
@@ -156,9 +154,6 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
 def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[Contact], factor: Expr) -> Expr:
     """``factor int du_nu v_nu``: springs on Gamma_C along the contact normal."""
     return sum(
-        factor
-        * normal_part(du, contact.normal)
-        * normal_part(v, contact.normal)
-        * contact.surface.ds
+        factor * contact.parts(du)[0] * contact.parts(v)[0] * contact.surface.ds
         for contact in contacts
     )

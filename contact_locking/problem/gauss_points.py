@@ -14,7 +14,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 
-_SIMPLICES = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
+SIMPLICES = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 
 
 def shares(dim: int) -> FloatArray:
@@ -34,7 +34,7 @@ def affine(dim: int, shape: tuple[int, ...] = ()) -> Any:
 
 def _points(dim: int) -> FloatArray:
     """The points (d + 1, d) in the reference simplex."""
-    cell = _SIMPLICES[dim]
+    cell = SIMPLICES[dim]
     points, _ = basix.make_quadrature(cell, 2)
     apart = np.linalg.norm(basix.geometry(cell)[:, None] - points, axis=2)
     return np.asarray(points[np.argmin(apart, axis=1)])
@@ -42,7 +42,7 @@ def _points(dim: int) -> FloatArray:
 
 @cache
 def _affine(dim: int) -> Any:
-    cell, number = _SIMPLICES[dim], dim + 1
+    cell, number = SIMPLICES[dim], dim + 1
     # basix takes points and dual functionals for the entities of each of the dimensions 0 to 3.
     points: list[list[Any]] = [[], [], [], []]
     functionals: list[list[Any]] = [[], [], [], []]

@@ -5,7 +5,6 @@ All that depends on the element is here, so that another element is another :cla
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,13 +15,10 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.errors import InputError
+from contact_locking.arrays import FloatArray
 from contact_locking.parameters import DiscretisationParameters
 from contact_locking.problem import gauss_points
-
-#: A quadrature rule as the metadata of a measure; the empty rule is exact for polynomials.
-Rule = Mapping[str, Any]
+from contact_locking.problem.trace import Rule, Trace
 
 
 @dataclass(frozen=True)
@@ -37,21 +33,15 @@ class Element:
 
     The points of ``locking_rule``, the rule for integrals of the locking law over the cells, must
     be the points of the strains: the limit then holds at these points, with the weights of the
-    rule.  The points of ``contact_rule``, the rule for integrals over Gamma_C, must be the nodes of
-    the displacement, and the weights must be positive: contact and friction then act at the nodes.
-    ``elastic_rule`` is the rule for integrals of the elastic stress; the empty rule is exact for
-    elastic coefficients that are affine in a cell.
-
-    ``pieces`` maps the dimension d to the pieces of a facet, each with d nodes of the facet.  The
-    nodes of a facet are numbered from 0, with the corners first.  The element has no contact in a
-    dimension without an entry.
+    rule.  ``elastic_rule`` is the rule for integrals of the elastic stress; the empty rule is exact
+    for elastic coefficients that are affine in a cell.  ``trace`` tells at which points of Gamma_C
+    contact and friction act.
     """
 
     degree: int
     strain_degree: int
     locking_rule: Rule
-    contact_rule: Rule
-    pieces: Mapping[int, tuple[tuple[int, ...], ...]]
+    trace: Trace
     limit_at: str = "vertices"
     elastic_rule: Rule = field(default_factory=dict)
 
@@ -119,19 +109,6 @@ class Element:
         """The measure ``dx`` with the elastic rule."""
         return _with_rule(dx, self.elastic_rule)
 
-    def facet_pieces(self, dim: int, key: str) -> IndexArray:
-        """The pieces (m, d) of a facet in d dimensions.
-
-        Raises InputError with the key if the element has no contact in d dimensions.
-        """
-        if dim not in self.pieces:
-            raise InputError(
-                f"there is no contact in {dim} dimensions for elements of degree {self.degree}; "
-                "take elements of degree 1",
-                key,
-            )
-        return np.array(self.pieces[dim], dtype=np.int32)
-
 
 def _with_rule(dx: ufl.Measure, rule: Rule) -> ufl.Measure:
     return dx(metadata=dict(rule)) if rule else dx
@@ -146,23 +123,46 @@ P1 = Element(
     degree=1,
     strain_degree=0,
     locking_rule={},
-    contact_rule=_VERTICES,
-    pieces={2: ((0, 1),), 3: ((0, 1, 2),)},
+    trace=Trace(
+        rules={2: _VERTICES, 3: _VERTICES},
+        pieces={2: ((0, 1),), 3: ((0, 1, 2),)},
+    ),
 )
+
+
+def _nodes_alike(*points: tuple[float, ...], measure: float) -> Rule:
+    """The rule with equal weights at the nodes of the reference facet, which has a measure."""
+    return {
+        "quadrature_rule": "custom",
+        "quadrature_points": points,
+        "quadrature_weights": (measure / len(points),) * len(points),
+        "quadrature_degree": 1,
+    }
+
 
 #: Quadratic displacements.  The strain is affine in a cell and its norm is convex: a constant limit
 #: that holds at the corners of a cell holds in the cell.  The vertex rule is exact for affine
 #: integrands only, and Z : eps(v) is quadratic: where a smooth solution locks, the order of
-#: convergence in V is 1, as for P1, with a smaller error.  On edges the rule of Gauss and Lobatto
-#: with three points, which is Simpson's, has the nodes as points and positive weights.  On
-#: triangles no rule has both properties: the integrals of the basis functions of the corners are 0.
-#: There is therefore no contact in three dimensions.
+#: convergence in V is 1, as for P1, with a smaller error.  Contact and friction limit the control
+#: values of the trace, whose weights are equal.  (At the nodes themselves the weights of a triangle
+#: are 0 at the corners.)
 P2 = Element(
     degree=2,
     strain_degree=1,
     locking_rule=_VERTICES,
-    contact_rule={"quadrature_rule": "GLL", "quadrature_degree": 3},
-    pieces={2: ((0, 2), (2, 1))},
+    trace=Trace(
+        rules={
+            2: _nodes_alike((0.0,), (1.0,), (0.5,), measure=1.0),
+            3: _nodes_alike(
+                (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (0.0, 0.5), (0.5, 0.0), measure=0.5
+            ),
+        },
+        pieces={
+            2: ((0, 2), (2, 1)),
+            3: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)),
+        },
+        controls=True,
+    ),
 )
 
 _GAUSS: Rule = {"quadrature_degree": 2}

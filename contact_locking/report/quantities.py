@@ -59,6 +59,12 @@ QUANTITIES = (
         vanishes=True,
     ),
     Quantity(
+        "certificate.errors.guaranteed.relative",
+        "proved bound of the error of mesh and penalty, relative in the energy norm",
+        "1",
+        vanishes=True,
+    ),
+    Quantity(
         "admissible_load_factor",
         "between these shares of the prescribed displacements a solution on this mesh ends",
         "1",
@@ -111,6 +117,9 @@ MEANINGS = {
     "penalty.energy_norm": "bound of the distance to the solution for n = ∞ on this mesh",
     "penalty.relative": "the same over the solution",
     "penalty.displacement_norm": "the same bound in the norm of the strain",
+    "guaranteed.energy_norm": "proved bound of the whole error, for the friction bound kept fixed",
+    "guaranteed.relative": "the same over the solution",
+    "guaranteed.applicable": "whether the bound is proved for these data",
     "penalty_measured.energy_norm": "measured distance to the solution for n = ∞ on this mesh",
     "penalty_measured.relative": "the same over the solution",
     "penalty_measured.displacement_norm": "the same distance in the norm of the strain",

@@ -20,6 +20,7 @@ from contact_locking.problem.coefficients import Material
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.spaces import Element
+from contact_locking.problem.trace import make_nodal
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
 from contact_locking.solver.multipliers import ContactForces, Multipliers
@@ -215,7 +216,8 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
     """The fields of all contacts as nodal functions, zero off Gamma_C; collective.
 
     At a node of several contacts the value is the mean, weighted by the nodal weights of the
-    contacts, so that the nodal forces add up; the state is the largest state.
+    contacts, so that the nodal forces add up; the state is the largest state.  Of control values
+    the field is the one with these control values: its integral is the force.
     """
     vectors = u.function_space
     scalars = _compat.collapse(vectors.sub(0))[0]
@@ -236,8 +238,10 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
                 values[nodes] += share * getattr(fields, attribute)
         tractions = found["tangential_traction"].x.array.reshape(-1, dim)
         tractions[fields.surface.blocks] += share[:, None] * fields.traction
-    for function in found.values():
+    for name, function in found.items():
         function.x.scatter_forward()
+        if name != "contact_state":
+            make_nodal(function, [fields.surface.limited for fields in contacts])
     return found
 
 

@@ -125,7 +125,7 @@ def require_usable_options(
 
 def solution_of(state: SolvedState, certificate: Certificate) -> Solution:
     """The fields, the contact points and the summary of a solved state; collective."""
-    problem, body = state.problem, state.body
+    problem, body, indicator = state.problem, state.body, certificate.indicator
     points, facets = gather_contacts(state.contacts, problem.domain)
     return Solution(
         parameters=problem.parameters,
@@ -138,7 +138,8 @@ def solution_of(state: SolvedState, certificate: Certificate) -> Solution:
         elastic_stress=body.elastic_stress,
         locking_stress=body.locking_stress,
         locking_parts=body.locking_parts,
-        error_indicator=certificate.error_indicator,
+        error_indicator=indicator and indicator.field,
+        elastic_error_indicator=indicator and indicator.elastic_field,
         contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,
@@ -155,6 +156,12 @@ def _method(problem: Problem) -> str:
         raise InputError(
             "interior_point does not know an energy of the user's own; take newton, or auto",
             "solver.method",
+        )
+    if not min(problem.penalty.regularisations, default=1.0) > 0.0:
+        raise InputError(
+            "an energy of the user's own is solved by Newton's method, which needs a positive "
+            "length",
+            "friction.regularisation",
         )
     if not math.isfinite(problem.parameters.penalty.n):
         raise InputError(

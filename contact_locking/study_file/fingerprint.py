@@ -31,6 +31,9 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
+    if parameters.adapt is None:
+        # One mesh keeps the fingerprint that it had before there were adapted meshes.
+        del data["adapt"]
     return _short(_normalised(data, parameters, digest))
 
 

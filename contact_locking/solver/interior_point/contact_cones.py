@@ -8,7 +8,6 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.laws.convex import normal_part
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.half_lines import HalfLines
@@ -68,8 +67,8 @@ class ContactCones(HalfLines):
 
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int k du_nu v_nu``."""
-        self._k, nu = self.nodes.scalar(), self.nodes.contact.normal
-        return self._k * normal_part(du, nu) * normal_part(v, nu) * self.nodes.ds
+        self._k, contact = self.nodes.scalar(), self.nodes.contact
+        return self._k * contact.parts(du)[0] * contact.parts(v)[0] * self.nodes.ds
 
     def write_block(self) -> None:
         self.nodes.set_values(self._k, self.stiffness)

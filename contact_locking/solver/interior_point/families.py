@@ -29,11 +29,14 @@ class Families:
     every: list[Family]
     bounds: list[MovingBound]
     strains: list[StrainOperator]
+    nodes: list[ContactNodes]
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         for operator in self.strains:
             operator.destroy()
+        for item in self.nodes:
+            item.destroy()
 
 
 def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> Families:
@@ -51,9 +54,10 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
             families.append(LockingCones(lorentz, operator, penalty.compliance, number))
         else:
             families.append(StrainHalfLines(operator, penalty.compliance, number))
-    bounds = []
+    bounds, touching = [], []
     for number, contact in enumerate(system.contacts):
         nodes = ContactNodes(contact, number, system)
+        touching.append(nodes)
         pressing = ContactCones(nodes, penalty.epsilon, target.length)
         families.append(pressing)
         if not contact.friction.frictionless:
@@ -61,4 +65,4 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
             rubbing = FrictionCones(lorentz, nodes, regularisation, target.length)
             families.append(rubbing)
             bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound))
-    return Families(families, bounds, strains)
+    return Families(families, bounds, strains, touching)

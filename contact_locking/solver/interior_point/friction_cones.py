@@ -8,7 +8,6 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.laws.convex import tangential_part
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, dot
@@ -134,7 +133,7 @@ class FrictionCones(LorentzCones):
         """``int a du_tau . v_tau + b (w . du_tau) (w . v_tau)``."""
         nodes = self.nodes
         self._a, self._b, self._w = nodes.scalar(), nodes.scalar(), nodes.vector()
-        slip, slip_v = (tangential_part(field, nodes.contact.normal) for field in (du, v))
+        slip, slip_v = (nodes.contact.parts(field)[1] for field in (du, v))
         along = self._b * ufl.inner(self._w, slip) * ufl.inner(self._w, slip_v)
         return self._a * ufl.inner(slip, slip_v) * nodes.ds + along * nodes.ds
 
