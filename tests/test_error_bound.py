@@ -19,8 +19,9 @@ from test_verification_annulus import LAME_LAMBDA, LAME_MU, annulus, radial
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.guaranteed.macro_element import macro_element
-from contact_locking.command.terminal import summary_rows
 from contact_locking.parameters import Parameters
+from contact_locking.plain_text import per_cent
+from contact_locking.results import in_words
 from contact_locking.results.solution import Solution
 
 #: A displacement that vanishes on all sides but the bottom, where its normal component vanishes.
@@ -199,6 +200,6 @@ def test_a_study_that_does_not_ask_has_no_guaranteed_bound() -> None:
 
 def test_the_command_line_shows_the_bound_in_one_row() -> None:
     solution = solving.solve(benchmark(4))
-    rows = dict(summary_rows(solution.summary, 1.0, "here"))
+    rows = dict(in_words.rows(solution.summary, 1.0))
     relative = solution.summary["certificate"]["errors"]["guaranteed"]["relative"]
-    assert rows["guaranteed bound"].startswith(f"error at most {100 * relative:.3g} %")
+    assert rows["proved"].startswith(f"the whole error is at most {per_cent(relative)}")
