@@ -62,6 +62,7 @@ def summary(**changes: Any) -> dict[str, Any]:
         "strain_norm_max_in_cells": 0.02,
         "overstrain_max": 0.0,
         "discretisation": {"degree": 1, "limit_at": "vertices"},
+        "strain_sets": [],
         "friction_force": [0.0, -0.0],
         "contact_area": 1.0,
         "slip_area": 0.5,
