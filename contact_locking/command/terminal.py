@@ -130,6 +130,7 @@ def summary_rows(
         ("proved bounds", _bounds(summary["bounds"])),
         ("error estimates", _errors(summary["certificate"]["errors"])),
         *_guaranteed(summary["certificate"]["errors"].get("guaranteed")),
+        *_limit_load(summary["certificate"].get("limit_load")),
         ("uniqueness", summary["certificate"]["constants"]["uniqueness"]["verdict"]),
         ("time", f"{summary['wall_seconds']:.1f} s"),
         ("results in", str(directory)),
@@ -187,3 +188,15 @@ def _guaranteed(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     size = entry["relative"]
     share = "nothing moves" if size is None else f"error at most {100.0 * size:.3g} %"
     return [("guaranteed bound", f"{share}, for the friction bound of this solution")]
+
+
+def _limit_load(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """The row of the limit load, if the study file asks for proofs and displacements move."""
+    if entry is None:
+        return []
+    if entry["load_factor"] is None:
+        return [("limit load", entry["reason"])]
+    confirmed, excluded = entry["load_factor"]
+    most = "any share" if excluded is None else f"more than {100.0 * excluded:.4g} %"
+    shares = f"{100.0 * confirmed:.4g} % can be followed, {most} on no mesh"
+    return [("limit load", f"of the prescribed displacements {shares}")]
