@@ -13,6 +13,7 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import IntArray
+from contact_locking.expressions import LARGEST
 from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
@@ -68,7 +69,9 @@ class BodyFields:
         self.utilisations = [
             _at_points(data.element, domain, share, item.name) for item, share in limits
         ]
-        self.locking_limit = m.limit if data.only_ball else self._limit_along_strain(m.limit)
+        self.locking_limit = m.limit
+        if not data.only_ball:
+            self.locking_limit = self._limit_along_strain(data, m.limit)
         self.locked = fem.Function(m.limit.function_space, name="locked")
         threshold = self.locking_limit.x.array * (1.0 - _LOCKED_MARGIN)
         self.locked.x.array[:] = self.strain_norm.x.array >= threshold
@@ -81,12 +84,16 @@ class BodyFields:
             _at_points(at_peaks, domain, share, item.name) for item, share in limits
         ]
 
-    def _limit_along_strain(self, ball: fem.Function) -> fem.Function:
-        """The largest ``|eps|`` in K along the present strain, inf where nothing limits that."""
+    def _limit_along_strain(self, data: forms.ProblemData, ball: fem.Function) -> fem.Function:
+        """The largest ``|eps|`` in K along the present strain.
+
+        It is `LARGEST` where K has limits but none in that direction, and inf where K has none.
+        """
         limit = ball.copy()
         used = np.max([item.x.array for item in self.utilisations], axis=0)
-        where = used > 0.0
-        along = np.full_like(used, np.inf)
+        is_limited = np.max([item.inverse_limit.x.array for item in data.limits], axis=0) > 0.0
+        along = np.where(is_limited, LARGEST, np.inf)
+        where = used > 1.0 / LARGEST
         along[where] = self.strain_norm.x.array[where] / used[where]
         limit.x.array[:] = np.minimum(limit.x.array, along)
         return limit
