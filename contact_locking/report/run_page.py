@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
+from contact_locking.results.in_words import weakest
 from contact_locking.results.read import RunResults
 
 from .certificate import certificate
@@ -44,6 +45,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         dolfinx=summary.get("dolfinx"),
         ranks=summary.get("ranks"),
         fingerprint=summary.get("fingerprint"),
+        weakness=weakest(summary),
         **_verdict(summary),
         **_picture(run),
         **_iterations(summary),
