@@ -17,8 +17,8 @@ from contact_locking.problem import plausibility
 from contact_locking.problem.assembly import Problem
 from contact_locking.problem.parts import describe_slide
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.results.body_fields import body_summary
 from contact_locking.results.derived import (
-    body_summary,
     contact_summary,
     gather_contacts,
     integral,

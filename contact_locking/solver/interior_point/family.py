@@ -205,10 +205,10 @@ class Family(ABC):
         """
         return 0.0
 
-    def springs(self, stiffness: float) -> float | FloatArray:
-        """Springs of about this stiffness whose forces may change the present reactions.
+    def springs(self, stiffness: float, largest: float) -> float | FloatArray:
+        """Springs of this stiffness at most, whose forces may change the present reactions.
 
-        Collective.
+        ``largest`` is the largest multiplier of all families.
         """
         return stiffness
 
