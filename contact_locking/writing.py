@@ -18,11 +18,12 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, expla
 from contact_locking.files import atomic
 from contact_locking.files.lock import locked, make_folders, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.results import contact_table, fields
+from contact_locking.results import adapted_meshes, contact_table, fields
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
     FIELDS,
+    MESHES,
     PARAMETERS,
     PICTURE,
     SNAPSHOT,
@@ -36,7 +37,17 @@ T = TypeVar("T")
 
 KEY = "output.directory"
 # The summary is the last file: a folder with a summary has all other files.
-_ORDER = (PARAMETERS, CONTACT, FACETS, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
+_ORDER = (
+    PARAMETERS,
+    CONTACT,
+    FACETS,
+    MESHES,
+    FIELDS,
+    SNAPSHOT,
+    PICTURE,
+    checkpoints.NAME,
+    SUMMARY,
+)
 
 # More than the size of a summary, the parameters and some hundred contact points.
 _TEXTS_BYTES = 65_536
@@ -80,10 +91,10 @@ def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
 def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
-    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv.  The section
-    ``output`` of the parameters adds fields.bp, and picture.png with snapshot.npz; ``checkpoint``
-    adds the folder checkpoint.  The files are written into a staging folder and moved when all are
-    complete.  No file of an earlier run stays in the folder.
+    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv, and meshes.npz
+    for adapted meshes.  The section ``output`` of the parameters adds fields.bp, and picture.png
+    with snapshot.npz; ``checkpoint`` adds the folder checkpoint.  The files are written into a
+    staging folder and moved when all are complete.  No file of an earlier run stays in the folder.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
     InputError for a folder that cannot be written to, and ContactLockingError for a full disk; if
@@ -111,6 +122,7 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
 
         def finish() -> None:
             _write_texts(solution, staging)
+            _write_meshes(solution, staging)
             report.discard(target)
             for name in _ORDER:
                 atomic.put_in_place(staging / name, target / name)
@@ -189,6 +201,12 @@ def _write_texts(solution: Solution, folder: Path) -> None:
         contact_table.write_points(points, stream)
     with (folder / FACETS).open("w", encoding="utf-8", newline="") as stream:
         contact_table.write_facets(facets, stream)
+
+
+def _write_meshes(solution: Solution, folder: Path) -> None:
+    """Write the adapted meshes, if there are any; for rank 0."""
+    if solution.meshes:
+        adapted_meshes.save(solution.meshes, folder / MESHES)
 
 
 def _explained(directory: Path) -> contextlib.AbstractContextManager[None]:
