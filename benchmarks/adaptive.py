@@ -156,7 +156,7 @@ def main() -> None:
     reference = Reference(finest)
     fifth = arguments.most // 5
     tables = {
-        "P1, uniform": list(uniform(reference, 1, "vertices", [16, 32, 64, 96])),
+        "P1, uniform": list(uniform(reference, 1, "vertices", [32, 64, 128, 256, 350])),
         "P1, adapted": list(adapted(reference, 1, "vertices", fifth)),
         "P2 (vertices), uniform": list(uniform(reference, 2, "vertices", [8, 16, 32, 64])),
         "P2 (vertices), adapted": list(adapted(reference, 2, "vertices", fifth)),

@@ -21,7 +21,9 @@ from contact_locking import _compat, study_file
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
 from contact_locking.checkpoint import record as records
+from contact_locking.checkpoint import step as steps
 from contact_locking.checkpoint.record import Record
+from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum, on_every_rank, on_root
@@ -47,13 +49,16 @@ class Checkpoint:
     ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts or the sets of strains
     of the checkpoint are not those of the problem, ``multipliers`` is None and ``bounds`` is empty.
     ``is_solution`` says that the state was saved as the solution for the same mesh, material,
-    loads, contact, friction and penalty.
+    loads, contact, friction and penalty, and ``converged`` that it is the solution of some problem.
+    ``step`` is None for a state that is no step of a process.
     """
 
     state: SavedState
     multipliers: Multipliers | None
     bounds: tuple[FloatArray, ...]
     is_solution: bool
+    converged: bool
+    step: SavedStep | None
 
 
 def unavailable() -> str | None:
@@ -123,7 +128,9 @@ def write(solution: Solution, folder: Path) -> None:
             strain_sets=len(solution.locking_parts),
             mesh=study_file.mesh_identity(parameters) | ({"refined": True} if mesh else {}),
             problem=study_file.problem_fingerprint(parameters),
+            step=steps.about(solution),
         )
+        steps.write_history(solution, folder)
         records.save(record, folder)
 
     on_root(domain.comm, finish)
@@ -169,7 +176,11 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     penalty = Penalty(record.n, record.epsilon, record.regularisations)
     state = SavedState(displacement, pressures, penalty)
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
-    return Checkpoint(state, multipliers, bounds, record.converged and same)
+    step = None
+    if record.step is not None and multipliers is not None:
+        step = steps.load(record.step, records.locate(directory), problem, load)
+    is_solution = record.converged and same
+    return Checkpoint(state, multipliers, bounds, is_solution, record.converged, step)
 
 
 def _load_multipliers(
@@ -221,7 +232,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
             found[_of(name, number)] = surface.scalar_function(values)
         traction = surface.vector_function(contact.traction)
         found[_of("tangential_traction", number)] = traction
-    return found
+    return found | steps.fields(solution)
 
 
 def _plain(error: RuntimeError) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
+from contact_locking.results.in_words import weakest
 from contact_locking.results.read import RunResults
 
 from .adapt_charts import adapt_charts, adapted
@@ -48,6 +49,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         dolfinx=summary.get("dolfinx"),
         ranks=summary.get("ranks"),
         fingerprint=summary.get("fingerprint"),
+        weakness=weakest(summary),
         **_verdict(summary),
         **_picture(run),
         **_iterations(summary),

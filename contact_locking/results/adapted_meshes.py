@@ -56,7 +56,9 @@ def surface(cells: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def save(meshes: Sequence[AdaptedMesh], path: Path) -> None:
-    """Write the meshes into one file, without Python's pickle."""
+    """Write the meshes, if there are any, into one file, without Python's pickle."""
+    if not meshes:
+        return
     arrays = {
         f"{name}_{number}": getattr(mesh, name)
         for number, mesh in enumerate(meshes)

@@ -115,8 +115,9 @@ class ContactFields:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
         self.u_normal, self.u_tangent = contact.split(u)
-        # The slip of the step, and the accumulated slip.
+        # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
+        self.old_place, self.old_slip = contact.memory.tangential, contact.memory.slip
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
+#: A row of numbers for each step of a process.
+HISTORY = "history.csv"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 #: The picture of a run, and the arrays that the picture shows.
 PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
