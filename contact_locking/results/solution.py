@@ -50,13 +50,10 @@ class Solution:
     contact_points: ContactPoints | None  # None on the ranks other than 0
     contact_facets: IntArray | None  # (m, d), corners as numbers of the points; None likewise
     summary: dict[str, Any] = field(default_factory=dict)
-<<<<<<< HEAD
     meshes: tuple[AdaptedMesh, ...] = ()  # the adapted meshes up to this one, on rank 0
-=======
     time: float = 0.0  # the time of the step, 0 without steps
     history: History = field(default_factory=History)  # the steps up to this one, none without
     halved: tuple[str, ...] = ()  # which steps were halved, in words
->>>>>>> main
 
     @property
     def converged(self) -> bool:
