@@ -11,7 +11,6 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -22,6 +21,7 @@ from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint import step as steps
+from contact_locking.checkpoint.other_mesh import another_mesh
 from contact_locking.checkpoint.record import Record
 from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import ContactLockingError, InputError
@@ -165,7 +165,7 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     difference = difference or _difference_in_places(load(_PLACES, space))
     if difference:
         here = identity | ({"refined": True} if problem.domain.is_refined else {})
-        raise InputError(_another_mesh(directory, difference, record, here))
+        raise InputError(another_mesh(directory, difference, record, here))
     multipliers: Multipliers | None = None
     bounds: tuple[FloatArray, ...] = ()
     same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
@@ -286,23 +286,3 @@ def _difference_in_places(saved: fem.Function) -> str:
     extent = maximum(comm, np.abs(expected))
     same = np.abs(saved.x.array - expected) <= _SAME_PLACE * extent
     return "" if on_every_rank(comm, same) else "its nodes lie elsewhere"
-
-
-def _another_mesh(
-    directory: str | Path, difference: str, record: Record, identity: dict[str, Any]
-) -> str:
-    """The message about a checkpoint of another mesh, with the parameters that differ."""
-    names = [name for name in {**record.mesh, **identity} if name != "content"]
-    changes = [
-        f"mesh.{name} was {record.mesh.get(name)}, is {identity.get(name)}"
-        for name in names
-        if record.mesh.get(name) != identity.get(name)
-    ]
-    if record.mesh.get("content") != identity.get("content"):
-        changes = ["the mesh file is another one or has changed"]
-    # Another version of Gmsh makes another mesh of the same parameters.
-    told = "; ".join(changes) or "perhaps another version of Gmsh; a mesh.file would not change"
-    return (
-        f"the checkpoint in {directory} is of another mesh: {difference} ({told}); "
-        "restart with the mesh of the checkpoint"
-    )

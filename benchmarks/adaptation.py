@@ -1,6 +1,6 @@
 """The error on adapted and uniform meshes over unknowns and time: docs/guides/adaptive.md.
 
-    ./in-env python3 benchmarks/adaptive.py    some minutes
+    ./in-env python3 benchmarks/adaptation.py    some minutes
 
 The case is the block of the other benchmarks with n = inf, mu = 0.3 and R over r = 0.1.  The
 reference is the solution with quadratic displacements on the finest of a further sequence of
