@@ -18,7 +18,7 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, expla
 from contact_locking.files import atomic
 from contact_locking.files.lock import locked, make_folders, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.results import contact_table, fields
+from contact_locking.results import contact_table, fields, xdmf
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
@@ -27,6 +27,8 @@ from contact_locking.results.names import (
     PICTURE,
     SNAPSHOT,
     SUMMARY,
+    XDMF,
+    XDMF_DATA,
     not_writable,
 )
 from contact_locking.results.solution import Solution
@@ -36,7 +38,10 @@ T = TypeVar("T")
 
 KEY = "output.directory"
 # The summary is the last file: a folder with a summary has all other files.
-_ORDER = (PARAMETERS, CONTACT, FACETS, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
+_ORDER = (
+    *(PARAMETERS, CONTACT, FACETS, FIELDS, XDMF_DATA, XDMF, SNAPSHOT, PICTURE),
+    *(checkpoints.NAME, SUMMARY),
+)
 
 # More than the size of a summary, the parameters and some hundred contact points.
 _TEXTS_BYTES = 65_536
@@ -81,9 +86,9 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
     The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv.  The section
-    ``output`` of the parameters adds fields.bp, and picture.png with snapshot.npz; ``checkpoint``
-    adds the folder checkpoint.  The files are written into a staging folder and moved when all are
-    complete.  No file of an earlier run stays in the folder.
+    ``output`` of the parameters adds fields.bp or fields.xdmf, and picture.png with snapshot.npz;
+    ``checkpoint`` adds the folder checkpoint.  The files are written into a staging folder and
+    moved when all are complete.  No file of an earlier run stays in the folder.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
     InputError for a folder that cannot be written to, and ContactLockingError for a full disk; if
@@ -94,8 +99,11 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
     warnings: list[str] = []
     refused: list[str] = []
     with _staging(comm, target) as staging:
-        if wanted.fields:
+        if wanted.fields and "vtx" in wanted.formats:
             _write_fields(solution, target, staging / FIELDS)
+        if wanted.fields and "xdmf" in wanted.formats:
+            with _explained(target) if comm.size == 1 else contextlib.nullcontext():
+                xdmf.write(solution, staging / XDMF, comm)
         if wanted.picture:
             try:
                 problem = plotting.picture(solution, staging)

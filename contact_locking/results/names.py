@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
+#: The fields for tools that do not read VTX: XDMF, and its data in HDF5.
+XDMF, XDMF_DATA = "fields.xdmf", "fields.h5"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 #: The picture of a run, and the arrays that the picture shows.
 PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
