@@ -59,6 +59,10 @@ def summary(**changes: Any) -> dict[str, Any]:
         "iterations": {"tangents": 1, "linear": 2, "friction": 0},
         "residual": 1e-9,
         "strain_norm_max": 0.02,
+        "strain_norm_max_in_cells": 0.02,
+        "overstrain_max": 0.0,
+        "discretisation": {"degree": 1, "limit_at": "vertices"},
+        "strain_sets": [],
         "friction_force": [0.0, -0.0],
         "contact_area": 1.0,
         "slip_area": 0.5,
@@ -130,6 +134,12 @@ def test_a_result_with_a_large_error_is_not_plainly_converged() -> None:
 )
 def test_the_largest_strain_is_told_beside_the_limit(ratio: float | None, words: str) -> None:
     assert told(summary(), ratio)["largest strain"] == words
+
+
+def test_the_strain_between_gauss_points_is_told() -> None:
+    found = summary(strain_norm_max_in_cells=0.025, overstrain_max=0.25)
+    words = "0.02, the limit, at the Gauss points; 0.025, 25 % above the limit, between the points"
+    assert told(found, 1.0)["largest strain"] == words
 
 
 def test_shares_are_written_alike_everywhere() -> None:

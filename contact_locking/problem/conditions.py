@@ -16,20 +16,40 @@ from contact_locking.problem.domain import Domain
 
 @dataclass(frozen=True)
 class ComponentCondition:
-    """``u_i = value(x)`` on the named boundary parts; ``value`` maps (d, k) to (k,)."""
+    """``u_i = value(x)`` on the named boundary parts; ``value`` maps (d, k) to (k,).
+
+    ``timed`` says that the values depend on the time.
+    """
 
     on: tuple[str, ...]
     component: int
     value: Callable[[FloatArray], FloatArray]
     key: str
+    timed: bool = False
+
+    def write(self, function: fem.Function) -> None:
+        """Interpolate the present values; collective."""
+        dim = function.function_space.mesh.geometry.dim
+        function.interpolate(lambda x: self.value(x[:dim]))
 
 
 @dataclass(frozen=True)
 class Constraints:
-    """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix."""
+    """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix.
+
+    ``wanted`` are the conditions for single components that :func:`constrain` was given.
+    ``timed`` pairs each condition that depends on the time with the function of its values.
+    """
 
     conditions: list[fem.DirichletBC]
     dofs: IndexArray
+    wanted: Sequence[ComponentCondition] = ()
+    timed: Sequence[tuple[ComponentCondition, fem.Function]] = ()
+
+    def advance(self) -> None:
+        """Evaluate the prescribed values at the present time; collective."""
+        for condition, values in self.timed:
+            condition.write(values)
 
     def apply(self, u: fem.Function) -> None:
         """Write the prescribed values into ``u``."""
@@ -52,17 +72,21 @@ def constrain(
     At a node of two conditions for the same component, the later condition holds.
     """
     conditions: list[fem.DirichletBC] = []
+    timed: list[tuple[ComponentCondition, fem.Function]] = []
     fixed: list[IndexArray] = [np.empty(0, dtype=np.int32)]
     scalars = [_compat.collapse(space.sub(i))[0] for i in range(domain.dim)] if wanted else []
     for item in wanted:
         sub, scalar = space.sub(item.component), scalars[item.component]
         facets = domain.facets(item.on, item.key)
         value = fem.Function(scalar)
-        value.interpolate(lambda x, item=item: item.value(x[: domain.dim]))
+        item.write(value)
+        if item.timed:
+            timed.append((item, value))
         dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
         conditions.append(fem.dirichletbc(value, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
-    return Constraints(conditions, np.unique(np.concatenate(fixed)))
+    fixed_dofs = np.unique(np.concatenate(fixed))
+    return Constraints(conditions, fixed_dofs, tuple(wanted), timed)
 
 
 def rigid_motions(space: fem.FunctionSpace) -> FloatArray:

@@ -68,15 +68,16 @@ def rows(summary: Mapping[str, Any], ratio: float | None) -> list[tuple[str, str
     return [
         ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
         *([("restart", restart)] if restart else []),
-        ("size", ", ".join(sizes)),
+        ("size", f"{', '.join(sizes)}; elements of degree {summary['discretisation']['degree']}"),
         ("iterations", ", ".join(counts)),
-        ("largest strain", _strain(summary["strain_norm_max"], ratio)),
+        ("largest strain", _strain(summary, ratio)),
         *([] if ratio is None else [("locked", _locked(summary["locked_fraction"]))]),
         ("contact force", _vector(summary["contact_force"])),
         ("friction force", _vector(summary["friction_force"])),
         ("contact area", _areas(summary["contact_area"], summary["slip_area"])),
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary["bounds"], certificate["errors"])),
+        *_not_bounded(certificate["errors"].get("guaranteed")),
         ("estimated", _estimated(certificate["errors"])),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"]["verdict"])),
@@ -111,13 +112,30 @@ def _relative(errors: Mapping[str, Any], name: str) -> float | None:
     return float(value) if isinstance(value, int | float) else None
 
 
-def _strain(largest: float, ratio: float | None) -> str:
+def _strain(summary: Mapping[str, Any], ratio: float | None) -> str:
+    largest = summary["strain_norm_max"]
     if ratio is None:
         return f"{largest:.4g} (no strain limit is set)"
+    if summary["strain_sets"]:
+        # The strain that uses up most of a limit need not be the largest.
+        return f"{largest:.4g}, up to {per_cent(ratio)} of the limits"
     if ratio > 1.0 + 1e-6:
-        return f"{largest:.4g}, {per_cent(ratio - 1.0)} above the limit"
-    at_limit = ratio >= 1.0 - 1e-6
-    return f"{largest:.4g}, " + ("the limit" if at_limit else f"{per_cent(ratio)} of the limit")
+        at_points = f"{largest:.4g}, {per_cent(ratio - 1.0)} above the limit"
+    elif ratio >= 1.0 - 1e-6:
+        at_points = f"{largest:.4g}, the limit"
+    else:
+        at_points = f"{largest:.4g}, {per_cent(ratio)} of the limit"
+    return at_points + _between_points(summary)
+
+
+def _between_points(summary: Mapping[str, Any]) -> str:
+    """The largest strain where no limit holds, if this strain is larger than at the points."""
+    largest = summary["strain_norm_max_in_cells"]
+    if largest <= summary["strain_norm_max"] * (1.0 + 1e-6):
+        return ""
+    beyond = summary["overstrain_max"]
+    above = f", {per_cent(beyond)} above the limit" if beyond > 0.0 else ""
+    return f", at the Gauss points; {largest:.4g}{above}, between the points"
 
 
 def _locked(share: float) -> str:
@@ -156,12 +174,21 @@ def _proved(bounds: Mapping[str, Mapping[str, Any]], errors: Mapping[str, Any]) 
         return f"violated: {', '.join(broken)}"
     held = sum(entry["holds"] is True for entry in bounds.values())
     told = []
+    if (whole := _relative(errors, "guaranteed")) is not None:
+        told.append(f"the whole error is at most {per_cent(whole)}, for the friction bound reached")
     if distance := _relative(errors, "penalty"):
         of_what = "on this mesh, under the friction bound reached"
         told.append(f"the penalty changes the solution by at most {per_cent(distance)} ({of_what})")
     if held:
         told.append(f"{count(held, 'bound')} of the theory, which the result keeps")
     return "; ".join(told) or "no bound applies"
+
+
+def _not_bounded(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """Why the guaranteed bound that the study file asks for does not apply."""
+    if entry is None or entry["applicable"]:
+        return []
+    return [("guaranteed bound", entry["reason"])]
 
 
 def _estimated(errors: Mapping[str, Any]) -> str:
