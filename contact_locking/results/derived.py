@@ -133,8 +133,9 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
     locking = _at_points(data.element, domain, stress, "locking_stress", tensor)
     forces = []
     for contact in data.contacts:
-        pressure = contact.surface.average(forms.pressure(u, contact, data))()
-        friction = contact.surface.average(forms.friction(u, contact))()
+        limited = contact.limited(u)
+        pressure = contact.surface.average(forms.pressure(limited, contact, data))()
+        friction = contact.surface.average(forms.friction(limited, contact))()
         forces.append(ContactForces(pressure, friction, pressure > 0.0))
     return Multipliers(locking, tuple(forces))
 
