@@ -76,6 +76,8 @@ class PointValues:
         blocks: IndexArray,
     ) -> None:
         self._blocks, self.space = blocks, vectors
+        #: Whether the limited values are the nodal values.
+        self.are_nodal = not trace.controls
         self._middles: IndexArray = np.empty(0, np.int32)
         self._ends: IndexArray = np.empty((0, 2), np.int32)
         if trace.controls:
@@ -83,11 +85,6 @@ class PointValues:
             self.space = _control_space(vectors)
         self.matrix = self._map(nodes, blocks, own=2.0, end=-0.5)
         self._of_scalars = self._map(nodes, np.arange(len(blocks)), own=2.0, end=-0.5)
-
-    @property
-    def are_nodal(self) -> bool:
-        """Whether the limited values are the nodal values."""
-        return len(self._middles) == 0
 
     def of(self, v: Expr) -> Expr:
         """A function or an argument of ``space`` with the degrees of freedom of ``v``."""
