@@ -50,9 +50,9 @@ def test_a_converged_run_returns_0_and_only_rank_0_prints_its_table(
     output, errors = capsys.readouterr()
     assert errors == ""
     if comm.rank == 0:
-        assert "stage 1" in output and "friction update 1" in output
-        for name in ("converged           yes", "locked share", "contact force", "results in"):
-            assert name in output
+        assert "stage 1" in output and "friction update" in output
+        for name in ("converged ", "locked ", "contact force ", "results in "):
+            assert f"\n{name}" in output
         assert json.loads((folder / "out" / "summary.json").read_text())["converged"] is True
     else:
         assert output == ""

@@ -19,7 +19,7 @@ from mpi4py import MPI
 from contact_locking import from_mapping, solve
 from contact_locking.command import arguments, cli
 from contact_locking.results.summary import summary_text
-from contact_locking.study_file.schema import rows
+from contact_locking.study_file.listing import rows
 from contact_locking.study_file.source import read
 
 ROOT = Path(__file__).parent.parent
@@ -46,7 +46,7 @@ def commands(page: str) -> Iterator[list[str]]:
     """The words after contact-locking of every line of code that calls it."""
     text = (ROOT / page).read_text(encoding="utf-8")
     for line in re.findall(r"^    (.*\bcontact-locking .*)$", text, re.MULTILINE):
-        words = re.split(r"\s{3,}|\s+#", line.partition("contact-locking ")[2])[0]
+        words = re.split(r"\s{3,}|\s+[#>]", line.partition("contact-locking ")[2])[0]
         # Some line of a shell is no call of ours: apt-get, cd, docker.
         if words.split()[0] in generated_reference.commands(arguments.parser()):
             yield shlex.split(words)

@@ -34,8 +34,8 @@ def test_eliminated_steps_satisfy_the_full_newton_system(
 ) -> None:
     random = np.random.default_rng(3)
     eps = 0.3 * random.standard_normal((3, 6))
-    points = _points(weights=np.ones(6), rows=3)
-    locking = LockingCones(lorentz, points, np.full(6, 1.0), compliance)
+    points = _points(weights=np.ones(6), rows=3, limit=np.full(6, 1.0))
+    locking = LockingCones(lorentz, points, compliance, 0)
     locking.seen = eps
     locking.start(0.0, 0.0)
     locking.x[0] += 0.3

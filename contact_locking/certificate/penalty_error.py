@@ -36,10 +36,11 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     ``t = -sigma_tau`` of the penalised solution u,
 
         eta^2 = a(w - u, w - u)/2 + int (M |Z| - Z : eps(w)) + int p (gap - w_nu)
-                + int (G |w_tau| - t . w_tau),
+                + int (G |w_tau - u_old| - t . (w_tau - u_old)),
 
-    where every term is non-negative.  eta^2 is the primal energy of w minus the dual energy of
-    (Z, p, t), with which u is in equilibrium (docs/certificate.md).
+    where every term is non-negative.  With several sets of strains, ``M |Z| - Z : eps(w)`` stands
+    for the sum of ``M |y| - y : L eps(w)`` over them.  eta^2 is the primal energy of w minus the
+    dual energy of (Z, p, t), with which u is in equilibrium (docs/certificate.md).
 
     To obtain w, an elastic field is subtracted from u that removes the penetration, and the result
     is moved towards an admissible field until the strain keeps the limit.  Returns ``energy_norm``,
@@ -53,7 +54,7 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     try:
         if not state.report.converged:
             raise NotApplicable("the solve did not converge")
-        w = _admissible_neighbour(state, lifting)
+        w = admissible_neighbour(state, lifting)
     except NotApplicable as failure:
         none = dict.fromkeys(("energy_norm", "relative", "displacement_norm"))
         return {**none, "reason": str(failure)}
@@ -93,16 +94,20 @@ def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[st
     }
 
 
-def _admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
-    """``w = w_0 + theta (u - c - w_0)`` with the largest theta in [0, 1] and ``|eps(w)| <= M``."""
+def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
+    """``w = w_0 + theta (u - c - w_0)`` with the largest theta in [0, 1] and ``|eps(w)| <= M``.
+
+    Collective.  Raises NotApplicable if there is no such field.
+    """
     start, back = lifting.admissible, lifting.push_back()
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
     _check_entered(state, w)
-    a = np.zeros_like(state.points.strain)
-    if start is not None:
-        a = state.points.interpolated(strain(start))
-    theta = _largest_step(a, state.points.interpolated(strain(w)) - a, state.points.limit)
+    theta = 1.0
+    for item in state.points.sets:
+        b = item.measured(strain(w))
+        a = np.zeros_like(b) if start is None else item.measured(strain(start))
+        theta = min(theta, _largest_step(a, b - a, item.limit))
     theta = float(state.comm.allreduce(theta, op=MPI.MIN))
     w.x.array[:] *= theta
     if start is not None:
@@ -110,10 +115,26 @@ def _admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     return w
 
 
+def energy_distance(state: SolvedState, w: fem.Function) -> float:
+    """``sqrt(a(w - u, w - u))`` for the displacement u of the state; collective."""
+    u = state.problem.u
+    step = fem.Function(u.function_space)
+    step.x.array[:] = w.x.array - u.x.array
+    form = forms.elastic_form(step, step, state.problem.data)
+    return float(np.sqrt(integral(state.problem.domain, form)))
+
+
 def _largest_step(a: FloatArray, b: FloatArray, limit: FloatArray) -> float:
-    """The largest theta in [0, 1] with ``|a + theta b| <= M`` at all points, where ``|a| <= M``."""
+    """The largest theta in [0, 1] with ``|a + theta b| <= M`` at all points, where ``|a| <= M``.
+
+    For scalars a and b it is that with ``a + theta b <= M``.
+    """
     locks = np.isfinite(limit)
     a, b, limit = a[locks], b[locks], limit[locks]
+    if a.ndim == 1:
+        room = np.maximum(limit - a, 0.0)
+        steps = np.divide(room, b, out=np.ones_like(b), where=b > 0.0)
+        return float(min(1.0, steps.min(initial=1.0)))
     aa, ab, bb = (np.einsum("kij,kij->k", *pair) for pair in ((a, a), (a, b), (b, b)))
     room = np.maximum(limit**2 - aa, 0.0)
     # The positive root of bb theta^2 + 2 ab theta = room, without cancellation.
@@ -134,16 +155,13 @@ def _check_entered(state: SolvedState, w: fem.Function) -> None:
 
 def _gap(state: SolvedState, w: fem.Function) -> float:
     """``eta^2`` of :func:`penalty_error`; collective."""
-    u, data, points = state.problem.u, state.problem.data, state.points
-    step = fem.Function(u.function_space)
-    step.x.array[:] = w.x.array - u.x.array
-    total = integral(state.problem.domain, 0.5 * forms.elastic_form(step, step, data))
-    stress, eps = points.locking_stress, points.interpolated(strain(w))
-    size = np.linalg.norm(stress, axis=(1, 2))
-    largest = np.where(np.isfinite(points.limit), points.limit, 0.0) * size
-    total += state.sum(points.weights * (largest - np.einsum("kij,kij->k", stress, eps)))
+    points = state.points
+    total = 0.5 * energy_distance(state, w) ** 2
+    for item in points.sets:
+        work = item.work(item.measured(strain(w)))
+        total += state.sum(points.weights * (item.support - work))
     for fields in state.contacts:
-        normal, slip = fields.contact.split(w)
+        normal, slip = fields.contact.split(w)[0], fields.contact.increment(w)
         work = np.sum(fields.traction * slip, axis=1)
         friction = fields.bound * np.linalg.norm(slip, axis=1) + work
         opening = fields.pressure * (fields.gap - normal)

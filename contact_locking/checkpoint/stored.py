@@ -26,12 +26,12 @@ from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.problem.assembly import Problem
+from contact_locking.problem.whole_mesh import gather_mesh
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
-_BODY = ("displacement", "locking_stress")
 _PLACES = "places"
 # The coordinates of the same mesh may differ by this share of the extent, because another machine
 # may have made the mesh.
@@ -44,10 +44,10 @@ _NOTES = 65_536
 class Checkpoint:
     """A saved state on the present mesh.
 
-    ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts of the checkpoint are
-    not those of the problem, ``multipliers`` is None and ``bounds`` is empty.  ``is_solution`` says
-    that the state was saved as the solution for the same mesh, material, loads, contact, friction
-    and penalty.
+    ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts or the sets of strains
+    of the checkpoint are not those of the problem, ``multipliers`` is None and ``bounds`` is empty.
+    ``is_solution`` says that the state was saved as the solution for the same mesh, material,
+    loads, contact, friction and penalty.
     """
 
     state: SavedState
@@ -76,6 +76,10 @@ def size(solution: Solution) -> int:
         cells = mesh.topology.index_map(mesh.topology.dim).size_global
         total += 8 * dofmap.index_map.size_global * dofmap.index_map_bs
         total += cells * (8 * dofmap.bs * dofmap.list.shape[1] + 12)
+    domain = solution.domain
+    if domain.is_refined:
+        # Points, cells, facets and parts.
+        total += domain.num_cells * (16 * (domain.dim + 2) + 8 * domain.dim + 4)
     return int(total)
 
 
@@ -96,9 +100,12 @@ def write(solution: Solution, folder: Path) -> None:
             raise
         raise ContactLockingError(f"ADIOS2 cannot write it: {_plain(error)}") from error
     penalties = solution.summary["penalty"]
+    mesh = gather_mesh(domain) if domain.is_refined else None
     nodes = solution.displacement.function_space.dofmap.index_map.size_global
 
     def finish() -> None:
+        if mesh is not None:
+            mesh.save(folder, records.MESH)
         record = Record(
             version=__version__,
             converged=solution.converged,
@@ -109,10 +116,12 @@ def write(solution: Solution, folder: Path) -> None:
             ),
             dimension=domain.dim,
             degree=solution.element.degree,
+            limit_at=solution.element.limit_at,
             cells=domain.num_cells,
             nodes=int(nodes),
             contacts=len(solution.contacts),
-            mesh=study_file.mesh_identity(parameters),
+            strain_sets=len(solution.locking_parts),
+            mesh=study_file.mesh_identity(parameters) | ({"refined": True} if mesh else {}),
             problem=study_file.problem_fingerprint(parameters),
         )
         records.save(record, folder)
@@ -148,10 +157,12 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     space = problem.u.function_space
     difference = difference or _difference_in_places(load(_PLACES, space))
     if difference:
-        raise InputError(_another_mesh(directory, difference, record, identity))
+        here = identity | ({"refined": True} if problem.domain.is_refined else {})
+        raise InputError(_another_mesh(directory, difference, record, here))
     multipliers: Multipliers | None = None
     bounds: tuple[FloatArray, ...] = ()
-    if record.contacts == len(problem.contacts) or not problem.contacts:
+    same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
+    if same_contacts and record.strain_sets == len(problem.data.sets):
         multipliers, bounds = _load_multipliers(load, problem)
     pressures = () if multipliers is None else tuple(c.pressure for c in multipliers.contacts)
     displacement = load("displacement", space).x.array
@@ -165,8 +176,7 @@ def _load_multipliers(
     load: Callable[[str, fem.FunctionSpace], fem.Function], problem: Problem
 ) -> tuple[Multipliers, tuple[FloatArray, ...]]:
     """The multipliers and the friction bound (k,) of each contact; collective."""
-    dim = problem.domain.dim
-    stress = load("locking_stress", problem.element.strain_space(problem.domain.mesh, (dim, dim)))
+    dim, data = problem.domain.dim, problem.data
     forces, bounds = [], []
     for number, contact in enumerate(problem.contacts):
         surface = contact.surface
@@ -178,7 +188,16 @@ def _load_multipliers(
         friction = 0.0 - traction.reshape(-1, dim)[surface.blocks]
         forces.append(ContactForces(pressure, friction, state != OPEN))
         bounds.append(bound)
-    return Multipliers(stress, tuple(forces)), tuple(bounds)
+    found = Multipliers.none(data, problem.domain.mesh, tuple(forces))
+    for name, part in zip(_names_of_parts(len(found.parts)), found.parts, strict=True):
+        part.x.array[:] = load(name, part.function_space).x.array
+    found.add_up(data)
+    return found, tuple(bounds)
+
+
+def _names_of_parts(sets: int) -> list[str]:
+    """The names of the stored multipliers of the sets of strains."""
+    return ["locking_stress"] + [f"locking_stress_{number}" for number in range(1, sets)]
 
 
 def _of(name: str, number: int) -> str:
@@ -188,7 +207,8 @@ def _of(name: str, number: int) -> str:
 
 def _fields(solution: Solution) -> dict[str, fem.Function]:
     """The stored fields by name; collective."""
-    found = {name: getattr(solution, name) for name in _BODY}
+    found = {"displacement": solution.displacement}
+    found |= zip(_names_of_parts(len(solution.locking_parts)), solution.locking_parts, strict=True)
     found[_PLACES] = _places(solution.displacement.function_space)
     for number, contact in enumerate(solution.contacts):
         surface = contact.surface
@@ -226,12 +246,20 @@ def _places(space: fem.FunctionSpace) -> fem.Function:
 def _difference_in_size(record: Record, problem: Problem) -> str:
     """The difference in size between the two meshes, in words; empty if there is none.
 
-    Raises InputError if the degrees of the displacement differ.
+    Raises InputError if the elements differ.
     """
-    degree = problem.element.degree
-    if record.degree != degree:
+    element = problem.element
+    if record.degree != element.degree:
         raise InputError(
-            f"the checkpoint holds elements of degree {record.degree}; degree {degree} is needed"
+            f"the checkpoint is of elements of degree {record.degree}, and the study has degree "
+            f"{element.degree}; restart with discretisation.degree: {record.degree}",
+            "discretisation.degree",
+        )
+    if record.limit_at != element.limit_at:
+        raise InputError(
+            f"the checkpoint has the locking limit at {record.limit_at}, and the study has the "
+            f"limit at {element.limit_at}; restart with discretisation.limit_at: {record.limit_at}",
+            "discretisation.limit_at",
         )
     nodes = int(problem.u.function_space.dofmap.index_map.size_global)
     here = (problem.domain.dim, problem.domain.num_cells, nodes)

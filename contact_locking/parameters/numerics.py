@@ -1,4 +1,4 @@
-"""Penalty, solver, certificate and output."""
+"""Discretisation, penalty, solver, certificate and output."""
 
 from __future__ import annotations
 
@@ -8,11 +8,25 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, field_validator
 
 from .base import Section, entry
-from .values import Count, Positive, PositiveOrInfinite, Switch, Text, Tolerance
+from .values import Count, Degree, Positive, PositiveOrInfinite, Switch, Text, Tolerance
 from .wording import show
 
 # Linux's PATH_MAX is 4096, and the names of the files are appended to the folder.
 _LONGEST_PATH = 3900
+
+
+class DiscretisationParameters(Section):
+    """The element: the degree of the displacements, and the points where the strain keeps M."""
+
+    degree: Degree = entry(
+        1, "degree of the displacements in each cell: 1, as in the theorems of the paper, or 2", "1"
+    )
+    limit_at: Literal["vertices", "gauss"] = entry(
+        "vertices",
+        "where the strain of degree 2 keeps the limit: vertices of each cell, hence everywhere, or "
+        "gauss, which is closer to the solution and exceeds M between the points; for degree 1 "
+        "both are the same",
+    )
 
 
 class PenaltyParameters(Section):
@@ -77,6 +91,11 @@ class CertificateParameters(Section):
     )
     limit: Switch = entry(
         False, "solve for n = .inf on the same mesh too, and measure the distance to its solution"
+    )
+    error_bound: Switch = entry(
+        False,
+        "a proved bound of the error of mesh and penalty in the energy norm, for the friction "
+        "bound of the solution; in 2D",
     )
 
 

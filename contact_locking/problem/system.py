@@ -57,7 +57,12 @@ class PenalisedSystem:
         self._elastic_energy = compiled.form(0.5 * forms.elastic_form(u, u, data))
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self._assemble(JointForm(forms.external_work(v, data)))
+        self._external = JointForm(forms.external_work(v, data))
+        self.assemble_loads()
+
+    def assemble_loads(self) -> None:
+        """Assemble the loads of the present time; collective."""
+        self._assemble(self._external)
         # (f, .) at the owned dofs, constrained dofs included.
         self.load = self._work.x.array[: self._owned].copy()
         self._load_norm = float(la.norm(self._work.x))

@@ -29,7 +29,9 @@ class Quantity:
 QUANTITIES = (
     Quantity("compliance", "work of the loads, (f, u)", "energy"),
     Quantity("elastic_energy", "elastic energy, ½ a(u, u)", "energy"),
-    Quantity("strain_norm_max", "largest strain |ε(u)|", "1"),
+    Quantity("strain_norm_max", "largest strain |ε(u)| where the limit is kept", "1"),
+    Quantity("strain_norm_max_in_cells", "largest strain |ε(u)| anywhere", "1", plotted=False),
+    Quantity("overstrain_max", "largest |ε(u)|/M − 1 anywhere", "1", plotted=False),
     Quantity("locked_fraction", "share of the body that is locked, |ε| ≥ M", "1", settles=False),
     Quantity("contact_force", "resultant of the contact pressure on the body", "force"),
     Quantity("friction_force", "resultant of the friction on the body", "force"),
@@ -57,6 +59,12 @@ QUANTITIES = (
         vanishes=True,
     ),
     Quantity(
+        "certificate.errors.guaranteed.relative",
+        "proved bound of the error of mesh and penalty, relative in the energy norm",
+        "1",
+        vanishes=True,
+    ),
+    Quantity(
         "admissible_load_factor",
         "between these shares of the prescribed displacements a solution on this mesh ends",
         "1",
@@ -70,6 +78,8 @@ QUANTITIES = (
         "1",
         plotted=False,
     ),
+    Quantity("discretisation.degree", "degree of the displacements", "1", plotted=False),
+    Quantity("discretisation.limit_at", "points of each cell with the limit", "", plotted=False),
     Quantity("dofs", "degrees of freedom", "1", plotted=False),
     Quantity("cells", "cells of the mesh", "1", plotted=False),
 )
@@ -107,6 +117,9 @@ MEANINGS = {
     "penalty.energy_norm": "bound of the distance to the solution for n = ∞ on this mesh",
     "penalty.relative": "the same over the solution",
     "penalty.displacement_norm": "the same bound in the norm of the strain",
+    "guaranteed.energy_norm": "proved bound of the whole error, for the friction bound kept fixed",
+    "guaranteed.relative": "the same over the solution",
+    "guaranteed.applicable": "whether the bound is proved for these data",
     "penalty_measured.energy_norm": "measured distance to the solution for n = ∞ on this mesh",
     "penalty_measured.relative": "the same over the solution",
     "penalty_measured.displacement_norm": "the same distance in the norm of the strain",

@@ -32,11 +32,13 @@ class Solution:
     element: Element
     displacement: fem.Function  # P1, vector
     strain_norm: fem.Function  # P0, |eps(u)|
-    locking_limit: fem.Function  # P0, M
-    locked: fem.Function  # P0, 1 where |eps| >= M (1 - 1e-6), else 0
+    locking_limit: fem.Function  # P0, M; with other sets the largest |eps| along eps(u)
+    locked: fem.Function  # P0, 1 where |eps| >= locking_limit (1 - 1e-6), else 0
     elastic_stress: fem.Function  # P0, (d, d): A eps(u)
     locking_stress: fem.Function  # P0, (d, d): Z
+    locking_parts: tuple[fem.Function, ...]  # P0, the multiplier of each set of strains
     error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery, for P1 alone
+    elastic_error_indicator: fem.Function | None  # P0, the same for the elastic stress
     contact_pressure: fem.Function  # P1, -sigma_nu >= 0
     smoothed_stress: fem.Function  # P1, R sigma_nu
     tangential_traction: fem.Function  # P1, vector, sigma_tau

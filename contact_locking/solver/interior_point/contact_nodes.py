@@ -23,7 +23,7 @@ class ContactNodes:
 
     The nodes are the owned ones of ``contact`` whose normal displacement is free, as nothing is
     left to decide at the others.  ``number`` is the place of the contact among all contacts.
-    Vectors are (d, k), scalars (k,); ``gap`` (k,) and ``weights`` (k,) are those of the nodes.
+    Vectors are (d, k), scalars (k,); ``weights`` (k,) are those of the nodes.
     """
 
     def __init__(self, contact: Contact, number: int, system: PenalisedSystem) -> None:
@@ -33,9 +33,13 @@ class ContactNodes:
         self._normal = np.ascontiguousarray(contact.normals[self._active].T)
         self._nodes, self._blocks = surface.nodes[self._active], surface.blocks[self._active]
         self.weights = surface.weights[self._active]
-        self.gap = contact.gaps[self._active]
         self._matrix = self._limited_values(system)
         self._displacement, self._values = self._matrix.createVecs()
+
+    @property
+    def gap(self) -> FloatArray:
+        """The gap (k,)."""
+        return self.contact.gaps[self._active]
 
     def normal_displacements(self, displacement: FloatArray) -> FloatArray:
         """``u_nu`` (k,) of a displacement (owned values); collective."""
@@ -43,7 +47,17 @@ class ContactNodes:
 
     def slips(self, displacement: FloatArray) -> FloatArray:
         """``u_tau`` (d, k) of a displacement (owned values); collective."""
-        values = self._at_points(displacement)
+        return self._tangential(self._at_points(displacement))
+
+    def old_slips(self) -> FloatArray:
+        """``u_{k-1,tau}`` (d, k), where the nodes stood before the step."""
+        return self.contact.memory.tangential[self._active].T
+
+    def increments(self, displacement: FloatArray) -> FloatArray:
+        """The slips (d, k) of the step, ``u_tau - u_{k-1,tau}``, of a displacement; collective."""
+        return self._tangential(self._at_points(displacement) - self.old_slips())
+
+    def _tangential(self, values: FloatArray) -> FloatArray:
         # Once more, as rounding leaves a normal part that the stiffness of sticking enlarges.
         for _ in range(2):
             values = values - np.einsum("ik,ik->k", values, self._normal) * self._normal

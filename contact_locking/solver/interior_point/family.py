@@ -114,8 +114,8 @@ class Family(ABC):
         """Make the block D of the present points and of what was seen."""
 
     @abstractmethod
-    def hold(self, stiffness: float) -> None:
-        """Put springs ``D = stiffness`` in place of the cones' block."""
+    def hold(self, stiffness: float | FloatArray) -> None:
+        """Put springs ``D = stiffness``, a number or (k,), in place of the cones' block."""
 
     @abstractmethod
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
@@ -197,6 +197,13 @@ class Family(ABC):
         Infinite for reactions that the limit has not; zero for cones that do not limit it.
         """
         return 0.0
+
+    def springs(self, stiffness: float) -> float | FloatArray:
+        """Springs of about this stiffness whose forces may change the present reactions.
+
+        Collective.
+        """
+        return stiffness
 
     def describe_excess(self) -> str:
         """Where what was seen exceeds its limit the most, "" for no limit to name; collective."""

@@ -16,11 +16,12 @@ from contact_locking.solver.multipliers import Multipliers
 
 
 class FrictionCones(LorentzCones):
-    """``x = (t, u_tau, eps) in L`` with cost ``G t``, node by node; ``z = (G, sigma_tau, .)``.
+    """``x = (t, slip, eps) in L`` with cost ``G t``, node by node; ``z = (G, sigma_tau, .)``.
 
-    The last entry of the primal point is the regularisation eps, absent where it is 0.  The bound G
-    follows the pressure outside of the cones; ``bound_step`` (k,) is how far a step is to move it.
-    ``length`` is the extent of the body.
+    The slip is that of the step, ``u_tau - u_{k-1,tau}``.  The last entry of the primal point is
+    the regularisation eps, absent where it is 0.  The bound G follows the pressure outside of the
+    cones; ``bound_step`` (k,) is how far a step is to move it.  ``length`` is the extent of the
+    body.
     """
 
     limits_displacement = False
@@ -39,6 +40,9 @@ class FrictionCones(LorentzCones):
 
     def see(self, displacement: FloatArray) -> FloatArray:
         return self.nodes.slips(displacement)
+
+    def look(self, displacement: FloatArray) -> None:
+        self.seen = self.nodes.increments(displacement)
 
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
         self.nodes.add_traction(reactions, forces)
@@ -69,7 +73,7 @@ class FrictionCones(LorentzCones):
         self.nodes.enter(self.reactions, multipliers.contacts[self.nodes.number].friction)
 
     def _fixed_rows(self) -> FloatArray:
-        """``(u_tau, eps)`` as seen."""
+        """``(slip, eps)`` as seen."""
         if self.regularisation == 0.0:
             return self.seen.copy()
         return np.vstack([self.seen, np.full(self.seen.shape[1], self.regularisation)])
@@ -116,6 +120,12 @@ class FrictionCones(LorentzCones):
         dz[0] = self.bound_step
         dz[1:] = self._aim[1:] - (d_rest + 2.0 * (w_rest - w_0 * d_t) * w_1) / square
         return Step(np.vstack([d_t, d_rest]), dz)
+
+    # The start.
+
+    def pull(self, stiffness: float) -> FloatArray:
+        """Springs rest where the nodes stood before the step."""
+        return -stiffness * self.nodes.old_slips()
 
     # The tangent.
 

@@ -1,0 +1,150 @@
+"""The equilibrated stress of a body and its distance from the stress of a displacement."""
+
+from __future__ import annotations
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from contact_locking import _compat
+from contact_locking.arrays import FloatArray
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
+from contact_locking.certificate.guaranteed.hybrid_system import Boundary, HybridSystem
+from contact_locking.certificate.guaranteed.macro_element import MacroElement, lagrange_gradients
+from contact_locking.certificate.guaranteed.stiffening import (
+    Elasticity,
+    averaged,
+    best_stiffening,
+)
+from contact_locking.certificate.guaranteed.triangles import Triangles
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.elasticity import (
+    MANDEL_PAIRS,
+    mandel_factor,
+    mandel_tensor,
+    mandel_vector,
+)
+from contact_locking.parallel import maximum, on_any_rank
+
+# Values at the points of a cell that differ by more, relatively, do so by more than rounding.
+_ROUNDING = 1e-10
+# The largest relative jump of the tractions of a stress that counts as continuous.
+_LARGEST_JUMP = 1e-8
+
+
+class Body:
+    """The material of n triangles, constant in each; the constructor is collective.
+
+    ``limit`` (n,) is M.  Raises NotApplicable for a material that varies in a cell of the mesh.
+    """
+
+    def __init__(self, state: SolvedState, triangles: Triangles, element: MacroElement) -> None:
+        self._state, self.triangles, self.element = state, triangles, element
+        size = len(triangles.areas)
+        points = state.points
+        self.limit = self._constant(points.limit.reshape(size, -1))
+        self.elasticity = Elasticity.of(self._constant(self._stiffness(size)))
+        ratio = np.linalg.norm(points.locking_stress, axis=(1, 2)) / points.limit
+        self._zeta = averaged(ratio.reshape(size, -1).mean(axis=1), triangles)
+        self._zeta[~np.isfinite(self.limit)] = 0.0
+
+    def stress(self, boundary: Boundary, loads: BalancedLoads) -> FloatArray:
+        """An equilibrated stress (n, 3, m, 3) as Mandel vectors at the points of the parts.
+
+        Raises NotApplicable if rounding leaves its tractions discontinuous.  Collective.
+        """
+        element, triangles, state = self.element, self.triangles, self._state
+        size = len(triangles.areas)
+        # s = F r F^T has the divergence F div r.
+        wanted = np.einsum("nij,ntlj->ntli", np.linalg.inv(triangles.maps), -loads.body)
+        wanted = wanted.reshape(size, -1)
+        reference = wanted @ element.lifts.reshape(wanted.shape[1], -1)
+        lifted = triangles.moved(reference.reshape(size, *element.basis.shape[1:]))
+        moments = wanted @ element.lift_moments.reshape(wanted.shape[1], -1)
+        system = HybridSystem(triangles, element, boundary, state.settings.linear)
+        compliance = self.elasticity.compliance(self._zeta)
+        target = self.strains(state.problem.u)
+        target = target - (lifted.reshape(size, -1, 3) @ compliance).reshape(target.shape)
+        found, jump = system.solve(
+            compliance, target, system.moments(moments.reshape(size, *element.moments.shape[1:]))
+        )
+        if jump > _LARGEST_JUMP:
+            raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
+        return np.asarray(lifted + found)
+
+    def strains(self, u: fem.Function) -> FloatArray:
+        """The strain (n, 3, m, 3) of a displacement at the points of the parts."""
+        triangles = self.triangles
+        degree = self._state.problem.element.degree
+        shape = self.element.points.shape
+        nodal = u.x.array.reshape(-1, 2)[u.function_space.dofmap.list[: len(triangles.areas)]]
+        # The gradients of affine displacements are constant.
+        points = self.element.points.reshape(-1, 2)[: 1 if degree == 1 else None]
+        slopes = lagrange_gradients(degree, points)
+        inverse = np.linalg.inv(triangles.maps)
+        gradient = np.swapaxes(nodal, 1, 2)[:, None] @ (slopes @ inverse[:, None])
+        parts = [
+            0.5 * (gradient[:, :, i, j] + gradient[:, :, j, i]) * mandel_factor(i, j)
+            for i, j in MANDEL_PAIRS[2]
+        ]
+        found = np.stack(parts, axis=-1)
+        if degree == 1:
+            found = np.broadcast_to(found, (len(nodal), len(self.element.points.reshape(-1, 2)), 3))
+        return found.reshape(len(nodal), *shape[:2], 3)
+
+    def excess(self, w: fem.Function) -> float:
+        """``max |eps(w)|/M - 1`` over the body, at least 0; collective."""
+        ratio = np.linalg.norm(self.strains(w), axis=3) / self.limit[:, None, None]
+        return maximum(self._state.comm, ratio - 1.0)
+
+    def gap(self, stress: FloatArray, w: fem.Function) -> float:
+        """``int |s - (A + zeta) eps|^2/2 + zeta (M^2 - |eps|^2)/2`` over the cells of this rank.
+
+        zeta is constant in each of the three parts of a triangle, and the best one for the stress.
+        Solutions of the inequality keep the limit up to the tolerance of the solver; for the share
+        by which eps(w) exceeds M, M is enlarged.
+        """
+        areas = self.triangles.areas[:, None] / 3.0
+        mass = self.element.mass
+
+        def squares(modes: FloatArray) -> FloatArray:
+            return np.sum(modes * (mass @ modes), axis=2) * areas[:, :, None]
+
+        eps = self.elasticity.modes(self.strains(w))
+        modes = self.elasticity.modes(stress)
+        eigenvalues = np.broadcast_to(self.elasticity.eigenvalues[:, None], (*eps.shape[:2], 3))
+        size = np.sum(squares(eps), axis=2)
+        locks = np.isfinite(self.limit)
+        most = np.where(locks, self.limit, 0.0)[:, None] ** 2 * areas
+        most = np.where(locks[:, None], np.maximum(most, size), np.inf)
+        zeta = best_stiffening(squares(modes), eigenvalues, most)
+        shifted = eigenvalues + zeta[:, :, None]
+        rest = modes - shifted[:, :, None, :] * eps
+        total = 0.5 * np.sum(squares(rest) / shifted)
+        slack = np.where(zeta > 0.0, most - size, 0.0)
+        return float(total + 0.5 * np.sum(zeta * slack))
+
+    def _stiffness(self, size: int) -> FloatArray:
+        """A as Mandel matrices (n, points, 3, 3)."""
+        law = self._state.problem.data.elastic_stress
+        columns = [
+            mandel_vector(law(mandel_tensor(ufl.as_vector([float(i == j) for j in range(3)]), 2)))
+            for i in range(3)
+        ]
+        tensor = ufl.as_tensor([[columns[j][i] for j in range(3)] for i in range(3)])
+        domain, material = self._state.problem.domain, self._state.problem.element
+        space = material.strain_space(domain.mesh, (3, 3))
+        function = fem.Function(space)
+        function.interpolate(_compat.interpolation_expression(tensor, space))
+        values = function.x.array.reshape(-1, 3, 3)[space.dofmap.list[:size].reshape(-1)]
+        return values.reshape(size, -1, 3, 3)
+
+    def _constant(self, values: FloatArray) -> FloatArray:
+        """The value (n, ...) in each cell of values (n, points, ...); collective."""
+        first = values[:, :1]
+        with np.errstate(invalid="ignore"):
+            varies = np.abs(values - first) > _ROUNDING * np.abs(first).max(initial=0.0)
+        if on_any_rank(self._state.comm, varies):
+            raise NotApplicable("the material varies in a cell")
+        return np.asarray(first[:, 0])

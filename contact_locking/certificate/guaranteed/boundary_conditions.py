@@ -1,0 +1,78 @@
+"""Whether prescribed displacements and gaps hold on whole facets, and not at nodes only."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.guaranteed.contact_tractions import ContactTractions
+from contact_locking.certificate.guaranteed.facet_polynomials import bernstein
+from contact_locking.certificate.guaranteed.macro_element import CORNERS, FACETS, lagrange
+from contact_locking.certificate.guaranteed.triangles import Triangles
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.parallel import maximum
+from contact_locking.parameters import ContactParameters
+from contact_locking.problem.coefficients import evaluate
+from contact_locking.problem.contact_boundary import FOUNDATIONS
+
+# Values are compared at so many points of each facet, both ends included.
+_SAMPLES = 8
+# Rounding relative to the largest displacement, and in distances relative to the body.
+_ROUNDING, _ROUNDING_OF_DISTANCES = 1e-10, 1e-12
+
+
+def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:
+    """(n, 3, 2) which components are prescribed on each facet; collective.
+
+    Raises NotApplicable if the displacement of the solution differs from the prescribed values at
+    one of 8 points of a facet: the solution then does not have these values between the nodes.
+    """
+    held = np.zeros((*triangles.facets.shape, 2), dtype=bool)
+    problem, worst = state.problem, 0.0
+    degree, u = problem.element.degree, problem.u
+    s = np.linspace(0.0, 1.0, _SAMPLES)[:, None]
+    samples = np.stack([CORNERS[a] * (1.0 - s) + CORNERS[b] * s for a, b in FACETS])
+    shapes = np.stack([lagrange(degree, points) for points in samples])
+    nodal = u.x.array.reshape(-1, 2)[u.function_space.dofmap.list[: len(triangles.areas)]]
+    for item in problem.constraints.wanted:
+        cells, sides = triangles.sides_on(problem.domain.facets(item.on, item.key))
+        held[cells, sides, item.component] = True
+        places = triangles.at(samples, cells)[np.arange(len(cells)), sides]
+        wanted = item.value(places.reshape(-1, 2).T).reshape(len(cells), _SAMPLES)
+        values = np.einsum("msi,mi->ms", shapes[sides], nodal[cells, :, item.component])
+        worst = max(worst, float(np.abs(wanted - values).max(initial=0.0)))
+    if maximum(state.comm, worst) > _ROUNDING * state.largest_displacement:
+        raise NotApplicable("prescribed displacements are not met between the nodes")
+    return held
+
+
+def require_exact_gaps(
+    state: SolvedState, triangles: Triangles, contacts: list[ContactTractions]
+) -> None:
+    """Raise NotApplicable if a gap differs from the polynomial through its nodes; collective.
+
+    The values are compared at 8 points of each facet.
+    """
+    s = np.arange(_SAMPLES) / (_SAMPLES - 1.0)
+    given = {item.key: item for item in state.problem.parameters.contacts}
+    worst = 0.0
+    for contact in contacts:
+        key = contact.fields.contact.key
+        if key not in given:
+            continue
+        ends = triangles.ends[contact.cells, contact.sides]
+        places = ends[:, :1] * (1.0 - s)[:, None] + ends[:, 1:] * s[:, None]
+        exact = _gap_at(state, given[key], places.reshape(-1, 2).T).reshape(len(places), _SAMPLES)
+        own = np.einsum("mr,sr->ms", contact.gap, bernstein(contact.gap.shape[1] - 1, s))
+        worst = max(worst, float(np.abs(exact - own).max(initial=0.0)))
+    if maximum(state.comm, worst) > _ROUNDING_OF_DISTANCES * state.target.length:
+        raise NotApplicable("the gap is not met between the nodes of the mesh")
+
+
+def _gap_at(state: SolvedState, given: ContactParameters, points: FloatArray) -> FloatArray:
+    """The gap (k,) at points (2, k) of Gamma_C; collective."""
+    if given.foundation is None:
+        return evaluate(state.comm, given.gap, points, f"{given.key}.gap")
+    shape, section = next(entry for entry in given.foundation if entry[1] is not None)
+    return np.asarray(FOUNDATIONS[shape](section, 2).gap(points))

@@ -1,0 +1,133 @@
+"""Admissible tractions on Gamma_C from the forces of a solution, and their work.
+
+A traction ``-p nu + q`` is admissible if ``p >= 0`` and ``|q| <= G``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray, IndexArray, IntArray
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.guaranteed.facet_polynomials import (
+    absolute_integral,
+    control_points,
+    control_values,
+    legendre_moments,
+    product_integral,
+)
+from contact_locking.certificate.guaranteed.macro_element import FACETS
+from contact_locking.certificate.guaranteed.triangles import Triangles
+from contact_locking.parallel import on_any_rank
+from contact_locking.results.derived import ContactFields
+
+# Normals of one facet that differ by more do so by more than rounding.
+_ROUNDING = 1e-10
+
+
+@dataclass
+class ContactTractions:
+    """The traction of one contact on the m facets of this rank, by control values.
+
+    ``cells`` (m,) and ``sides`` (m,) say which side of which triangle each facet is.  ``normal``
+    (m, 2) is the contact normal, ``gap``, ``pressure`` and ``bound`` are (m, r + 1), and ``along``
+    (m, r + 1) is the friction traction along the tangent ``(-nu_2, nu_1)``.
+    """
+
+    fields: ContactFields
+    cells: IntArray
+    sides: IntArray
+    nodes: IndexArray
+    places: FloatArray
+    lengths: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+    pressure: FloatArray
+    along: FloatArray
+    bound: FloatArray
+
+    @property
+    def tangent(self) -> FloatArray:
+        return np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
+
+    def vectors(self) -> FloatArray:
+        """The control values (m, r + 1, 2) of the traction."""
+        pushing = self.pressure[:, :, None] * self.normal[:, None]
+        return np.asarray(self.along[:, :, None] * self.tangent[:, None] - pushing)
+
+    def split(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """``u_nu`` and ``u_tau`` as control values (m, r + 1), from values at all nodes (k, 2)."""
+        values = u[self.nodes]
+        normal = np.einsum("mri,mi->mr", values, self.normal)
+        tangent = np.einsum("mri,mi->mr", values, self.tangent)
+        return control_values(normal), control_values(tangent)
+
+    def moments(self, degree: int) -> FloatArray:
+        """The moments (m, k + 1, 2) of the traction along the facets of the cells."""
+        return self.lengths[:, None, None] * legendre_moments(self.vectors(), degree)
+
+    def work(self, normal: FloatArray, tangent: FloatArray, gap: FloatArray) -> float:
+        """``int p (g - w_nu) + G |w_tau| + q . w_tau`` over the facets of this rank.
+
+        All arguments are control values.  Every term is non-negative for an admissible w.
+        """
+        opening = product_integral(self.pressure, gap - normal)
+        friction = absolute_integral(self.bound, tangent) + product_integral(self.along, tangent)
+        return float(self.lengths @ (opening + friction))
+
+
+def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTractions:
+    """The traction of a solution, made admissible at the control points; collective.
+
+    Raises NotApplicable where the contact normal changes along a facet: then no polynomial traction
+    without friction is normal to the foundation everywhere.
+    """
+    surface, contact = fields.surface, fields.contact
+    cells, sides = triangles.sides_on(surface.facets)
+    dofmap = surface.scalar_space.dofmap
+    layout = dofmap.dof_layout
+    closures = np.array([layout.entity_closure_dofs(1, side) for side in range(3)])
+    # The closure lists both ends before the inner nodes.
+    order = [0, *range(2, closures.shape[1]), 1]
+    nodes = dofmap.list[cells[:, None], closures[sides][:, order]]
+    if len(cells):
+        _require_order(
+            surface.scalar_space.tabulate_dof_coordinates()[nodes, :2], triangles, cells, sides
+        )
+    normals = contact.normal.x.array.reshape(-1, 2)[nodes]
+    turning = np.abs(normals - normals[:, :1]) > _ROUNDING
+    if on_any_rank(surface.domain.comm, turning):
+        raise NotApplicable("the contact normal changes along a facet")
+
+    def of(values: FloatArray) -> FloatArray:
+        return control_values(surface.scalar_function(values).x.array[nodes])
+
+    normal = normals[:, 0]
+    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    friction = surface.vector_function(fields.traction).x.array.reshape(-1, 2)
+    along = control_values(np.einsum("mri,mi->mr", friction[nodes], tangent))
+    bound = np.maximum(of(fields.bound), 0.0)
+    ends = triangles.ends[cells, sides]
+    return ContactTractions(
+        fields,
+        cells,
+        sides,
+        nodes,
+        control_points(ends, nodes.shape[1] - 1),
+        triangles.lengths[cells, sides],
+        normal,
+        control_values(contact.gap.x.array[nodes]),
+        np.maximum(of(fields.pressure), 0.0),
+        np.clip(along, -bound, bound),
+        bound,
+    )
+
+
+def _require_order(
+    places: FloatArray, triangles: Triangles, cells: IntArray, sides: IntArray
+) -> None:
+    """Check that nodes (m, r + 1, 2) go along the facets from end to end."""
+    wanted = control_points(triangles.corners[cells[:, None], FACETS[sides]], places.shape[1] - 1)
+    assert np.allclose(places, wanted, atol=1e-8 * float(triangles.lengths.max()))

@@ -1,0 +1,175 @@
+"""Loads that the stresses balance exactly, and a proved bound of the work of the rest.
+
+The rest of a load does no work along rigid motions of a triangle K.  For a rigid motion r that
+depends on v, Poincare's inequality on convex sets (Payne and Weinberger,
+doi:10.1007/BF00252910), Korn's inequality on K and a trace inequality say
+
+    |v - r| <= h/pi |grad(v - r)| <= h/pi C |eps(v)|,   |v - r|_F <= t h C |eps(v)|,
+    C^2 = 1 + 2/beta^2,   beta = sin(theta/2)/2,   t^2 = |F|/|K| (1/pi^2 + 1/pi),
+
+where h is the longest edge and theta the smallest angle of K.  beta bounds the inf-sup constant of
+the divergence on K from below (Costabel and Dauge, doi:10.1007/s00205-015-0845-2): the centre of
+the inscribed circle, with radius rho, is at most ``rho/sin(theta/2)`` away from the corners.  With
+the rotation ``w = (d_1 v_2 - d_2 v_1)/2``, whose gradient is made of derivatives of eps(v), the
+norm of w minus its mean is at most ``|eps(v)|/beta``, and ``|grad v|^2 = |eps(v)|^2 + 2 |w|^2``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import numpy as np
+from dolfinx import fem
+
+from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.guaranteed.macro_element import (
+    CORNERS,
+    FACETS,
+    MacroElement,
+    lagrange,
+    legendre,
+)
+from contact_locking.certificate.guaranteed.triangles import Triangles
+from contact_locking.problem import compiled
+from contact_locking.problem.forms import ProblemData
+
+# The quadrature degree of loads that are no constants.
+_DEGREE = 8
+
+
+@dataclass
+class BalancedLoads:
+    """The part of the loads that the stresses of degree k balance.
+
+    ``body`` (n, 3, l, 2) are values of the body force at the load points of the macro-element,
+    ``moments`` (n, 3, k + 1, 2) the moments of the tractions along the facets of the cells.
+    ``body_rest`` (n,) and ``rest`` (n, 3) are the norms of what is left out, in L2.
+    """
+
+    body: FloatArray
+    moments: FloatArray
+    body_rest: FloatArray
+    rest: FloatArray
+
+    def oscillation(self, triangles: Triangles) -> FloatArray:
+        """(n,) o_K with ``|(f, v) - (balanced part, v)| <= sum_K o_K |eps(v)|_K``."""
+        korn = korn_constants(triangles)
+        h = triangles.diameters
+        found = h / np.pi * korn * self.body_rest
+        trace = np.sqrt(
+            triangles.lengths / triangles.areas[:, None] * (1.0 / np.pi**2 + 1.0 / np.pi)
+        )
+        found += h * korn * np.sum(trace * self.rest, axis=1)
+        return np.asarray(found)
+
+
+def korn_constants(triangles: Triangles) -> FloatArray:
+    """(n,) C with ``|grad(v - r)| <= C |eps(v)|`` on each triangle, for a rotation r."""
+    a, b, c = np.sort(triangles.lengths, axis=1).T
+    # The smallest angle is opposite to the shortest edge.
+    cosine = (b**2 + c**2 - a**2) / (2.0 * b * c)
+    half_sine = np.sqrt(np.maximum(0.5 * (1.0 - cosine), 0.0))
+    return np.asarray(np.sqrt(1.0 + 8.0 / half_sine**2))
+
+
+def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElement) -> BalancedLoads:
+    """The projections of body force and tractions; collective.
+
+    Raises NotApplicable for a load that cannot be evaluated at points.
+    """
+    count, k = len(triangles.areas), element.degree
+    found = BalancedLoads(
+        np.zeros((count, 3, element.load_points.shape[1], 2)),
+        np.zeros((count, 3, k + 1, 2)),
+        np.zeros(count),
+        np.zeros((count, 3)),
+    )
+    for load, measure in data.loads:
+        kind = measure.integral_type()
+        if kind == "cell":
+            if measure.subdomain_id() != "everywhere":
+                raise NotApplicable("a body force acts on a part of the body only")
+            _add_body_force(found, load, triangles, element)
+        elif kind == "exterior_facet":
+            facets = _facets_of(measure)
+            _add_traction(found, load, triangles, facets, k)
+        else:
+            raise NotApplicable(f"a load acts on the measure {kind!r}")
+    return found
+
+
+def _add_body_force(
+    found: BalancedLoads, load: Any, triangles: Triangles, element: MacroElement
+) -> None:
+    points, weights = basix.make_quadrature(basix.CellType.triangle, _DEGREE)
+    shares = np.column_stack([1.0 - points.sum(axis=1), points])
+    corners = np.stack([np.vstack([CORNERS[e], CORNERS.mean(axis=0)]) for e in FACETS])
+    places = np.einsum("qc,tcd->tqd", shares, corners)
+    cells = np.arange(len(triangles.areas), dtype=np.int32)
+    values = _values(load, triangles, places.reshape(-1, 2), cells)
+    values = values.reshape(len(cells), 3, len(points), 2)
+    shapes = lagrange(element.degree - 1, points)
+    inverse = np.linalg.inv(element.load_mass)
+    # The weights of the reference triangle add up to 1/2.
+    body = np.einsum("ij,qj,q,ntqd->ntid", inverse, shapes, 2.0 * weights, values)
+    if element.degree == 1:
+        body += _turning(values - body, 2.0 * weights, triangles, places)
+    rest = values - np.einsum("qi,ntid->ntqd", shapes, body)
+    square = np.einsum("q,ntqd->n", 2.0 * weights, rest**2) * triangles.areas / 3.0
+    # Several body forces add up; so do the norms of what is left out.
+    found.body += body
+    found.body_rest += np.sqrt(square)
+
+
+def _turning(
+    rest: FloatArray, weights: FloatArray, triangles: Triangles, places: FloatArray
+) -> FloatArray:
+    """Constants (n, 3, 1, 2) without a resultant that have the moment of the rest (n, 3, q, 2)."""
+    arms = triangles.at(places) - triangles.corners.mean(axis=1)[:, None, None]
+    turned = np.stack([-arms[..., 1], arms[..., 0]], axis=-1)
+    moment = np.einsum("q,ntqd,ntqd->n", weights, turned, rest)
+    middle = np.einsum("q,ntqd->ntd", weights, turned)
+    factor = moment / np.einsum("ntd,ntd->n", middle, middle)
+    return np.asarray((factor[:, None, None] * middle)[:, :, None])
+
+
+def _facets_of(measure: Any) -> IndexArray:
+    tags, wanted = measure.subdomain_data(), measure.subdomain_id()
+    if tags is None or wanted == "everywhere":
+        raise NotApplicable("a traction acts on a part of the boundary without a name")
+    numbers = wanted if isinstance(wanted, tuple) else (wanted,)
+    return np.unique(np.concatenate([tags.find(number) for number in numbers]))
+
+
+def _add_traction(
+    found: BalancedLoads, load: Any, triangles: Triangles, facets: IndexArray, degree: int
+) -> None:
+    points, weights = basix.make_quadrature(basix.CellType.interval, _DEGREE + degree)
+    s = points[:, 0]
+    cells, sides = triangles.sides_on(facets)
+    edges = np.stack([CORNERS[a] * (1.0 - s[:, None]) + CORNERS[b] * s[:, None] for a, b in FACETS])
+    values = _values(load, triangles, edges.reshape(-1, 2), cells.astype(np.int32))
+    values = values.reshape(len(cells), 3, len(s), 2)[np.arange(len(cells)), sides]
+    table = legendre(degree, s)
+    moments = np.einsum("q,qj,mqd->mjd", weights, table, values)
+    rest = values - np.einsum("qj,mjd->mqd", table, moments)
+    lengths = triangles.lengths[cells, sides]
+    # A side of a cell occurs once in a measure.
+    found.moments[cells, sides] += lengths[:, None, None] * moments
+    found.rest[cells, sides] += np.sqrt(lengths * np.einsum("q,mqd->m", weights, rest**2))
+
+
+def _values(load: Any, triangles: Triangles, points: FloatArray, cells: IndexArray) -> FloatArray:
+    """The load (m, q, 2) at points (q, 2) of the reference triangle in cells (m,); collective."""
+    if isinstance(load, fem.Constant):
+        return np.broadcast_to(load.value, (len(cells), len(points), 2))
+    try:
+        expression = fem.Expression(load, points, jit_options=compiled.options())
+    except (ValueError, RuntimeError, TypeError) as error:
+        raise NotApplicable("a load cannot be evaluated at points") from error
+    if not len(cells):
+        return np.empty((0, len(points), 2))
+    return np.asarray(expression.eval(triangles.domain.mesh, cells)).reshape(-1, len(points), 2)

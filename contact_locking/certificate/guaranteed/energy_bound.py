@@ -1,0 +1,140 @@
+"""A proved upper bound of the energy norm of the whole error, for the frozen friction bound.
+
+For the friction bound G of the solution, kept fixed, u minimises on the polygon of the mesh
+
+    J(v) = a(v, v)/2 - (f, v) + int G |v_tau|
+
+over the admissible fields (``v = u_D``, ``v_nu <= gap``, ``|eps(v)| <= M``).  For every admissible
+w and every symmetric stress s with ``div s + f0 = 0``, ``s nu = g`` on Gamma_N, ``s_nu <= 0`` and
+``|s_tau| <= G`` on Gamma_C, and every ``zeta >= 0``, half of ``a(u - w, u - w)`` is at most
+
+    eta^2 = int |s - (A + zeta) eps(w)|^2/2 in the norm of (A + zeta)^-1
+            + int zeta (M^2 - |eps(w)|^2)/2 + int -s_nu (gap - w_nu) + G |w_tau| + s_tau . w_tau.
+
+The proof is in docs/certificate.md.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.guaranteed.body import Body
+from contact_locking.certificate.guaranteed.boundary_conditions import (
+    held_components,
+    require_exact_gaps,
+)
+from contact_locking.certificate.guaranteed.contact_tractions import (
+    ContactTractions,
+    contact_tractions,
+)
+from contact_locking.certificate.guaranteed.data_oscillation import balanced_loads
+from contact_locking.certificate.guaranteed.floating import balance, floating_parts, springs
+from contact_locking.certificate.guaranteed.hybrid_system import Boundary
+from contact_locking.certificate.guaranteed.macro_element import macro_element
+from contact_locking.certificate.guaranteed.triangles import Triangles
+from contact_locking.certificate.lifting import Lifting
+from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.parallel import maximum
+
+# The share of M, and of the displacements of the mean strain, by which a solution of the inequality
+# may exceed its limits: the tolerance of the solver.
+_TOLERANCE = 1e-6
+_PROVED = (
+    "proved for this friction bound kept fixed, on the polygon of the mesh, with a material that "
+    "is constant in each cell; up to rounding"
+)
+_THREE_DIMENSIONS = (
+    "not in three dimensions, where the hybrid system of the stress has some 54 unknowns a cell"
+)
+
+
+def guaranteed_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
+    """``energy_norm``, a bound of ``sqrt(a(u - u_h, u - u_h))``, and ``relative``; collective.
+
+    ``relative`` is the bound over the energy norm of u_h.  ``applicable`` says whether the bound is
+    proved, and ``reason`` says of which problem; without a bound, both numbers are None and
+    ``reason`` says why.  Takes one linear solve with about six times the unknowns of the
+    displacement, and for a finite penalty the lift of ``penalty_error``.
+    """
+    try:
+        found = _bound(state, lifting)
+    except NotApplicable as failure:
+        none = dict.fromkeys(("relative", "energy_norm"))
+        return {**none, "applicable": False, "reason": f"not applicable: {failure}"}
+    size = np.sqrt(2.0 * state.energy)
+    return {
+        "relative": float(found / size) if size > 0.0 else None,
+        "energy_norm": found,
+        "applicable": True,
+        "reason": _PROVED,
+    }
+
+
+def _bound(state: SolvedState, lifting: Lifting) -> float:
+    _require_applicable(state)
+    problem = state.problem
+    triangles = Triangles(problem.domain)
+    element = macro_element(problem.element.degree)
+    held = held_components(state, triangles)
+    loads = balanced_loads(problem.data, triangles, element)
+    contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
+    require_exact_gaps(state, triangles, contacts)
+    parts = floating_parts(problem, triangles)
+    balance(parts, triangles, element, loads.body, loads.moments, contacts)
+    moments = loads.moments.copy()
+    for contact in contacts:
+        np.add.at(moments, (contact.cells, contact.sides), contact.moments(element.degree))
+    moments *= triangles.signs[:, :, None, None] ** np.arange(element.degree + 1)[:, None]
+    stiffness = problem.material.stiffness
+    boundary = Boundary(held, moments, springs(parts, triangles, element, contacts, stiffness))
+    body = Body(state, triangles, element)
+    stress = body.stress(boundary, loads)
+    w, apart = _admissible(state, lifting, body, contacts)
+    square = body.gap(stress, w)
+    nodal = w.x.array.reshape(-1, 2)
+    for contact in contacts:
+        normal, tangent = contact.split(nodal)
+        square += contact.work(normal, tangent, np.maximum(contact.gap, normal))
+    square = max(float(state.comm.allreduce(square)), 0.0)
+    # The load of a component that is prescribed does no work.
+    loads.rest[held.all(axis=2)] = 0.0
+    oscillation = loads.oscillation(triangles) ** 2 / body.elasticity.eigenvalues[:, 0]
+    rough = np.sqrt(state.sum(oscillation))
+    return float(rough + np.sqrt(rough**2 + 2.0 * square) + apart)
+
+
+def _require_applicable(state: SolvedState) -> None:
+    problem = state.problem
+    if state.dim != 2:
+        raise NotApplicable(_THREE_DIMENSIONS)
+    if not state.report.converged:
+        raise NotApplicable("the solve did not converge")
+    if problem.data.own_energy is not None:
+        raise NotApplicable("no proof covers the user's own energy")
+
+
+def _admissible(
+    state: SolvedState, lifting: Lifting, body: Body, contacts: list[ContactTractions]
+) -> tuple[fem.Function, float]:
+    """An admissible field w and ``sqrt(a(w - u_h, w - u_h))``; collective.
+
+    A solution of the inequality may exceed M and the gap by the tolerance of the solver.  The bound
+    is then that of the problem with M and the gap enlarged by what w exceeds them.  Raises
+    NotApplicable if no admissible field is found.
+    """
+    w, apart = state.problem.u, 0.0
+    if not state.target.penalty.is_inequality or body.excess(w) > _TOLERANCE:
+        w = admissible_neighbour(state, lifting)
+        apart = energy_distance(state, w)
+    local = 0.0
+    for contact in contacts:
+        normal = contact.split(w.x.array.reshape(-1, 2))[0]
+        local = max(local, float((normal - contact.gap).max(initial=0.0)))
+    if maximum(state.comm, local) > _TOLERANCE * state.mean_strain * state.target.length:
+        raise NotApplicable("the displacement enters the foundation between the nodes")
+    return w, apart

@@ -1,0 +1,190 @@
+"""Symmetric equilibrated stresses on a triangle that is cut into three at its barycentre.
+
+The stresses are polynomials of degree k in each of the three parts, symmetric, and have a
+continuous normal component across the cuts.  For k = 1 this is the element of Johnson and Mercier
+(doi:10.1007/BF01403910), whose divergence-free stresses are the second derivatives of the functions
+of Hsieh, Clough and Tocher.  All tables are for the reference triangle; ``s = F r F^T``, F the
+matrix of the affine map, takes a reference stress r to a stress s with the same properties.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import basix
+import numpy as np
+import scipy.linalg
+
+from contact_locking.arrays import FloatArray
+from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+
+#: The corners of the reference triangle.
+CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+#: The corners of each facet of a triangle; the facet is opposite to the corner of its number.
+FACETS = np.array([[1, 2], [0, 2], [0, 1]])
+# Each part has the corners of one facet and the barycentre.
+_PARTS = np.stack([np.vstack([CORNERS[ends], CORNERS.mean(axis=0)]) for ends in FACETS])
+# The points of the parts, and of the tests of continuity and divergence, are compared exactly.
+_RANK = 1e-10
+
+
+@dataclass(frozen=True)
+class MacroElement:
+    """The tables of the stresses of one degree k; made by :func:`macro_element`.
+
+    Fields of degree k on the three parts are given by their values at the m ``points`` (3, m, 2) of
+    degree k of each part, symmetric tensors as Mandel vectors.
+
+    ``mass`` (m, m) is ``int phi_p phi_q`` over a part of area 1.  ``basis`` (b, 3, m, 3) spans the
+    divergence-free stresses with a continuous normal component.  ``lifts`` (f, 3, m, 3) are
+    stresses whose divergence is one at one point of the degree k - 1, in one component, and zero at
+    all others; f = 3 l 2 for l such points in each part, ``load_points`` (3, l, 2).  ``load_mass``
+    (l, l) is their mass matrix.  ``moments`` and ``lift_moments`` (., 3, k + 1, 2) are the moments
+    ``|F_i| int_0^1 P_j(s) (r nu)(s) ds`` of the reference tractions on the facet i with Legendre's
+    polynomials :func:`legendre`.
+    """
+
+    degree: int
+    points: FloatArray
+    mass: FloatArray
+    basis: FloatArray
+    lifts: FloatArray
+    moments: FloatArray
+    lift_moments: FloatArray
+    load_points: FloatArray
+    load_mass: FloatArray
+
+
+@cache
+def macro_element(degree: int) -> MacroElement:
+    """The tables for stresses of degree k >= 1 in the parts."""
+    lattice, low = _lattice(degree), _lattice(degree - 1)
+    points, load_points = _in_parts(lattice), _in_parts(low)
+    jumps = _normal_jumps(degree)
+    continuous = scipy.linalg.null_space(jumps, rcond=_RANK)
+    divergence = _divergences(degree, low) @ continuous
+    free = continuous @ scipy.linalg.null_space(divergence, rcond=_RANK)
+    lifts = continuous @ np.linalg.pinv(divergence, rcond=_RANK)
+    shape = (-1, 3, len(lattice), 3)
+    basis, lifted = free.T.reshape(shape), lifts.T.reshape(shape)
+    return MacroElement(
+        degree,
+        points,
+        _mass(degree),
+        basis,
+        lifted,
+        _moments(degree, basis),
+        _moments(degree, lifted),
+        load_points,
+        _mass(degree - 1),
+    )
+
+
+def legendre(degree: int, s: FloatArray) -> FloatArray:
+    """Legendre's polynomials (q, k + 1) on [0, 1] at the points s (q,), with the norm 1 in L2."""
+    values = np.polynomial.legendre.legvander(2.0 * s - 1.0, degree)
+    return np.asarray(values * np.sqrt(2.0 * np.arange(degree + 1) + 1.0))
+
+
+def lagrange(degree: int, points: FloatArray) -> FloatArray:
+    """The Lagrange polynomials (q, m) of the reference triangle at points (q, 2)."""
+    return _tabulated(degree, points, 0)[0]
+
+
+def lagrange_gradients(degree: int, points: FloatArray) -> FloatArray:
+    """The gradients (q, m, 2) of the Lagrange polynomials of degree >= 1 at points (q, 2)."""
+    return np.moveaxis(_tabulated(degree, points, 1)[1:], 0, 2)
+
+
+def _tabulated(degree: int, points: FloatArray, derivatives: int) -> FloatArray:
+    """Values, and derivatives along x and y, of the Lagrange polynomials: (1 or 3, q, m)."""
+    if degree == 0:
+        values = np.zeros((1 + 2 * derivatives, len(points), 1))
+        values[0] = 1.0
+        return values
+    element = basix.create_element(
+        basix.ElementFamily.P, basix.CellType.triangle, degree, basix.LagrangeVariant.equispaced
+    )
+    return np.asarray(element.tabulate(derivatives, points)[:, :, :, 0])
+
+
+def _lattice(degree: int) -> FloatArray:
+    """The points (m, 2) of the Lagrange polynomials on the reference triangle."""
+    if degree == 0:
+        return np.full((1, 2), 1.0 / 3.0)
+    element = basix.create_element(
+        basix.ElementFamily.P, basix.CellType.triangle, degree, basix.LagrangeVariant.equispaced
+    )
+    return np.asarray(element.points)
+
+
+def _in_parts(points: FloatArray) -> FloatArray:
+    """Points (q, 2) of the reference triangle in each part, (3, q, 2)."""
+    shares = np.column_stack([1.0 - points.sum(axis=1), points])
+    return np.einsum("qc,tcd->tqd", shares, _PARTS)
+
+
+def _mass(degree: int) -> FloatArray:
+    points, weights = basix.make_quadrature(basix.CellType.triangle, max(2 * degree, 1))
+    values = lagrange(degree, points)
+    return 2.0 * np.einsum("q,qi,qj->ij", weights, values, values)
+
+
+def _tensors() -> FloatArray:
+    """The tensors (3, 2, 2) of the Mandel vectors (1, 0, 0), (0, 1, 0), (0, 0, 1)."""
+    units = np.zeros((3, 2, 2))
+    for unit, (i, j) in zip(units, MANDEL_PAIRS[2], strict=True):
+        unit[i, j] = unit[j, i] = 1.0 / mandel_factor(i, j)
+    return units
+
+
+def _normal_jumps(degree: int) -> FloatArray:
+    """The jumps of ``r n`` at k + 1 points of each cut, as rows for all values (9 m)."""
+    m, rows = len(_lattice(degree)), []
+    s = np.linspace(0.0, 1.0, degree + 1)
+    centre = CORNERS.mean(axis=0)
+    for corner in range(3):
+        along = centre - CORNERS[corner]
+        normal = np.array([-along[1], along[0]])
+        block = np.zeros((len(s), 2, 3, m, 3))
+        # The cut from a corner is between the parts of the facets that meet at the corner.
+        for sign, part in zip((1.0, -1.0), [i for i in range(3) if i != corner], strict=True):
+            places = CORNERS[corner] + np.outer(s, along)
+            values = lagrange(degree, _back(part, places))
+            block[:, :, part] = sign * np.einsum("qp,mij,j->qipm", values, _tensors(), normal)
+        rows.append(block.reshape(-1, 9 * m))
+    return np.concatenate(rows)
+
+
+def _divergences(degree: int, low: FloatArray) -> FloatArray:
+    """The divergence at the points of degree k - 1 of each part, as rows for all values (9 m)."""
+    m = len(_lattice(degree))
+    block = np.zeros((3, len(low), 2, 3, m, 3))
+    for part in range(3):
+        edges = (_PARTS[part, 1:] - _PARTS[part, 0]).T
+        gradients = lagrange_gradients(degree, low) @ np.linalg.inv(edges)
+        block[part, :, :, part] = np.einsum("qpj,mij->qipm", gradients, _tensors())
+    return block.reshape(-1, 9 * m)
+
+
+def _moments(degree: int, stresses: FloatArray) -> FloatArray:
+    """The moments (n, 3, k + 1, 2) of the tractions of stresses (n, 3, m, 3)."""
+    points, weights = basix.make_quadrature(basix.CellType.interval, 2 * degree)
+    s = points[:, 0]
+    found = np.empty((len(stresses), 3, degree + 1, 2))
+    for facet, (first, last) in enumerate(FACETS):
+        along = CORNERS[last] - CORNERS[first]
+        normal = np.array([along[1], -along[0]])
+        normal *= np.sign(normal @ (CORNERS[first] - CORNERS[facet]))
+        places = CORNERS[first] + np.outer(s, along)
+        values = lagrange(degree, _back(facet, places))
+        tractions = np.einsum("npm,qp,mij,j->nqi", stresses[:, facet], values, _tensors(), normal)
+        found[:, facet] = np.einsum("q,qj,nqi->nji", weights, legendre(degree, s), tractions)
+    return found
+
+
+def _back(part: int, places: FloatArray) -> FloatArray:
+    """The coordinates in the reference triangle of places (q, 2) in a part."""
+    edges = (_PARTS[part, 1:] - _PARTS[part, 0]).T
+    return np.asarray(np.linalg.solve(edges, (places - _PARTS[part, 0]).T).T)
