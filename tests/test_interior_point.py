@@ -85,8 +85,8 @@ def test_a_share_of_a_recentring_is_that_share_of_the_way_to_its_step(
     lorentz: Lorentz, share: float
 ) -> None:
     random = np.random.default_rng(7)
-    points = _points(weights=np.ones(6), rows=3)
-    locking = LockingCones(lorentz, points, np.full(6, 1.0), 0.3)
+    points = _points(weights=np.ones(6), rows=3, limit=np.full(6, 1.0))
+    locking = LockingCones(lorentz, points, 0.3, 0)
     locking.x, locking.z = inside(random, 4, 6), inside(random, 4, 6)
     locking.seen = 0.3 * random.standard_normal((3, 6))
     locking.linearise()

@@ -64,7 +64,7 @@ def another_mesh(
     directory: str | Path, difference: str, record: Record, identity: dict[str, Any]
 ) -> str:
     """The message about a checkpoint of another mesh, with the parameters that differ."""
-    names = [name for name in {**record.mesh, **identity} if name != "content"]
+    names = [name for name in {**record.mesh, **identity} if name not in ("content", "refined")]
     changes = [
         f"mesh.{name} was {record.mesh.get(name)}, is {identity.get(name)}"
         for name in names
@@ -72,6 +72,8 @@ def another_mesh(
     ]
     if record.mesh.get("content") != identity.get("content"):
         changes = ["the mesh file is another one or has changed"]
+    if record.mesh.get("refined") != identity.get("refined"):
+        changes.append("it was refined; restart with a section adapt, which takes the refined mesh")
     # Another version of Gmsh makes another mesh of the same parameters.
     told = "; ".join(changes) or "perhaps another version of Gmsh; a mesh.file would not change"
     return (

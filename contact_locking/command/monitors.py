@@ -87,6 +87,8 @@ class TerminalMonitor(Monitor):
     def mesh(self, number: int, text: str) -> None:
         self.finish()
         self._line(f"mesh {number}: {text}")
+        # The solve on the next mesh counts from zero.
+        self._counts = self._before = (0, 0)
 
     def counted(self, tangents: int, friction_updates: int) -> None:
         self._counts = (tangents, friction_updates)

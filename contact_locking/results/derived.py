@@ -98,8 +98,9 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
     """Locking stress (23), pressure (25) and friction (22) of u by the penalty laws; collective."""
     forces = []
     for contact in data.contacts:
-        pressure = contact.surface.average(forms.pressure(u, contact, data))()
-        friction = contact.surface.average(forms.friction(u, contact))()
+        limited = contact.limited(u)
+        pressure = contact.surface.average(forms.pressure(limited, contact, data))()
+        friction = contact.surface.average(forms.friction(limited, contact))()
         forces.append(ContactForces(pressure, friction, pressure > 0.0))
     found = Multipliers.none(data, domain.mesh, tuple(forces))
     for item, part in zip(data.sets, found.parts, strict=True):

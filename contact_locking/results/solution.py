@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from contact_locking.arrays import IntArray
+from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History
 
@@ -49,6 +50,7 @@ class Solution:
     contact_points: ContactPoints | None  # None on the ranks other than 0
     contact_facets: IntArray | None  # (m, d), corners as numbers of the points; None likewise
     summary: dict[str, Any] = field(default_factory=dict)
+    meshes: tuple[AdaptedMesh, ...] = ()  # the adapted meshes up to this one, on rank 0
     time: float = 0.0  # the time of the step, 0 without steps
     history: History = field(default_factory=History)  # the steps up to this one, none without
     halved: tuple[str, ...] = ()  # which steps were halved, in words
