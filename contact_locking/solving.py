@@ -15,6 +15,7 @@ from contact_locking._version import __version__
 from contact_locking.certificate import certify
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.checkpoint.restart import Restart
+from contact_locking.checkpoint.saved_steps import saved_steps
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
@@ -58,13 +59,15 @@ def solve_steps(
     """Solve one step after the other, and yield the solution of each; collective.
 
     Without steps in the parameters the one solution is that of :func:`solve`.  A step that does not
-    converge is halved, down to ``steps.least``; the last solution is then not converged.  Raises
-    InputError for data that cannot be used.
+    converge is halved, down to ``steps.least``; the last solution is then not converged.
+    ``restart`` is the folder of a run that saved a step of a process: the saved steps are yielded
+    again, and the process goes on from the last of them.  Raises InputError for data that cannot be
+    used.
     """
     monitor = monitor or Monitor()
     start = time.perf_counter()
     if restart is not None:
-        checkpoint.expect(restart, comm)
+        checkpoint.expect(saved_steps(Path(restart))[-1], comm)
     require_usable_options(parameters, petsc_options)
     monitor.message("preparing the mesh and compiling forms (some seconds the first time)")
     problem = assemble(parameters, comm, domain)
@@ -79,7 +82,11 @@ def solve_steps(
                 monitor.message(f"warning: {warning}")
         told.update(solution.summary["warnings"])
         if parameters.certificate.limit and solution.converged:
-            _measure_against_limit(solution, monitor, petsc_options)
+            if parameters.steps is None:
+                _measure_against_limit(solution, monitor, petsc_options)
+            else:
+                reason = {"reason": "not measured for a process, whose past depends on n as well"}
+                solution.summary["certificate"]["errors"]["penalty_measured"] = reason
         solution.summary["version"] = __version__
         solution.summary["fingerprint"] = fingerprint
         solution.summary["wall_seconds"] = time.perf_counter() - start
@@ -110,7 +117,8 @@ def _solutions(
 ) -> Iterator[Solution]:
     """The solutions of an assembled problem; collective."""
     if problem.parameters.steps is not None:
-        return Steps(problem, monitor, petsc_options)
+        saved = [] if restart is None else saved_steps(Path(restart))
+        return Steps(problem, monitor, petsc_options, saved)
     return iter([_static(problem, monitor, petsc_options, restart)])
 
 

@@ -34,6 +34,7 @@ LAYERS = (
     ("solving",),
     ("adaptivity",),
     ("writing", "studies"),
+    ("running",),
     ("command",),
     ("__main__",),
 )

@@ -190,8 +190,8 @@ def test_friction_has_the_sign_of_the_axis_that_it_is_drawn_over(side: str, tmp_
     for is_picture in (True, False):
         figure = matplotlib.figure.Figure()
         if is_picture:
-            axes, strip = figure.subplots(2, 1)
-            plane._tractions(axes, strip, contact)
+            panel, strip = figure.subplots(2, 1)
+            plane._tractions(panel, strip, contact)
         else:
             contact_charts._profile(figure, points, facets)
         lines = [line for axes in figure.axes for line in axes.lines]

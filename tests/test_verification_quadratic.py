@@ -87,7 +87,8 @@ def test_v10_the_annulus_converges_to_its_exact_solution(
     limit_at: str, in_v: float, in_l2: float, last: float, found: list[Row]
 ) -> None:
     sizes = [1 / 5, 1 / 10, 1 / 20]
-    both = [errors(annulus(h, math.inf, degree=2, limit_at=limit_at)) for h in sizes]
+    given = {"degree": 2, "limit_at": limit_at}
+    both = [errors(annulus(h, math.inf, discretisation=given)) for h in sizes]
     v, l2 = ([pair[i] for pair in both] for i in (0, 1))
     where = f"annulus, n = inf, P2, limit at {limit_at}"
     found.append(Row("V10", where, "rate in V, optimal", rate(sizes, v), 2.0, TEST))

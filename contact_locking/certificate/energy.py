@@ -22,6 +22,7 @@ on every mesh, for every n up to infinity, and for every size of the step.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,6 +103,19 @@ class EnergyBalance:
     numerical: float
     defect: float
 
+    @classmethod
+    def of_row(cls, row: Mapping[str, float]) -> EnergyBalance:
+        """The balance that a row of history.csv has."""
+        change = row["work"] - row["dissipated"] - row["numerical"]
+        return cls(
+            work=row["work"],
+            stored=row["stored"],
+            change=change,
+            dissipated=row["dissipated"],
+            numerical=row["numerical"],
+            defect=row["energy_defect"],
+        )
+
     def criterion(self, state: SolvedState) -> Criterion:
         """The energy balance as a criterion of the certificate."""
         return Criterion(self.defect, law_limit(state), "energy that a step creates or loses")
@@ -178,8 +192,7 @@ def _external_forces(state: SolvedState) -> FloatArray:
         inner += nodal_forces(forms.own_forces(u, v, data))
     for fields in state.contacts:
         forces = fields.pressure[:, None] * fields.normal - fields.traction
-        weighted = forces * fields.surface.weights[:, None]
-        inner += fields.surface.vector_function(weighted).x.array
+        inner += fields.surface.nodal_forces(forces)
     fixed = problem.constraints.dofs[problem.constraints.dofs < owned]
     load[fixed] = inner[fixed]
     return load[:owned].copy()

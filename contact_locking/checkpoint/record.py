@@ -30,7 +30,7 @@ class Record:
     fingerprint of everything that defines the solution.  ``degree`` is the degree of the
     displacement, and ``limit_at`` names the points of the strains.  ``contacts`` is the number of
     contacts, ``strain_sets`` that of the sets of strains, and ``regularisations`` has one length
-    for each contact.
+    for each contact.  ``step`` is about the step of a process, None for a problem without steps.
     """
 
     version: str
@@ -47,6 +47,7 @@ class Record:
     strain_sets: int
     mesh: dict[str, Any]
     problem: str
+    step: dict[str, Any] | None = None
 
 
 def save(record: Record, folder: Path) -> None:
@@ -61,6 +62,8 @@ def save(record: Record, folder: Path) -> None:
         "regularisations": [str(value) for value in record.regularisations],
         "files": {path.name: _seen(path) for path in _files(folder)},
     }
+    if record.step is None:
+        del data["step"]
     (folder / RECORD).write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
 
 
@@ -124,6 +127,7 @@ def _record(data: Mapping[str, Any]) -> Record:
         limit_at=str(data["limit_at"]),
         mesh=dict(data["mesh"]),
         problem=str(data["problem"]),
+        step=dict(data["step"]) if "step" in data else None,
         # Older versions know the ball alone.
         strain_sets=int(data.get("strain_sets", 1)),
         **numbers,

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
     study = _load(arguments.file, _overrides(arguments))
     comm = world_with_dolfinx(arguments)
-    from contact_locking import adaptivity, writing
+    from contact_locking import adaptivity, running, writing
     from contact_locking.results import in_words
 
     parameters, restart = study.parameters, arguments.restart
@@ -67,8 +67,13 @@ def run(arguments: argparse.Namespace) -> int:
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
         with _monitor(arguments, comm, speaks) as monitor, petsc_complaints():
-            solution = adaptivity.solve(parameters, comm, monitor, arguments.petsc, restart)
-        warnings = writing.write(solution, directory, save_state)
+            if parameters.steps is None:
+                solution = adaptivity.solve(parameters, comm, monitor, arguments.petsc, restart)
+                warnings = writing.write(solution, directory, save_state)
+            else:
+                solution, warnings = running.run_steps(
+                    parameters, directory, comm, monitor, arguments.petsc, restart, save_state
+                )
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")
     ratio = _largest_strain_ratio(solution)
@@ -128,12 +133,13 @@ def check(arguments: argparse.Namespace) -> int:
     parameters = study.parameters
     comm = world_with_dolfinx(arguments)
     from contact_locking import solving, writing
+    from contact_locking.command import trial
     from contact_locking.problem import groups
 
     with _explained(study):
         writing.prepare(parameters.output.directory, comm)
         facts = solving.check(parameters, comm)
-    for warning in facts.pop("warnings"):
+    for warning in [*facts.pop("warnings"), *trial.warnings(parameters, facts["dimension"], comm)]:
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]

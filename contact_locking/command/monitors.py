@@ -24,7 +24,7 @@ class TerminalMonitor(Monitor):
     def __init__(self, console: Any) -> None:
         self._console = console
         self._live = console.status("") if console.is_terminal else None
-        self._stage = ""
+        self._step = self._stage = ""
         self._iterations = 0
         # Tangents and friction updates of the solve, and those of the stages before this one.
         self._counts = self._before = (0, 0)
@@ -58,10 +58,15 @@ class TerminalMonitor(Monitor):
         else:
             self._line(text)
 
+    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+        self.finish()
+        about = "" if seconds_left is None else f", about {_duration(seconds_left)} left"
+        self._step = f"step {number}  t = {time:.6g}  ({left} to do{about})  "
+
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         self.finish()
         of = f"/{count_estimate}" if index <= count_estimate else ""
-        self._stage = f"stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
+        self._stage = f"{self._step}stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
         self._iterations, self._detail = 0, ""
         self._began = time.perf_counter()
         self._refresh()
@@ -82,6 +87,8 @@ class TerminalMonitor(Monitor):
     def mesh(self, number: int, text: str) -> None:
         self.finish()
         self._line(f"mesh {number}: {text}")
+        # The solve on the next mesh counts from zero.
+        self._counts = self._before = (0, 0)
 
     def counted(self, tangents: int, friction_updates: int) -> None:
         self._counts = (tangents, friction_updates)
@@ -126,6 +133,13 @@ class TerminalMonitor(Monitor):
         return Text(printable(text), no_wrap=True, overflow="ellipsis")
 
 
+def _duration(seconds: float) -> str:
+    """A duration in words, as coarse as an estimate is."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
 class ProgressFile(Monitor):
     """Keeps the latest progress in a small JSON file, and passes all calls on to ``listener``.
 
@@ -141,6 +155,10 @@ class ProgressFile(Monitor):
     def message(self, text: str) -> None:
         self._listener.message(text)
         self._write(message=text)
+
+    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+        self._listener.step(number, left, time, seconds_left)
+        self._write(message=f"step {number}, {left} to do")
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         self._listener.stage(index, count_estimate, n, epsilon)

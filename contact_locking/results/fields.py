@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import errno
 import os
 import re
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -102,10 +104,38 @@ def size(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
 
 def write(functions: list[fem.Function], path: Path, comm: MPI.Intracomm) -> None:
     """Write the functions to ``path``; collective.  Raises OSError where ADIOS2 fails."""
-    file = io.VTXWriter(comm, path, functions, engine="BP4")
+    file = Series(functions, path, comm)
+    file.add(0.0)
+    file.close()
+
+
+class Series:
+    """A file with the functions at several times; collective.
+
+    Before each call of :meth:`add` the functions get their values.  The methods raise OSError where
+    ADIOS2 fails.
+    """
+
+    def __init__(self, functions: list[fem.Function], path: Path, comm: MPI.Intracomm) -> None:
+        self.functions, self._path = functions, path
+        self._file = io.VTXWriter(comm, path, functions, engine="BP4")
+
+    def add(self, time: float) -> None:
+        """Write the present values for a time."""
+        with _explained(self._file, self._path):
+            self._file.write(time)
+
+    def close(self) -> None:
+        """Complete the file."""
+        with _explained(self._file, self._path):
+            self._file.close()
+
+
+@contextlib.contextmanager
+def _explained(file: io.VTXWriter, path: Path) -> Iterator[None]:
+    """Raise an OSError in place of the error of ADIOS2."""
     try:
-        file.write(0.0)
-        file.close()
+        yield
     except RuntimeError as error:
         # The destructor of ADIOS2 would write again, and an exception in a destructor ends the
         # process.  One more reference to the file prevents the call of the destructor.

@@ -17,6 +17,7 @@ from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
+    MESHES,
     PARAMETERS,
     PICTURE,
     SUMMARY,
@@ -39,6 +40,7 @@ class RunResults:
     contact: ContactPoints
     facets: IntArray
     picture: Path | None
+    meshes: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def _run(folder: Path) -> RunResults:
         raise InputError(f"{path}: is damaged: it does not say whether the run converged")
     for key, text in dict(_dict(summary.pop("not_finite", None))).items():
         _restore(summary, key.split("."), text)
-    picture = folder / PICTURE
+    picture, meshes = folder / PICTURE, folder / MESHES
     contact, facets = folder / CONTACT, folder / FACETS
     points = contact_table.read_points(_text(contact), str(contact))
     return RunResults(
@@ -112,6 +114,7 @@ def _run(folder: Path) -> RunResults:
         points,
         contact_table.read_facets(_text(facets), str(facets), points),
         picture if picture.is_file() else None,
+        meshes if meshes.is_file() else None,
     )
 
 

@@ -48,6 +48,7 @@ def row_of(
         "work": energy.work,
         "dissipated": energy.dissipated,
         "numerical": energy.numerical,
+        "energy_defect": energy.defect,
     }
     row |= {total: history.last(total) + row[one] for total, one in SUMS.items()}
     criteria = summary["certificate"]["criteria"].values()

@@ -23,7 +23,6 @@ class Timeline:
         self._planned = deque(given.planned)
         self._interval_start = self.done = given.start
         self._longest = math.inf
-        self.halvings = 0
 
     @property
     def is_over(self) -> bool:
@@ -63,5 +62,4 @@ class Timeline:
         if not half > 0.0 or half < least * (1.0 - _ROUNDING):
             return False
         self._longest = half
-        self.halvings += 1
         return True
