@@ -51,7 +51,7 @@ _PROVED = (
     "is constant in each cell; up to rounding"
 )
 _THREE_DIMENSIONS = (
-    "not in three dimensions, where the hybrid system of the stress has some 54 unknowns a cell"
+    "not in three dimensions, where the system for the stress has about 20 unknowns a cell"
 )
 
 
