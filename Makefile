@@ -66,6 +66,7 @@ studies: ## measure the convergence that the theory promises (ten minutes): docs
 	./in-env python3 demos/studies/theorem_4_10.py
 	./in-env python3 demos/studies/local_friction.py
 	./in-env python3 demos/studies/locking_stress.py
+	./in-env python3 demos/studies/error_bound.py
 	./in-env python3 demos/studies/figures.py docs/figures
 
 docs: ## build the documentation in docs/_build/html (two minutes: it runs the demos)

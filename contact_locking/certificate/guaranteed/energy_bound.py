@@ -48,10 +48,10 @@ from contact_locking.parallel import maximum
 _TOLERANCE = 1e-6
 _PROVED = (
     "proved for this friction bound kept fixed, on the polygon of the mesh, with a material that "
-    "is constant in each cell; up to rounding"
+    "is constant in each cell; up to rounding and the tolerance of the solver"
 )
 _THREE_DIMENSIONS = (
-    "not in three dimensions, where the hybrid system of the stress has some 54 unknowns a cell"
+    "not in three dimensions, where the system for the stress has about 20 unknowns a cell"
 )
 
 
