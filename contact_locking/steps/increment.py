@@ -223,6 +223,10 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
         "certificate": certificate.summary(),
         "warnings": warnings,
     }
+    load = certificate.limit_load
+    if not report.converged and load is not None and load["infeasible"]:
+        most = f"{100.0 * load['load_factor'][1]:.3g}"
+        summary["reason"] += f"; on no mesh can more than {most} % of them be followed"
     if report.converged and certificate.complaint:
         summary |= {
             "converged": False,
