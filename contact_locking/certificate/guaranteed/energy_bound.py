@@ -143,6 +143,8 @@ def _require_applicable(state: SolvedState) -> None:
         raise NotApplicable("the solve did not converge")
     if problem.data.own_energy is not None:
         raise NotApplicable("no proof covers the user's own energy")
+    if not problem.data.only_ball:
+        raise NotApplicable("the proof is not for other sets of strains than the ball |eps| <= M")
 
 
 def _admissible(
