@@ -26,6 +26,7 @@ COARSE = {
     "fibres": ("mesh.h=0.07", *PLAIN),
     "two_foundations": ("mesh.h=0.1", *PLAIN),
     "ball_3d": ("mesh.h=0.5", "mesh.h_contact=0.06", *PLAIN),
+    "cyclic_slip": ("mesh.h=0.2", "mesh.h_contact=0.05", *PLAIN),
 }
 
 
