@@ -13,6 +13,7 @@ from contact_locking.results.read import RunResults
 from .certificate import certificate
 from .charts import Chart
 from .contact_charts import contact_charts
+from .history_charts import history_charts
 from .pictures import picture
 from .quantities import MEANINGS, QUANTITIES, by_contact
 from .shown import shown
@@ -24,7 +25,7 @@ _INFEASIBLE = "infeasible: "
 def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     """The HTML document of a run and its charts."""
     summary = run.summary
-    charts = contact_charts(run)
+    charts, steps = contact_charts(run), history_charts(run.history)
     contact_names, contact_quantities = by_contact(summary)
     html = render(
         "run.html.j2",
@@ -36,6 +37,8 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         contact=run.contact,
         states=_states(run.contact),
         contact_charts=charts,
+        history_charts=steps,
+        steps=summary.get("steps"),
         certificate=certificate(summary),
         meanings=MEANINGS,
         restart=summary.get("restart"),
@@ -48,7 +51,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         **_picture(run),
         **_iterations(summary),
     )
-    return html, [chart for _, drawn in charts for chart in drawn]
+    return html, [*(chart for _, drawn in charts for chart in drawn), *steps]
 
 
 def _verdict(summary: Mapping[str, Any]) -> dict[str, Any]:
