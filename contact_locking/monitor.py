@@ -23,7 +23,7 @@ class Monitor:
         """Stage ``index``, counted from 1, begins: the solve with the penalties n and epsilon."""
 
     def friction_update(self, k: int, change: float, factor: float | None) -> None:
-        """Update k changed the friction bound by the relative amount ``change``.
+        """Update k of the solve changed the friction bound by the relative amount ``change``.
 
         ``factor`` is the contraction observed so far, None while none can be observed.
         """
@@ -33,6 +33,9 @@ class Monitor:
 
     def mesh(self, number: int, text: str) -> None:
         """The solve on adapted mesh ``number``, from 1, is over, with the result ``text``."""
+
+    def counted(self, tangents: int, friction_updates: int) -> None:
+        """So many tangents and updates of the friction bound the solve has taken so far."""
 
     def finish(self) -> None:
         """The last stage is over."""
@@ -62,6 +65,9 @@ class Attentive(Monitor):
 
     def mesh(self, number: int, text: str) -> None:
         self._listener.mesh(number, text)
+
+    def counted(self, tangents: int, friction_updates: int) -> None:
+        self._listener.counted(tangents, friction_updates)
 
     def finish(self) -> None:
         self._listener.finish()

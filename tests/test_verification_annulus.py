@@ -68,7 +68,7 @@ def locking_stress() -> tuple[FloatArray, FloatArray]:
     return solved.t, solved.y[0]
 
 
-def annulus(h: float, n: float) -> Solution:
+def annulus(h: float, n: float, **changes: Any) -> Solution:
     circles = {name: float(radial(r)) / r for name, r in (("inner", INNER), ("outer", OUTER))}
     held: list[dict[str, Any]] = [
         {"on": name, "value": [f"{u!r}*x", f"{u!r}*y"]} for name, u in circles.items()
@@ -87,7 +87,8 @@ def annulus(h: float, n: float) -> Solution:
             "loads": {"displacements": held},
             "contact": {"on": []},
             "penalty": {"n": n},
-        }
+        },
+        **changes,
     )
     solution = solving.solve(parameters)
     assert solution.converged, solution.summary["reason"]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -54,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     study = _load(arguments.file, _overrides(arguments))
     comm = world_with_dolfinx(arguments)
     from contact_locking import adaptivity, running, writing
+    from contact_locking.results import in_words
 
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
@@ -76,7 +78,8 @@ def run(arguments: argparse.Namespace) -> int:
         terminal.complain(f"warning: {warning}")
     ratio = _largest_strain_ratio(solution)
     if speaks:
-        print(terminal.columns(terminal.summary_rows(solution.summary, ratio, directory)))
+        outcome = [*in_words.rows(solution.summary, ratio), ("results in", str(directory))]
+        print(terminal.columns(outcome))
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
@@ -130,12 +133,13 @@ def check(arguments: argparse.Namespace) -> int:
     parameters = study.parameters
     comm = world_with_dolfinx(arguments)
     from contact_locking import solving, writing
+    from contact_locking.command import trial
     from contact_locking.problem import groups
 
     with _explained(study):
         writing.prepare(parameters.output.directory, comm)
         facts = solving.check(parameters, comm)
-    for warning in facts.pop("warnings"):
+    for warning in [*facts.pop("warnings"), *trial.warnings(parameters, facts["dimension"], comm)]:
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
@@ -253,13 +257,15 @@ def _explained(study: StudyFile) -> Iterator[None]:
         raise InputError(study.explain(error), error.key) from error
 
 
-def _largest_strain_ratio(solution: Solution) -> float:
-    """The largest |eps|/M of the body; collective."""
+def _largest_strain_ratio(solution: Solution) -> float | None:
+    """The largest |eps|/M of the body, None for a body without a limit; collective."""
     from mpi4py import MPI
 
+    comm = solution.domain.comm
     strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array
-    largest = float((strain / limit).max(initial=0.0))
-    return float(solution.domain.comm.allreduce(largest, op=MPI.MAX))
+    if comm.allreduce(float(limit.min(initial=math.inf)), op=MPI.MIN) == math.inf:
+        return None
+    return float(comm.allreduce(float((strain / limit).max(initial=0.0)), op=MPI.MAX))
 
 
 def _shown(value: Any) -> str:

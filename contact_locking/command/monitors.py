@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from contact_locking.files.atomic import write_text
 from contact_locking.monitor import Monitor
-from contact_locking.plain_text import printable
+from contact_locking.plain_text import count, printable
 
 
 class TerminalMonitor(Monitor):
@@ -26,7 +26,8 @@ class TerminalMonitor(Monitor):
         self._live = console.status("") if console.is_terminal else None
         self._step = self._stage = ""
         self._iterations = 0
-        self._updates = 0
+        # Tangents and friction updates of the solve, and those of the stages before this one.
+        self._counts = self._before = (0, 0)
         self._detail = ""
         self._residual = float("nan")
         self._began = time.perf_counter()
@@ -66,12 +67,11 @@ class TerminalMonitor(Monitor):
         self.finish()
         of = f"/{count_estimate}" if index <= count_estimate else ""
         self._stage = f"{self._step}stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
-        self._iterations, self._updates, self._detail = 0, 0, ""
+        self._iterations, self._detail = 0, ""
         self._began = time.perf_counter()
         self._refresh()
 
     def friction_update(self, k: int, change: float, factor: float | None) -> None:
-        self._updates = k
         rate = "" if factor is None else f", contraction {factor:.2f}"
         self._detail = f"friction update {k}: change {change:.1e}{rate}"
         if self._live is None:
@@ -87,17 +87,24 @@ class TerminalMonitor(Monitor):
     def mesh(self, number: int, text: str) -> None:
         self.finish()
         self._line(f"mesh {number}: {text}")
+        # The solve on the next mesh counts from zero.
+        self._counts = self._before = (0, 0)
+
+    def counted(self, tangents: int, friction_updates: int) -> None:
+        self._counts = (tangents, friction_updates)
 
     def finish(self) -> None:
         if not self._stage:
             return
-        updates = f", {self._updates} friction updates" if self._updates else ""
-        seconds = time.perf_counter() - self._began
-        self._line(
-            f"{self._stage}  {self._iterations} iterations{updates}, "
-            f"residual {self._residual:.1e}, {seconds:.1f} s"
+        tangents, updates = (
+            now - then for now, then in zip(self._counts, self._before, strict=True)
         )
-        self._stage = ""
+        counts = count(tangents, "tangent")
+        if updates:
+            counts += f", {count(updates, 'friction update')}"
+        seconds = time.perf_counter() - self._began
+        self._line(f"{self._stage}  {counts}, residual {self._residual:.1e}, {seconds:.1f} s")
+        self._stage, self._before = "", self._counts
 
     def _refresh(self) -> None:
         if self._live is not None and self._stage:
@@ -168,6 +175,9 @@ class ProgressFile(Monitor):
     def mesh(self, number: int, text: str) -> None:
         self._listener.mesh(number, text)
         self._write(message=f"mesh {number}: {text}")
+
+    def counted(self, tangents: int, friction_updates: int) -> None:
+        self._listener.counted(tangents, friction_updates)
 
     def finish(self) -> None:
         self._listener.finish()

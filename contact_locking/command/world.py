@@ -8,6 +8,7 @@ import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from contact_locking.command import terminal
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.studies import signals
 
@@ -41,6 +42,11 @@ def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
     # silence, whether Python or a monitor of PETSc was printing.
     if arguments.program and MPI.COMM_WORLD.size == 1:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    for name in compiled_forms.ignore_current_folder():
+        terminal.complain(
+            f"warning: {name} in this folder is ignored, as options of a compiler can run code; "
+            "the folder of your configuration is the place for it: ~/.config/dolfinx or ffcx"
+        )
     if MPI.COMM_WORLD.rank == 0:
         compiled_forms.clear_unfinished()
     return MPI.COMM_WORLD

@@ -144,6 +144,14 @@ class Parameters(Section):
                 ".inf cannot be solved by Newton's method; "
                 "take solver.method: interior_point (or auto), or a finite n such as 1e6",
             )
+        if self.solver.method == "newton":
+            for contact in self.contacts:
+                if contact.friction.regularisation == 0.0:
+                    yield Fault(
+                        tuple(contact.friction_key("regularisation").split(".")),
+                        "0 cannot be solved by Newton's method, which needs a smooth law; take "
+                        "solver.method: interior_point (or auto), or a positive length",
+                    )
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for index, displacement in enumerate(self.loads.displacements):
             if both := [name for name in displacement.on if name in keys]:

@@ -72,6 +72,10 @@ def _not_tiny(value: float) -> float:
     return value
 
 
+def _zero_or_not_tiny(value: float) -> float:
+    return value if value == 0.0 else _not_tiny(value)
+
+
 def _whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
@@ -135,6 +139,9 @@ _PoissonOrText = Annotated[
 # A bound stands before the BeforeValidator, so that it applies to the number that was read.
 Number = Annotated[float, BeforeValidator(_finite)]
 Positive = Annotated[float, Field(gt=0), BeforeValidator(_finite), AfterValidator(_not_tiny)]
+NonNegative = Annotated[
+    float, Field(ge=0), BeforeValidator(_finite), AfterValidator(_zero_or_not_tiny)
+]
 PositiveOrInfinite = Annotated[
     float, Field(gt=0), BeforeValidator(_extended), AfterValidator(_not_tiny)
 ]

@@ -183,7 +183,8 @@ def _smoothing(
         key = part.friction_key("smoothing.radius")
         warnings.append(
             f"{key}: {radius:g} is smaller than the mesh size {size:.3g} on "
-            "Gamma_C, so R hardly smooths; refine the mesh there or enlarge the radius"
+            f"{', '.join(part.on)}, so R hardly smooths; refine the mesh there or enlarge the "
+            "radius"
         )
     if given.kernel == "convolution":
         return Convolution(comm, surface.whole(free), radius)

@@ -53,4 +53,4 @@ def _curves(figure: Figure, history: History, label: str, lines: Mapping[str, st
         colour = _COLOURS[number % len(_COLOURS)]
         axes.plot(time, history.column(column), dashes, color=colour, label=name)
     axes.set(xlabel="t", ylabel=label)
-    axes.legend(fontsize="small")
+    figure.legend(loc="outside upper center", ncols=2, fontsize="small")

@@ -19,6 +19,7 @@ from contact_locking.results.names import (
     CONTACT,
     FACETS,
     HISTORY,
+    MESHES,
     PARAMETERS,
     PICTURE,
     SUMMARY,
@@ -45,6 +46,7 @@ class RunResults:
     facets: IntArray
     picture: Path | None
     history: History
+    meshes: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def _run(folder: Path) -> RunResults:
         raise InputError(f"{path}: is damaged: it does not say whether the run converged")
     for key, text in dict(_dict(summary.pop("not_finite", None))).items():
         _restore(summary, key.split("."), text)
-    picture = folder / PICTURE
+    picture, meshes = folder / PICTURE, folder / MESHES
     contact, facets, history = folder / CONTACT, folder / FACETS, folder / HISTORY
     points = contact_table.read_points(_text(contact), str(contact))
     return RunResults(
@@ -119,6 +121,7 @@ def _run(folder: Path) -> RunResults:
         contact_table.read_facets(_text(facets), str(facets), points),
         picture if picture.is_file() else None,
         read_history(_text(history), str(history)) if history.is_file() else History(),
+        meshes if meshes.is_file() else None,
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -10,7 +12,11 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
-from contact_locking.certificate.guaranteed.hybrid_system import Boundary, HybridSystem
+from contact_locking.certificate.guaranteed.hybrid_system import (
+    LARGEST_JUMP,
+    Boundary,
+    HybridSystem,
+)
 from contact_locking.certificate.guaranteed.macro_element import MacroElement, lagrange_gradients
 from contact_locking.certificate.guaranteed.stiffening import (
     Elasticity,
@@ -29,8 +35,21 @@ from contact_locking.parallel import maximum, on_any_rank
 
 # Values at the points of a cell that differ by more, relatively, do so by more than rounding.
 _ROUNDING = 1e-10
-# The largest relative jump of the tractions of a stress that counts as continuous.
-_LARGEST_JUMP = 1e-8
+
+
+@dataclass(frozen=True)
+class Gap:
+    """``value`` is the gap of the cells of this rank.
+
+    ``apart`` (n, 3, 3) are the squares of ``eps(w) - (A + zeta)^-1 s``, integrated over each part,
+    along the eigenvectors of A; ``elastic`` (n, 3, 3) are the eigenvalues of A, and ``stiffened``
+    (n, 3, 3) those of A + zeta.
+    """
+
+    value: float
+    apart: FloatArray
+    elastic: FloatArray
+    stiffened: FloatArray
 
 
 class Body:
@@ -64,23 +83,23 @@ class Body:
         moments = wanted @ element.lift_moments.reshape(wanted.shape[1], -1)
         system = HybridSystem(triangles, element, boundary, state.settings.linear)
         compliance = self.elasticity.compliance(self._zeta)
-        target = self.strains(state.problem.u)
+        target = self.strains(state.problem.u, element)
         target = target - (lifted.reshape(size, -1, 3) @ compliance).reshape(target.shape)
         found, jump = system.solve(
             compliance, target, system.moments(moments.reshape(size, *element.moments.shape[1:]))
         )
-        if jump > _LARGEST_JUMP:
+        if jump > LARGEST_JUMP:
             raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
         return np.asarray(lifted + found)
 
-    def strains(self, u: fem.Function) -> FloatArray:
+    def strains(self, u: fem.Function, element: MacroElement) -> FloatArray:
         """The strain (n, 3, m, 3) of a displacement at the points of the parts."""
         triangles = self.triangles
         degree = self._state.problem.element.degree
-        shape = self.element.points.shape
+        shape = element.points.shape
         nodal = u.x.array.reshape(-1, 2)[u.function_space.dofmap.list[: len(triangles.areas)]]
         # The gradients of affine displacements are constant.
-        points = self.element.points.reshape(-1, 2)[: 1 if degree == 1 else None]
+        points = element.points.reshape(-1, 2)[: 1 if degree == 1 else None]
         slopes = lagrange_gradients(degree, points)
         inverse = np.linalg.inv(triangles.maps)
         gradient = np.swapaxes(nodal, 1, 2)[:, None] @ (slopes @ inverse[:, None])
@@ -90,15 +109,15 @@ class Body:
         ]
         found = np.stack(parts, axis=-1)
         if degree == 1:
-            found = np.broadcast_to(found, (len(nodal), len(self.element.points.reshape(-1, 2)), 3))
+            found = np.broadcast_to(found, (len(nodal), shape[0] * shape[1], 3))
         return found.reshape(len(nodal), *shape[:2], 3)
 
     def excess(self, w: fem.Function) -> float:
         """``max |eps(w)|/M - 1`` over the body, at least 0; collective."""
-        ratio = np.linalg.norm(self.strains(w), axis=3) / self.limit[:, None, None]
+        ratio = np.linalg.norm(self.strains(w, self.element), axis=3) / self.limit[:, None, None]
         return maximum(self._state.comm, ratio - 1.0)
 
-    def gap(self, stress: FloatArray, w: fem.Function) -> float:
+    def gap(self, stress: FloatArray, w: fem.Function, element: MacroElement) -> Gap:
         """``int |s - (A + zeta) eps|^2/2 + zeta (M^2 - |eps|^2)/2`` over the cells of this rank.
 
         zeta is constant in each of the three parts of a triangle, and the best one for the stress.
@@ -106,12 +125,12 @@ class Body:
         by which eps(w) exceeds M, M is enlarged.
         """
         areas = self.triangles.areas[:, None] / 3.0
-        mass = self.element.mass
+        mass = element.mass
 
         def squares(modes: FloatArray) -> FloatArray:
             return np.sum(modes * (mass @ modes), axis=2) * areas[:, :, None]
 
-        eps = self.elasticity.modes(self.strains(w))
+        eps = self.elasticity.modes(self.strains(w, element))
         modes = self.elasticity.modes(stress)
         eigenvalues = np.broadcast_to(self.elasticity.eigenvalues[:, None], (*eps.shape[:2], 3))
         size = np.sum(squares(eps), axis=2)
@@ -121,9 +140,10 @@ class Body:
         zeta = best_stiffening(squares(modes), eigenvalues, most)
         shifted = eigenvalues + zeta[:, :, None]
         rest = modes - shifted[:, :, None, :] * eps
-        total = 0.5 * np.sum(squares(rest) / shifted)
+        apart = squares(rest) / shifted**2
         slack = np.where(zeta > 0.0, most - size, 0.0)
-        return float(total + 0.5 * np.sum(zeta * slack))
+        total = 0.5 * (np.sum(apart * shifted) + np.sum(zeta * slack))
+        return Gap(float(total), apart, eigenvalues, shifted)
 
     def _stiffness(self, size: int) -> FloatArray:
         """A as Mandel matrices (n, points, 3, 3)."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray, IndexArray, IntArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.facet_polynomials import (
     absolute_integral,
@@ -104,6 +104,7 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
     def of(values: FloatArray) -> FloatArray:
         return control_values(surface.scalar_function(values).x.array[nodes])
 
+    fixed = surface.scalar_function((~contact.free).astype(float)).x.array[nodes] > 0.5
     normal = normals[:, 0]
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
     friction = surface.vector_function(fields.traction).x.array.reshape(-1, 2)
@@ -119,10 +120,22 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
         triangles.lengths[cells, sides],
         normal,
         control_values(contact.gap.x.array[nodes]),
-        np.maximum(of(fields.pressure), 0.0),
-        np.clip(along, -bound, bound),
+        np.maximum(_continued(of(fields.pressure), fixed), 0.0),
+        np.clip(_continued(along, fixed), -bound, bound),
         bound,
     )
+
+
+def _continued(values: FloatArray, fixed: BoolArray) -> FloatArray:
+    """Give the fixed control points (m, r + 1) at one end of a facet the value of the other end.
+
+    At held nodes the solution has no contact forces, whatever the forces beside them.
+    """
+    values = values.copy()
+    for first, last in ((0, -1), (-1, 0)):
+        alone = fixed[:, first] & ~fixed[:, last]
+        values[alone, first] = values[alone, last]
+    return values
 
 
 def _require_order(

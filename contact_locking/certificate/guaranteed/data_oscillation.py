@@ -36,6 +36,8 @@ from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.problem import compiled
 from contact_locking.problem.forms import ProblemData
 
+# What is left out of a load is nothing below this share of the load.
+_ROUNDING = 1e-13
 # The quadrature degree of loads that are no constants.
 _DEGREE = 8
 
@@ -118,10 +120,10 @@ def _add_body_force(
     if element.degree == 1:
         body += _turning(values - body, 2.0 * weights, triangles, places)
     rest = values - np.einsum("qi,ntid->ntqd", shapes, body)
-    square = np.einsum("q,ntqd->n", 2.0 * weights, rest**2) * triangles.areas / 3.0
+    squares = [np.einsum("q,ntqd->n", 2.0 * weights, part**2) for part in (rest, values)]
     # Several body forces add up; so do the norms of what is left out.
     found.body += body
-    found.body_rest += np.sqrt(square)
+    found.body_rest += np.sqrt(triangles.areas / 3.0 * _beyond_rounding(*squares))
 
 
 def _turning(
@@ -159,7 +161,13 @@ def _add_traction(
     lengths = triangles.lengths[cells, sides]
     # A side of a cell occurs once in a measure.
     found.moments[cells, sides] += lengths[:, None, None] * moments
-    found.rest[cells, sides] += np.sqrt(lengths * np.einsum("q,mqd->m", weights, rest**2))
+    squares = [np.einsum("q,mqd->m", weights, part**2) for part in (rest, values)]
+    found.rest[cells, sides] += np.sqrt(lengths * _beyond_rounding(*squares))
+
+
+def _beyond_rounding(rest: FloatArray, whole: FloatArray) -> FloatArray:
+    """The squares (m,) of what is left out, or 0 where it is rounding of the whole."""
+    return np.where(rest > _ROUNDING**2 * whole, rest, 0.0)
 
 
 def _values(load: Any, triangles: Triangles, points: FloatArray, cells: IndexArray) -> FloatArray:
