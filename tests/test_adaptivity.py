@@ -12,7 +12,7 @@ from mpi4py import MPI
 from problems import SMALL_BLOCK, block, column
 
 from contact_locking import checkpoint, report, save, solving, studies, study_file, write
-from contact_locking.adaptivity import solve, solve_adaptively
+from contact_locking.adaptivity import mesh_sequence, solve, solve_adaptively
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
@@ -80,6 +80,17 @@ def test_an_early_end_is_said_in_the_summary_and_in_a_warning(
     assert not found["reached"] and told in found["stopped"]
     assert any(told in warning for warning in solution.summary["warnings"])
     assert solution.converged and solution.summary["dofs"] <= adapt.get("max_dofs", 10**6)
+
+
+@pytest.mark.serial
+def test_an_error_that_does_not_fall_ends_the_loop_where_the_cells_are_smallest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mesh_sequence, "_LEAST_FALL", 0.0)  # no fall is enough
+    solution = solve(adaptive(adapt={"tolerance": 0.001}))
+    assert len(meshes(solution)) == 4 and not solution.summary["adapt"]["reached"]
+    assert "hardly fallen" in solution.summary["adapt"]["stopped"]
+    assert "the smallest cells, of size 0." in solution.summary["adapt"]["stopped"]
 
 
 @pytest.mark.serial
