@@ -18,7 +18,7 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, expla
 from contact_locking.files import atomic
 from contact_locking.files.lock import locked, make_folders, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.results import adapted_meshes, contact_table, fields
+from contact_locking.results import adapted_meshes, contact_table, fields, xdmf
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
@@ -29,6 +29,8 @@ from contact_locking.results.names import (
     PICTURE,
     SNAPSHOT,
     SUMMARY,
+    XDMF,
+    XDMF_DATA,
     not_writable,
 )
 from contact_locking.results.solution import Solution
@@ -39,16 +41,8 @@ T = TypeVar("T")
 KEY = "output.directory"
 # The summary is the last file: a folder with a summary has all other files.
 _ORDER = (
-    PARAMETERS,
-    CONTACT,
-    FACETS,
-    HISTORY,
-    MESHES,
-    FIELDS,
-    SNAPSHOT,
-    PICTURE,
-    checkpoints.NAME,
-    SUMMARY,
+    *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
+    *(SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY),
 )
 
 # More than the size of a summary, the parameters and some hundred contact points.
@@ -135,11 +129,11 @@ def write(
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
     The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv, and meshes.npz
-    for adapted meshes.  The section ``output`` of the parameters adds fields.bp, and picture.png
-    with snapshot.npz; ``checkpoint`` adds the folder checkpoint.  A step of a process adds
-    history.csv, and ``series``, the file of a `FieldSeries`, is fields.bp in place of the fields of
-    this step.  The files are written into a staging folder and moved when all are complete.  No
-    file of an earlier run stays in the folder.
+    for adapted meshes.  The section ``output`` of the parameters adds fields.bp or fields.xdmf, and
+    picture.png with snapshot.npz; ``checkpoint`` adds the folder checkpoint.  A step of a process
+    adds history.csv, and ``series``, the file of a `FieldSeries`, is fields.bp in place of the
+    fields of this step.  The files are written into a staging folder and moved when all are
+    complete.  No file of an earlier run stays in the folder.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
     InputError for a folder that cannot be written to, and ContactLockingError for a full disk; if
@@ -152,8 +146,11 @@ def write(
     with _staging(comm, target) as staging:
         if series is not None:
             on_root_of(comm, target, partial(_move, series, staging / FIELDS))
-        elif wanted.fields:
+        elif wanted.fields and "vtx" in wanted.formats:
             _write_fields(solution, target, staging / FIELDS)
+        if wanted.fields and "xdmf" in wanted.formats:
+            with _explained(target) if comm.size == 1 else contextlib.nullcontext():
+                xdmf.write(solution, staging / XDMF, comm)
         if wanted.picture:
             try:
                 problem = plotting.picture(solution, staging)

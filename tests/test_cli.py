@@ -337,6 +337,22 @@ def test_schema_and_the_check_of_a_wrong_file_need_no_dolfinx_and_no_mpi(
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["--version"]], ids=" ".join)
+def test_help_imports_nothing_that_takes_time(words: list[str], tmp_path: Path) -> None:
+    script = """
+import sys
+from contact_locking.command import cli
+code = cli.main(sys.argv[1:])
+slow = {"numpy", "scipy", "pydantic", "ruamel", "rich", "matplotlib", "dolfinx", "mpi4py", "gmsh"}
+assert not slow & {name.partition(".")[0] for name in sys.modules}
+sys.exit(code)
+"""
+    (tmp_path / "script.py").write_text(script)
+    result = separate_process(*words, python=str(tmp_path / "script.py"))
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.serial
 def test_schema_is_json_on_demand(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["schema", "--json"]) == 0
     assert "penalty" in json.loads(capsys.readouterr().out)["properties"]

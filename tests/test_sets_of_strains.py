@@ -59,7 +59,9 @@ def random_sets(
     """Limits as the study file has them, and as cones of matrices that are made here."""
     size = dim * (dim + 1) // 2
     trace = mandel(np.eye(dim))
-    deviator = np.linalg.cholesky(np.eye(size) - np.outer(trace, trace) / 3.0 + 1e-15).T
+    square = np.eye(size) - np.outer(trace, trace) / 3.0
+    values, vectors = np.linalg.eigh(square)
+    deviator = np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
     shape, least, most, slack, weight = random.uniform(0.005, 0.015, 5)
     along = random.standard_normal(dim)
     matrix = np.eye(size) + 0.3 * random.standard_normal((size, size))
@@ -67,8 +69,8 @@ def random_sets(
     order = [0, 1, 2] if dim == 2 else [0, 1, 2, 5, 4, 3]
     given = matrix[np.ix_(order, order)]
     norm = np.linalg.norm(matrix, 2)
-    fibre = mandel(np.outer(along, along) / (along @ along))[None]
-    unit = trace[None] / math.sqrt(dim)
+    fibre = mandel(np.outer(along, along) / (along @ along)).reshape(1, size)
+    unit = np.asarray(trace.reshape(1, size) / math.sqrt(dim))
     limits: list[dict[str, Any]] = [
         {"norm": "deviator", "at_most": shape},
         {"norm": "volume", "at_least": -least, "at_most": most},
@@ -182,7 +184,7 @@ def test_a_region_has_its_own_limits_in_place_of_all_of_the_material() -> None:
         "tractions": [{"on": "top", "value": [0.0, -0.05]}],
     }
     regions = {"inclusion": {"locking": [{"norm": "volume", "at_least": -0.001}]}}
-    given = {
+    given: dict[str, Any] = {
         "mesh": mesh, "loads": loads, "contact": {"on": []}, "penalty": {"n": math.inf},
         "material": material({"norm": "deviator", "at_most": 0.03}, regions=regions),
     }  # fmt: skip
@@ -194,7 +196,8 @@ def test_a_region_has_its_own_limits_in_place_of_all_of_the_material() -> None:
     used = {e["name"]: e["utilisation_max"] for e in solved(from_mapping(given))["strain_sets"]}
     assert used == pytest.approx({"deviator": 1.0, "volume at_least": 1.0}, abs=1e-6)
     # A limit of the ball in a region replaces all limits there as well, and so does no limit.
-    for none in ({"locking_limit": 0.1}, {"locking": []}):
+    others: list[dict[str, Any]] = [{"locking_limit": 0.1}, {"locking": []}]
+    for none in others:
         given["material"]["regions"] = {"inclusion": none}
         (shape,) = assemble(from_mapping(given), MPI.COMM_WORLD).data.limits
         assert np.array_equal(shape.inverse_limit.x.array > 0.0, limited[0])

@@ -13,7 +13,7 @@ from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
 from contact_locking.certificate.elliptic import NotApplicable
-from contact_locking.certificate.guaranteed import guaranteed_error
+from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
 from contact_locking.certificate.laws import law_criteria
 from contact_locking.certificate.lifting import Lifting
@@ -27,6 +27,8 @@ class Certificate:
 
     ``indicator`` is None if the error indicator is not applicable.  ``error_bound`` has the roots
     of the contributions of the cells to the guaranteed bound, and is None without this bound.
+    ``limit_load`` tells which multiples of the prescribed displacements the body can follow; None
+    if nobody asks, or if no prescribed displacement differs from zero.
     """
 
     criteria: dict[str, Criterion]
@@ -36,6 +38,7 @@ class Certificate:
     errors: dict[str, Any]
     indicator: ErrorIndicator | None
     error_bound: fem.Function | None
+    limit_load: dict[str, Any] | None
 
     @property
     def residual(self) -> float:
@@ -55,12 +58,14 @@ class Certificate:
 
     def summary(self) -> dict[str, Any]:
         """The key ``certificate`` of summary.json."""
+        body = {} if self.limit_load is None else {"limit_load": self.limit_load}
         return {
             "criteria": {name: item.summary() for name, item in self.criteria.items()},
             "bounds": self.bounds,
             "constants": self.constants,
             "resultants": self.resultants,
             "errors": self.errors,
+            **body,
         }
 
 
@@ -83,12 +88,12 @@ def certify(state: SolvedState) -> Certificate:
     """
     balance = equilibrium(state)
     mesh, indicator = _mesh_error(state)
-    lifting = Lifting(state)
+    lifting, wanted = Lifting(state), state.problem.parameters.certificate.error_bound
     with contextlib.closing(lifting):
         bounds = proved_bounds(state, lifting)
         shares: fem.Function | None = None
         errors = {"mesh": mesh, "penalty": penalty_error(state, lifting)}
-        if state.problem.parameters.certificate.error_bound:
+        if wanted:
             errors["guaranteed"], squares = guaranteed_error(state, lifting)
             shares = None if squares is None else cell_field(state, "error_bound", squares)
     return Certificate(
@@ -103,6 +108,7 @@ def certify(state: SolvedState) -> Certificate:
         errors=errors,
         indicator=indicator,
         error_bound=shares,
+        limit_load=limit_load(state) if wanted else None,
     )
 
 

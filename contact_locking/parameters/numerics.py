@@ -104,6 +104,11 @@ class OutputParameters(Section):
 
     directory: Text = entry("results", "folder of the results")
     fields: Switch = entry(True, "whether to write the fields for ParaView")
+    formats: tuple[Literal["vtx", "xdmf"], ...] = entry(
+        ("vtx",),
+        "the files of the fields: vtx (fields.bp, for ParaView 5.11 or newer), xdmf (fields.xdmf, "
+        "for tools that do not read VTX), or both",
+    )
     picture: Switch = entry(
         True, "whether to draw a picture, and save the snapshot that `view` shows"
     )

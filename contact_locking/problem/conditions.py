@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
-from scipy.optimize import linprog
 
 from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
@@ -176,6 +175,9 @@ def _directions(count: int) -> list[FloatArray]:
 
 def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
     """The motion c with ``rows c <= 0`` and the largest ``aim . c``; None if all have 0."""
+    # Few bodies have free motions, and the import takes a tenth of a second.
+    from scipy.optimize import linprog
+
     found = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), 1e-9), bounds=(-1, 1))
     return np.asarray(found.x) if found.status == 0 and -found.fun > 1e-3 else None
 
@@ -186,6 +188,8 @@ def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
     The motion is orthogonal to all motions that slide at every node with friction.  None if the
     least maximum is 0.
     """
+    from scipy.optimize import linprog
+
     count = rows.shape[1]
     slides = sliding_motions(rows[rubs])
     found = linprog(

@@ -164,6 +164,8 @@ MEANINGS = {
     "penalty.energy_norm": "bound of the distance to the solution for n = ∞ on this mesh",
     "penalty.relative": "the same over the solution",
     "penalty.displacement_norm": "the same bound in the norm of the strain",
+    "load_factor": "shares of the prescribed displacements that can, and cannot, be followed",
+    "infeasible": "whether no displacement on any mesh follows the prescribed values",
     "guaranteed.energy_norm": "proved bound of the whole error, for the friction bound kept fixed",
     "guaranteed.relative": "the same over the solution",
     "guaranteed.applicable": "whether the bound is proved for these data",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
+#: The fields for tools that do not read VTX: XDMF, and its data in HDF5.
+XDMF, XDMF_DATA = "fields.xdmf", "fields.h5"
 #: A row of numbers for each step of a process.
 HISTORY = "history.csv"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"

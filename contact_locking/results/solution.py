@@ -39,7 +39,7 @@ class Solution:
     elastic_stress: fem.Function  # P0, (d, d): A eps(u)
     locking_stress: fem.Function  # P0, (d, d): Z
     locking_parts: tuple[fem.Function, ...]  # P0, the multiplier of each set of strains
-    error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery, for P1 alone
+    error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery
     elastic_error_indicator: fem.Function | None  # P0, the same for the elastic stress
     error_bound: fem.Function | None  # P0, the cells' shares in the guaranteed bound, if any
     contact_pressure: fem.Function  # P1, -sigma_nu >= 0
