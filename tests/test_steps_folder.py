@@ -14,7 +14,7 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import InputError, Parameters, save, solve_steps, study_file
+from contact_locking import InputError, Parameters, report, save, solve_steps, study_file
 from contact_locking.monitor import Monitor
 from contact_locking.results.history import History, read_history
 from contact_locking.running import run_steps
@@ -76,11 +76,6 @@ def assert_same(a: History, b: History) -> None:
         )
 
 
-def times_in(folder: Path) -> list[str]:
-    """The times that ADIOS2's metadata of fields.bp name."""
-    return sorted(path.name for path in folder.iterdir() if path.name.startswith("data"))
-
-
 class Interrupting(Monitor):
     """Stops a run as Ctrl-C does, when a step begins."""
 
@@ -132,6 +127,9 @@ def test_a_killed_run_goes_on_from_its_last_complete_step(tmp_path: Path) -> Non
     assert going_on.numbers == [3, 4, 5]
     whole = list(solve_steps(parameters))[-1]
     assert_same(whole.history, history_in(folder))
+    report.write(folder)
+    charts = {path.stem for path in (folder / "report").glob("*.svg")}
+    assert {"history-forces", "history-areas", "history-work"} <= charts
 
 
 def test_saved_steps_of_other_parameters_are_not_used(tmp_path: Path) -> None:
