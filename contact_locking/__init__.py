@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from contact_locking.adaptivity import solve, solve_adaptively
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
     from contact_locking.parameters import Parameters
     from contact_locking.problem.assembly import assemble
     from contact_locking.problem.contact import Contact, FrictionBound
     from contact_locking.results.solution import Solution
-    from contact_locking.solving import check, solve, solve_assembled
+    from contact_locking.solving import check, solve_assembled, solve_steps
     from contact_locking.study_file import from_mapping, load
     from contact_locking.writing import save, write
 
@@ -37,7 +38,9 @@ __all__ = [
     "load",
     "save",
     "solve",
+    "solve_adaptively",
     "solve_assembled",
+    "solve_steps",
     "write",
 ]
 
@@ -54,8 +57,10 @@ _HOME = {
     "from_mapping": "study_file",
     "load": "study_file",
     "save": "writing",
-    "solve": "solving",
+    "solve": "adaptivity",
+    "solve_adaptively": "adaptivity",
     "solve_assembled": "solving",
+    "solve_steps": "solving",
     "write": "writing",
 }
 

@@ -60,6 +60,10 @@ class Infeasible(NotConverged):
         self.factor = factor
 
 
+class NotRefined(ContactLockingError):
+    """A mesh cannot be refined further; the message says why."""
+
+
 class NoRoom(ContactLockingError):
     """The disk is full; the same files can be written once there is room."""
 

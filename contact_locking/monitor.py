@@ -13,11 +13,17 @@ class Monitor:
     def message(self, text: str) -> None:
         """Show a text on a line of its own."""
 
+    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+        """Step ``number``, counted from 1, to a time begins; it is one of ``left`` planned steps.
+
+        ``seconds_left`` is about how long all that are left will take, None while nobody knows.
+        """
+
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         """Stage ``index``, counted from 1, begins: the solve with the penalties n and epsilon."""
 
     def friction_update(self, k: int, change: float, factor: float | None) -> None:
-        """Update k changed the friction bound by the relative amount ``change``.
+        """Update k of the solve changed the friction bound by the relative amount ``change``.
 
         ``factor`` is the contraction observed so far, None while none can be observed.
         """
@@ -25,5 +31,43 @@ class Monitor:
     def iteration(self, k: int, residual: float) -> None:
         """``residual`` is the relative residual after k iterations, from 0."""
 
+    def mesh(self, number: int, text: str) -> None:
+        """The solve on adapted mesh ``number``, from 1, is over, with the result ``text``."""
+
+    def counted(self, tangents: int, friction_updates: int) -> None:
+        """So many tangents and updates of the friction bound the solve has taken so far."""
+
     def finish(self) -> None:
         """The last stage is over."""
+
+
+class Attentive(Monitor):
+    """Passes all calls on to ``listener``, except for warnings that it has passed on before."""
+
+    def __init__(self, listener: Monitor) -> None:
+        self._listener = listener
+        self._warnings: set[str] = set()
+
+    def message(self, text: str) -> None:
+        if text not in self._warnings:
+            self._listener.message(text)
+        if text.startswith("warning"):
+            self._warnings.add(text)
+
+    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
+        self._listener.stage(index, count_estimate, n, epsilon)
+
+    def friction_update(self, k: int, change: float, factor: float | None) -> None:
+        self._listener.friction_update(k, change, factor)
+
+    def iteration(self, k: int, residual: float) -> None:
+        self._listener.iteration(k, residual)
+
+    def mesh(self, number: int, text: str) -> None:
+        self._listener.mesh(number, text)
+
+    def counted(self, tangents: int, friction_updates: int) -> None:
+        self._listener.counted(tangents, friction_updates)
+
+    def finish(self) -> None:
+        self._listener.finish()

@@ -26,6 +26,24 @@ def spreadsheet_cell(text: str) -> str:
     return f"'{text}" if _FORMULA.match(text) else text
 
 
+def count(number: int, name: str) -> str:
+    """``1 cell``, ``2 cells``."""
+    return f"{number} {name}" if number == 1 else f"{number} {name}s"
+
+
+def per_cent(share: float) -> str:
+    """A share in per cent with one decimal, or two digits where it is small: 0.5 %, 20 %.
+
+    The same share reads the same in the summary, in pictures and in reports.
+    """
+    value = 100.0 * share
+    if value == 0.0:
+        return "0 %"
+    if abs(value) < 0.01:
+        return f"{value:.0e} %"
+    return f"{value:.2g} %" if abs(value) < 1.0 else f"{value:.1f} %".replace(".0 %", " %")
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """The hint at the known name that is most like ``name``; empty if no name is like it."""
     matches = difflib.get_close_matches(name, list(known), n=1)

@@ -18,15 +18,19 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, expla
 from contact_locking.files import atomic
 from contact_locking.files.lock import locked, make_folders, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.results import contact_table, fields
+from contact_locking.results import adapted_meshes, contact_table, fields, xdmf
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
     FIELDS,
+    HISTORY,
+    MESHES,
     PARAMETERS,
     PICTURE,
     SNAPSHOT,
     SUMMARY,
+    XDMF,
+    XDMF_DATA,
     not_writable,
 )
 from contact_locking.results.solution import Solution
@@ -36,7 +40,10 @@ T = TypeVar("T")
 
 KEY = "output.directory"
 # The summary is the last file: a folder with a summary has all other files.
-_ORDER = (PARAMETERS, CONTACT, FACETS, FIELDS, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY)
+_ORDER = (
+    *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
+    *(SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY),
+)
 
 # More than the size of a summary, the parameters and some hundred contact points.
 _TEXTS_BYTES = 65_536
@@ -59,7 +66,7 @@ def reserved(directory: str | Path, comm: MPI.Intracomm) -> Iterator[None]:
             atomic.remove_abandoned(target)
             _require_writable(target)
 
-        _on_root(comm, target, attempt)
+        on_root_of(comm, target, attempt)
         yield
 
 
@@ -74,15 +81,58 @@ def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
         with new_folders(target):
             _require_writable(target)
 
-    _on_root(comm, target, attempt)
+    on_root_of(comm, target, attempt)
 
 
-def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -> list[str]:
+class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
+    """fields.bp of a process, which grows in a staging folder from step to step; collective."""
+
+    def __init__(self, directory: Path, comm: MPI.Intracomm) -> None:
+        self._target, self._comm = directory, comm
+        self._stack = contextlib.ExitStack()
+        self._series: fields.Series | None = None
+
+    def __enter__(self) -> FieldSeries:
+        self._path = self._stack.enter_context(_staging(self._comm, self._target)) / FIELDS
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._series = None
+        self._stack.close()
+
+    def add(self, solution: Solution) -> None:
+        """Add the fields of a step with its time; collective."""
+        comm, functions = self._comm, fields.discontinuous(solution)
+        size = fields.size(functions, comm)
+        on_root_of(comm, self._target, partial(atomic.require_room, self._path.parent, size))
+        with _explained_alone(self._target, comm):
+            if self._series is None:
+                self._series = fields.Series(functions, self._path, comm)
+            for own, new in zip(self._series.functions, functions, strict=True):
+                own.x.array[:] = new.x.array
+            self._series.add(solution.time)
+
+    def finish(self) -> Path:
+        """Complete the file, which :func:`write` moves to its place; collective."""
+        if self._series is not None:
+            with _explained_alone(self._target, self._comm):
+                self._series.close()
+        return self._path
+
+
+def write(
+    solution: Solution,
+    directory: str | Path,
+    checkpoint: bool = False,
+    series: Path | None = None,
+) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
-    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv.  The section
-    ``output`` of the parameters adds fields.bp, and picture.png with snapshot.npz; ``checkpoint``
-    adds the folder checkpoint.  The files are written into a staging folder and moved when all are
+    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv, and meshes.npz
+    for adapted meshes.  The section ``output`` of the parameters adds fields.bp or fields.xdmf, and
+    picture.png with snapshot.npz; ``checkpoint`` adds the folder checkpoint.  A step of a process
+    adds history.csv, and ``series``, the file of a `FieldSeries`, is fields.bp in place of the
+    fields of this step.  The files are written into a staging folder and moved when all are
     complete.  No file of an earlier run stays in the folder.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
@@ -94,8 +144,13 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
     warnings: list[str] = []
     refused: list[str] = []
     with _staging(comm, target) as staging:
-        if wanted.fields:
+        if series is not None:
+            on_root_of(comm, target, partial(_move, series, staging / FIELDS))
+        elif wanted.fields and "vtx" in wanted.formats:
             _write_fields(solution, target, staging / FIELDS)
+        if wanted.fields and "xdmf" in wanted.formats:
+            with _explained(target) if comm.size == 1 else contextlib.nullcontext():
+                xdmf.write(solution, staging / XDMF, comm)
         if wanted.picture:
             try:
                 problem = plotting.picture(solution, staging)
@@ -111,11 +166,12 @@ def write(solution: Solution, directory: str | Path, checkpoint: bool = False) -
 
         def finish() -> None:
             _write_texts(solution, staging)
+            adapted_meshes.save(solution.meshes, staging / MESHES)
             report.discard(target)
             for name in _ORDER:
                 atomic.put_in_place(staging / name, target / name)
 
-        _on_root(comm, target, finish)
+        on_root_of(comm, target, finish)
     if refused:
         raise NoRoom(f"{'; '.join(refused)}; all other results are in {target}\n{MAKE_ROOM}")
     return warnings
@@ -127,11 +183,19 @@ def save(solution: Solution, directory: str | Path) -> None:
     Any number of ranks can read the checkpoint on the same mesh.  Raises ContactLockingError if
     adios4dolfinx is missing, and InputError for a folder that cannot be written to.
     """
-    comm, target = solution.domain.comm, Path(directory)
-    with _staging(comm, target) as staging:
-        _write_checkpoint(solution, target, staging)
-        name = checkpoints.NAME
-        _on_root(comm, target, lambda: atomic.put_in_place(staging / name, target / name))
+    save_at(solution, Path(directory), Path(directory) / checkpoints.NAME)
+
+
+def save_at(solution: Solution, directory: Path, place: Path) -> None:
+    """Save a checkpoint at a place in ``directory``, whole or not at all; collective.
+
+    Raises as :func:`save`.
+    """
+    comm = solution.domain.comm
+    with _staging(comm, directory) as staging:
+        _write_checkpoint(solution, directory, staging)
+        whole = staging / checkpoints.NAME
+        on_root_of(comm, directory, lambda: atomic.put_in_place(whole, place))
 
 
 def _require_writable(directory: Path) -> None:
@@ -144,10 +208,8 @@ def _write_fields(solution: Solution, target: Path, path: Path) -> None:
     """Write fields.bp, if the disk has room for the file; collective."""
     comm, functions = solution.domain.comm, fields.discontinuous(solution)
     size = fields.size(functions, comm)
-    _on_root(comm, target, partial(atomic.require_room, path.parent, size))
-    # On several ranks the other ranks may wait inside ADIOS2, where no error reaches them: there
-    # the OSError of one rank has to end all ranks.
-    with _explained(target) if comm.size == 1 else contextlib.nullcontext():
+    on_root_of(comm, target, partial(atomic.require_room, path.parent, size))
+    with _explained_alone(target, comm):
         fields.write(functions, path, comm)
 
 
@@ -162,7 +224,7 @@ def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
     # frames of the error may refer to each other in a circle.
     gc.collect()
     comm = solution.domain.comm
-    _on_root(comm, target, lambda: shutil.rmtree(staging / checkpoints.NAME, ignore_errors=True))
+    on_root_of(comm, target, lambda: shutil.rmtree(staging / checkpoints.NAME, ignore_errors=True))
     return reason
 
 
@@ -175,7 +237,7 @@ def _write_checkpoint(solution: Solution, target: Path, staging: Path) -> None:
         atomic.require_room(staging, size)
         folder.mkdir()
 
-    _on_root(comm, target, make_folder)
+    on_root_of(comm, target, make_folder)
     checkpoints.write(solution, folder)
 
 
@@ -183,6 +245,8 @@ def _write_texts(solution: Solution, folder: Path) -> None:
     """Write the text files; for rank 0."""
     (folder / PARAMETERS).write_text(study_file.dump(solution.parameters), encoding="utf-8")
     (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
+    if solution.history.rows:
+        (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
     points, facets = solution.contact_points, solution.contact_facets
     assert points is not None and facets is not None
     with (folder / CONTACT).open("w", encoding="utf-8", newline="") as stream:
@@ -196,7 +260,22 @@ def _explained(directory: Path) -> contextlib.AbstractContextManager[None]:
     return explained(not_writable(directory), directory, KEY)
 
 
-def _on_root(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
+def _explained_alone(
+    directory: Path, comm: MPI.Intracomm
+) -> contextlib.AbstractContextManager[None]:
+    """`_explained` on one rank.
+
+    On several ranks the other ranks may wait inside ADIOS2, where no error reaches them: there the
+    OSError of one rank has to end all ranks.
+    """
+    return _explained(directory) if comm.size == 1 else contextlib.nullcontext()
+
+
+def _move(source: Path, target: Path) -> None:
+    source.rename(target)
+
+
+def on_root_of(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
     """`on_root` with an error about the folder in place of an OSError; collective."""
 
     def attempt() -> T:
@@ -215,4 +294,4 @@ def _staging(comm: MPI.Intracomm, directory: Path) -> Iterator[Path]:
             make_folders(directory)
             return stack.enter_context(atomic.staging(directory))
 
-        yield _on_root(comm, directory, attempt)
+        yield on_root_of(comm, directory, attempt)

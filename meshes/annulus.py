@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from .curved import Curved
 from .geometry import GROWTH, Geometry, Point, Zone, parameter
 
 
@@ -59,6 +60,12 @@ class Annulus(Geometry):
     def facet_names(self) -> tuple[str, ...]:
         """The circles and, for a quarter, the straight sides."""
         return ("inner", "outer", "bottom", "left") if self.quarter else ("inner", "outer")
+
+    @property
+    def curved(self) -> tuple[Curved, ...]:
+        """The circles."""
+        radii = {"inner": self.inner_radius, "outer": self.outer_radius}
+        return tuple(Curved((name,), (0.0, 0.0), radius) for name, radius in radii.items())
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
         """The sector between arcs of a quarter circle, whose centres of mass tell the radii."""

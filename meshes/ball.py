@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from .curved import Curved
 from .disc import Round
 from .geometry import Point, Zone, parameter
 
@@ -38,6 +39,12 @@ class Ball(Round):
     def facet_names(self) -> tuple[str, ...]:
         """The parts of the sphere, the top, and for a quarter the planes of symmetry."""
         return ("contact", "side", "top", *["symmetry_x", "symmetry_y"][: 2 * self.quarter])
+
+    @property
+    def curved(self) -> tuple[Curved, ...]:
+        """The sphere, and the circle where contact ends."""
+        rim = Curved(("contact", "side"), (0.0, 0.0, self.rise), self.reach, level=True)
+        return (*super().curved, rim)
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
         """The part of a ball with its poles on the edge of the top, cut by the contact circle."""

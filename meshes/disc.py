@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from .curved import Curved
 from .geometry import Geometry, Point, Zone, parameter
 
 
@@ -54,6 +55,12 @@ class Round(Geometry):
     def rise(self) -> float:
         """The height at which the contact part ends."""
         return self.radius - math.sqrt(self.radius**2 - self.reach**2)
+
+    @property
+    def curved(self) -> tuple[Curved, ...]:
+        """The circle or sphere, which contact and side share."""
+        centre = (*(0.0,) * (self.dim - 1), self.radius)
+        return tuple(Curved((name,), centre, self.radius) for name in ("contact", "side"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, fields, replace
 from numbers import Real
 from typing import Any, Self
 
+from .curved import Curved
+
 Point = tuple[float, float, float]
 
 #: The squares and cubes of lengths in this range neither underflow nor overflow.
@@ -112,6 +114,11 @@ class Geometry(ABC):
     def cell_names(self) -> tuple[str, ...]:
         """The names of the regions, which cover the body without overlap."""
         return ("body",)
+
+    @property
+    def curved(self) -> tuple[Curved, ...]:
+        """The curved sides; the nodes that a refinement adds there are moved onto them."""
+        return ()
 
     @abstractmethod
     def shape(self, occ: Any) -> dict[str, list[int]]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .block import Box
+from .curved import Curved
 from .geometry import parameter, vector
 
 
@@ -40,6 +41,11 @@ class Inclusion(Box):
     def cell_names(self) -> tuple[str, ...]:
         """The block around the inclusion, and the inclusion."""
         return ("body", "inclusion")
+
+    @property
+    def curved(self) -> tuple[Curved, ...]:
+        """The surface of the inclusion."""
+        return (Curved(("body", "inclusion"), self.centre, self.radius),)
 
     def shape(self, occ: Any) -> dict[str, list[int]]:
         """The block, divided into body and inclusion."""

@@ -3,8 +3,9 @@
     min  1/2 a(u, u) - (f, u) + sum_K |K| n q_K^2 + sum_i w_i (g_i t_i + r_i^2/(2 eps))
     with |eps_K(u)| <= M + q_K,  u_nu,i - gap_i <= r_i,  |(u_tau,i, eps)| <= t_i
 
-over the cells K and the nodes i of Gamma_C; q = 0 for n = inf and r = 0 for eps = 0.  Of the
-solution that it judges it takes coordinates, connectivity and the bound g, and nothing else.
+over the cells K and the nodes i of Gamma_C; q = 0 for n = inf and r = 0 for eps = 0.  Other sets of
+strains may take the place of the ball, each with a q of its own.  Of the solution that it judges it
+takes coordinates, connectivity and the bound g, and nothing else.
 """
 
 from __future__ import annotations
@@ -100,10 +101,29 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class StrainCone:
+    """``|B eps| <= limit`` in every cell for a matrix B (r, m), or ``B eps <= limit`` for r = 1."""
+
+    matrix: FloatArray
+    limit: float
+
+    @property
+    def rows(self) -> int:
+        return len(self.matrix)
+
+    def excess(self, strains: FloatArray) -> FloatArray:
+        """By how much strains (c, m) exceed the limit (c,)."""
+        measured = strains @ self.matrix.T
+        size = measured[:, 0] if self.rows == 1 else np.linalg.norm(measured, axis=1)
+        return np.maximum(size - self.limit, 0.0)
+
+
+@dataclass(frozen=True)
 class ConicProblem:
     """``load`` is the vector of (f, .); the nodes ``held`` have the displacement ``value`` (d,).
 
-    A node that is held has no place in ``contact``, nor has one without a friction bound.
+    A node that is held has no place in ``contact``, nor has one without a friction bound.  The ball
+    of the radius ``limit`` is the only set of strains unless there are ``sets``.
     """
 
     body: Body
@@ -114,6 +134,7 @@ class ConicProblem:
     contact: Contact
     n: float = math.inf
     epsilon: float = 0.0
+    sets: tuple[StrainCone, ...] = ()
 
     def energy(self, u: FloatArray) -> float:
         """The objective at a displacement, with the least q, r and t that are feasible."""
@@ -122,8 +143,9 @@ class ConicProblem:
         slip = np.linalg.norm((self._tangents() @ u).reshape(len(contact.nodes), -1), axis=1)
         energy += contact.weights @ (contact.bound * np.hypot(slip, self.epsilon))
         if math.isfinite(self.n):
-            strain = np.linalg.norm((body.strain @ u).reshape(len(body.cells), -1), axis=1)
-            energy += self.n * (body.volumes @ np.maximum(strain - self.limit, 0.0) ** 2)
+            strains = (body.strain @ u).reshape(len(body.cells), -1)
+            for item in self._sets():
+                energy += self.n * (body.volumes @ item.excess(strains) ** 2)
         if self.epsilon > 0.0:
             depth = np.maximum(self._normal() @ u - contact.gap, 0.0)
             energy += contact.weights @ depth**2 / (2.0 * self.epsilon)
@@ -158,12 +180,14 @@ class ConicProblem:
         cells, nodes, free = len(body.cells), len(contact.nodes), self._free()
         start = self._start()
         # Blocks of variables; one without columns stands for what is absent.
-        softens = sp.eye(cells if math.isfinite(self.n) else 0)
+        sets = self._sets()
+        softens = sp.eye(cells * len(sets) if math.isfinite(self.n) else 0)
         yields = sp.eye(nodes if self.epsilon > 0.0 else 0)
         counts = [len(free), softens.shape[1], yields.shape[1], nodes]
         stiffness = body.stiffness[free][:, free]
         quadratic = [stiffness]
-        quadratic.append(sp.diags(2.0 * self.n * body.volumes) if counts[1] else softens)
+        volumes = np.tile(body.volumes, len(sets))
+        quadratic.append(sp.diags(2.0 * self.n * volumes) if counts[1] else softens)
         quadratic.append(sp.diags(contact.weights / self.epsilon) if counts[2] else yields)
         P = sp.block_diag([*quadratic, sp.csc_matrix((nodes, nodes))], "csc") * length
         linear = np.zeros(sum(counts))
@@ -186,16 +210,21 @@ class ConicProblem:
         A.append(rows(nodes, **blocks))
         b.append(contact.gap - self._normal() @ start)
         cones.append(clarabel.NonnegativeConeT(nodes))
-        # Locking: (M + q, eps), the strain below a row for the first entry.
-        m = body.strain.shape[0] // cells
-        below = sp.kron(sp.eye(cells), sp.csc_matrix(np.eye(1 + m)[:, 1:]), "csc")
-        blocks = {"u": below @ body.strain[:, free]}
-        if counts[1]:
-            blocks["q"] = first_of(1 + m, cells)
-        A.append(rows((1 + m) * cells, **blocks))
-        b.append(first_of(1 + m, cells) @ np.full(cells, self.limit))
-        b[-1] += below @ (body.strain @ start)
-        cones += [clarabel.SecondOrderConeT(1 + m)] * cells
+        # Locking: (M + q, B eps), what is measured below a row for the first entry.  One row is
+        # M + q - B eps >= 0.
+        for number, item in enumerate(sets):
+            size = 1 + item.rows if item.rows > 1 else 1
+            below = np.vstack([np.zeros((1, item.rows)), np.eye(item.rows)])
+            below = (below if item.rows > 1 else -np.eye(1)) @ item.matrix
+            measured = sp.kron(sp.eye(cells), sp.csc_matrix(below), "csc") @ body.strain
+            blocks = {"u": measured[:, free]}
+            if counts[1]:
+                own = sp.eye(cells, counts[1], k=cells * number)
+                blocks["q"] = first_of(size, cells) @ own
+            A.append(rows(size * cells, **blocks))
+            b.append(first_of(size, cells) @ np.full(cells, item.limit) + measured @ start)
+            many = [clarabel.SecondOrderConeT(size)] * cells
+            cones += many if item.rows > 1 else [clarabel.NonnegativeConeT(cells)]
         # Friction: (t, u_tau, eps).
         size = 1 + (body.dim - 1) + (self.epsilon > 0.0)
         below = sp.kron(sp.eye(nodes), sp.csc_matrix(np.eye(size)[:, 1 : body.dim]), "csc")
@@ -212,6 +241,10 @@ class ConicProblem:
             np.concatenate(b) / length,
             cones,
         )
+
+    def _sets(self) -> tuple[StrainCone, ...]:
+        entries = self.body.strain.shape[0] // len(self.body.cells)
+        return self.sets or (StrainCone(np.eye(entries), self.limit),)
 
     @property
     def _length(self) -> float:

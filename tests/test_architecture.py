@@ -30,8 +30,11 @@ LAYERS = (
     ("results",),
     ("certificate", "convergence"),
     ("checkpoint", "plotting"),
-    ("report", "solving"),
+    ("report", "steps"),
+    ("solving",),
+    ("adaptivity",),
     ("writing", "studies"),
+    ("running",),
     ("command",),
     ("__main__",),
 )

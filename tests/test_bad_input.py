@@ -93,6 +93,11 @@ CASES: dict[str, tuple[dict[str, Any], list[str]]] = {
         {"material.locking_limit": "x - 0.5"},
         ["material.locking_limit", "positive"],
     ),
+    "no regularisation with Newton's method": (
+        {"friction.regularisation": 0, "solver.method": "newton", "penalty.n": 1e3},
+        ["friction.regularisation", "Newton's method", "interior_point"],
+    ),
+    "negative regularisation": ({"friction.regularisation": -1}, ["friction.regularisation"]),
     "n = 0": ({"penalty.n": 0}, ["penalty.n"]),
     "negative n": ({"penalty.n": -10}, ["penalty.n", "-10"]),
     "negative friction": ({"friction.coefficient": -0.1}, ["friction.coefficient", "-0.1"]),
@@ -342,7 +347,8 @@ def test_radius_below_the_mesh_size_is_a_warning_only(
 ) -> None:
     file = _write(tmp_path, {"friction.smoothing.radius": 0.01})
     assert cli.main(["check", str(file), "--set", f"output.directory={tmp_path}/out"]) == 0
-    assert "radius" in capsys.readouterr().err
+    warning = capsys.readouterr().err
+    assert "friction.smoothing.radius" in warning and "on bottom, so R hardly smooths" in warning
 
 
 def _mesh_file(path: Path, dim: int, *, names: bool = True, order: int = 1) -> None:

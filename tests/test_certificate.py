@@ -16,7 +16,7 @@ from contact_locking import solving
 from contact_locking.certificate import certify
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.convex import positive_part, unit_ball_excess
-from contact_locking.problem import forms
+from contact_locking.problem import forms, strain_sets
 from contact_locking.problem.smoothing import Convolution
 from contact_locking.results import derived
 
@@ -111,7 +111,7 @@ def wrong_friction(u_tangential: Any, bound: Any, epsilon: Any) -> Any:
 def test_a_solver_that_solves_with_a_wrong_law_is_caught(
     n: float, law: str, wrong: Any, caught: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (forms, derived):
+    for module in (forms, derived, strain_sets):
         if hasattr(module, law):
             monkeypatch.setattr(module, law, wrong)
     parameters = block(penalty={"n": n, "epsilon": 1e-3}, solver={"method": "newton"})

@@ -215,7 +215,8 @@ def test_a_folder_without_a_checkpoint_is_refused_with_the_way_to_one(folder: Pa
     ("key", "value", "message"),
     [
         ("format", 99, "format 99, and contact_locking"),
-        ("degree", 2, "elements of degree 2; degree 1 is needed"),
+        ("degree", 2, "elements of degree 2, and the study has degree 1"),
+        ("limit_at", "gauss", "limit at gauss, and the study has the limit at vertices"),
         ("cells", "many", "is damaged"),
         ("files", 7, "is damaged"),
         ("mesh", None, "is damaged"),

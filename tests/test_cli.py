@@ -50,9 +50,9 @@ def test_a_converged_run_returns_0_and_only_rank_0_prints_its_table(
     output, errors = capsys.readouterr()
     assert errors == ""
     if comm.rank == 0:
-        assert "stage 1" in output and "friction update 1" in output
-        for name in ("converged           yes", "locked share", "contact force", "results in"):
-            assert name in output
+        assert "stage 1" in output and "friction update" in output
+        for name in ("converged ", "locked ", "contact force ", "results in "):
+            assert f"\n{name}" in output
         assert json.loads((folder / "out" / "summary.json").read_text())["converged"] is True
     else:
         assert output == ""
@@ -334,6 +334,22 @@ def test_schema_and_the_check_of_a_wrong_file_need_no_dolfinx_and_no_mpi(
     result = separate_process(*words, python=str(tmp_path / "script.py"))
     assert result.returncode == code, result.stderr
     assert "Traceback" not in result.stderr
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["--version"]], ids=" ".join)
+def test_help_imports_nothing_that_takes_time(words: list[str], tmp_path: Path) -> None:
+    script = """
+import sys
+from contact_locking.command import cli
+code = cli.main(sys.argv[1:])
+slow = {"numpy", "scipy", "pydantic", "ruamel", "rich", "matplotlib", "dolfinx", "mpi4py", "gmsh"}
+assert not slow & {name.partition(".")[0] for name in sys.modules}
+sys.exit(code)
+"""
+    (tmp_path / "script.py").write_text(script)
+    result = separate_process(*words, python=str(tmp_path / "script.py"))
+    assert result.returncode == 0, result.stderr
 
 
 @pytest.mark.serial

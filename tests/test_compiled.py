@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,7 +13,8 @@ import cffi
 import pytest
 from mpi4py import MPI
 
-from contact_locking.problem import compiled
+from contact_locking.errors import ContactLockingError
+from contact_locking.problem import compiled, compiled_forms
 
 
 @pytest.fixture(autouse=True)
@@ -54,12 +56,49 @@ def test_an_unknown_processor_gets_no_instructions_of_its_own(
 @pytest.mark.parametrize("said", [["-O1"], None])
 def test_dolfinx_own_file_of_options_wins(tmp_path: Path, said: list[str] | None) -> None:
     content = {} if said is None else {"cffi_extra_compile_args": said}
-    (tmp_path / "dolfinx_jit_options.json").write_text(json.dumps(content))
+    (tmp_path / "dolfinx").mkdir()
+    (tmp_path / "dolfinx" / "dolfinx_jit_options.json").write_text(json.dumps(content))
     script = "from contact_locking.problem import compiled; print(compiled.options() == {})"
     printed = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+        [sys.executable, "-c", script],
+        env=os.environ | {"XDG_CONFIG_HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert printed.stdout.strip() == str(said is not None)
+
+
+@pytest.mark.serial
+def test_options_of_the_compiler_in_the_folder_of_a_study_are_ignored(tmp_path: Path) -> None:
+    """They can run code: a compiler loads the plugin that -fplugin names."""
+    (tmp_path / "dolfinx_jit_options.json").write_text(
+        '{"cffi_extra_compile_args": ["-fplugin=x"]}'
+    )
+    (tmp_path / "ffcx_options.json").write_text('{"scalar_type": "complex128"}')
+    script = """
+from contact_locking.problem import compiled, compiled_forms
+print(compiled_forms.ignore_current_folder())
+import ffcx, dolfinx.jit
+print(compiled.options(), dolfinx.jit.get_options(), ffcx.get_options())
+"""
+    printed = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout
+    assert printed.startswith("['dolfinx_jit_options.json', 'ffcx_options.json']")
+    assert "fplugin" not in printed and "complex" not in printed
+
+
+def test_an_unfinished_form_of_another_process_is_named(tmp_path: Path) -> None:
+    """FFCx waits for a form that another process compiles, which may have been killed."""
+    from ffcx.codegeneration.jit import get_cached_module
+
+    (tmp_path / "libffcx_forms_0.c").touch()
+    with (
+        pytest.raises(ContactLockingError, match=r"if it was killed, delete .*libffcx_forms_0\.c"),
+        compiled_forms.explained(),
+    ):
+        get_cached_module("libffcx_forms_0", [], tmp_path, timeout=0)
 
 
 DOUBLED = ("double doubled(double x);", "double doubled(double x) { return 2.0 * x; }")

@@ -186,11 +186,11 @@ def test_a_wrong_section_is_refused_by_its_number(contact: Any, message: str) ->
 
 
 def test_a_fault_of_a_list_has_its_line(file: Path) -> None:
-    file.write_text(FLOOR_AND_WALL.replace("0.6", "-0.6").replace("gap: 0.01", "gap: t"))
+    file.write_text(FLOOR_AND_WALL.replace("0.6", "-0.6").replace("gap: 0.01", "gap: q"))
     with pytest.raises(InputError) as caught:
         load(file)
     first, second = str(caught.value).splitlines()
-    assert first.startswith(f"{file}:4: contact.0.gap: in the expression 't'")
+    assert first.startswith(f"{file}:4: contact.0.gap: in the expression 'q'")
     assert second.startswith(f"{file}:8: contact.1.friction.coefficient: must be >= 0")
 
 

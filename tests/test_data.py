@@ -185,6 +185,19 @@ def test_n_and_epsilon_are_independent() -> None:
     assert soft_contact["penetration_max"] > 10.0 * soft_locking["penetration_max"]
 
 
+def test_coulombs_law_needs_no_regularisation_beside_penalties() -> None:
+    """A regularisation of 0 is the limit of small ones."""
+    found = [
+        solving.solve(
+            block(2, 0.25, friction__smoothing__radius=0.3, friction__regularisation=slip)
+        )
+        for slip in (0.0, 1e-9)
+    ]
+    exact, near = (solution.summary for solution in found)
+    assert exact["converged"] and exact["penalty"]["regularisation"] == 0.0
+    assert exact["friction_force"] == pytest.approx(near["friction_force"], rel=1e-5)
+
+
 def test_contact_with_friction_but_without_locking_slides_against_the_pull() -> None:
     solution = _solved(
         block(

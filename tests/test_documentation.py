@@ -19,7 +19,7 @@ from mpi4py import MPI
 from contact_locking import from_mapping, solve
 from contact_locking.command import arguments, cli
 from contact_locking.results.summary import summary_text
-from contact_locking.study_file.schema import rows
+from contact_locking.study_file.listing import rows
 from contact_locking.study_file.source import read
 
 ROOT = Path(__file__).parent.parent
@@ -46,7 +46,7 @@ def commands(page: str) -> Iterator[list[str]]:
     """The words after contact-locking of every line of code that calls it."""
     text = (ROOT / page).read_text(encoding="utf-8")
     for line in re.findall(r"^    (.*\bcontact-locking .*)$", text, re.MULTILINE):
-        words = re.split(r"\s{3,}|\s+#", line.partition("contact-locking ")[2])[0]
+        words = re.split(r"\s{3,}|\s+[#>]", line.partition("contact-locking ")[2])[0]
         # Some line of a shell is no call of ours: apt-get, cd, docker.
         if words.split()[0] in generated_reference.commands(arguments.parser()):
             yield shlex.split(words)
@@ -166,7 +166,7 @@ def test_the_guide_to_meshes_makes_a_mesh_that_is_solved(
     assert 0.0 < summary["contact_area"] < 2.0
 
 
-def test_the_guide_to_laws_lets_grains_jam(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_guide_to_laws_stiffens_tissue(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     names: dict[str, Any] = {}
     exec(blocks("docs/guides/law.md", "python")[0], names)
@@ -175,9 +175,17 @@ def test_the_guide_to_laws_lets_grains_jam(monkeypatch: pytest.MonkeyPatch) -> N
     assert own < 0.95 * plain
 
 
-def test_the_guide_to_laws_caps_friction() -> None:
+def test_the_guide_to_laws_adds_sets_of_strains(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
     names: dict[str, Any] = {}
     exec(blocks("docs/guides/law.md", "python")[1], names)
+    used = [entry["utilisation_max"] for entry in names["solution"].summary["strain_sets"]]
+    assert len(used) == 2 and max(used) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_guide_to_laws_caps_friction() -> None:
+    names: dict[str, Any] = {}
+    exec(blocks("docs/guides/law.md", "python")[2], names)
     points = names["solution"].contact_points
     strength = names["CappedBound"].strength
     if MPI.COMM_WORLD.rank == 0:

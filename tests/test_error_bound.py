@@ -27,10 +27,11 @@ from contact_locking.certificate.guaranteed import guaranteed_error
 from contact_locking.certificate.guaranteed.macro_element import macro_element
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.command.terminal import summary_rows
 from contact_locking.parameters import Parameters
+from contact_locking.plain_text import per_cent
 from contact_locking.problem import forms
 from contact_locking.problem.assembly import assemble
+from contact_locking.results import in_words
 from contact_locking.results.solution import Solution
 
 #: A displacement that vanishes on all sides but the bottom, where its normal component vanishes.
@@ -224,6 +225,10 @@ def test_the_bound_costs_at_most_ten_elastic_solves(monkeypatch: pytest.MonkeyPa
             {"loads__displacements": [{"on": "left", "value": ["0.001*y*y", 0.0]}]},
             "prescribed displacements are not met between the nodes",
         ),
+        (
+            {"material": {"locking": [{"norm": "volume", "at_least": -0.01}]}},
+            "other sets of strains than the ball",
+        ),
         ({"mesh__dim": 3}, "not in three dimensions"),
     ],
 )
@@ -243,9 +248,9 @@ def test_a_study_that_does_not_ask_has_no_guaranteed_bound() -> None:
 @pytest.mark.serial
 def test_the_command_line_shows_the_bound_in_one_row() -> None:
     solution = solving.solve(benchmark(4))
-    rows = dict(summary_rows(solution.summary, 1.0, "here"))
+    rows = dict(in_words.rows(solution.summary, 1.0))
     relative = solution.summary["certificate"]["errors"]["guaranteed"]["relative"]
-    assert rows["guaranteed bound"].startswith(f"error at most {100 * relative:.3g} %")
+    assert rows["proved"].startswith(f"the whole error is at most {per_cent(relative)}")
 
 
 # The limit load -----------------------------------------------------------------------------------

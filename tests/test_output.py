@@ -6,6 +6,7 @@ import csv
 import errno
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -192,3 +193,21 @@ def test_a_picture_that_cannot_be_drawn_is_a_warning_and_the_rest_is_there(
     monkeypatch.setattr(plotting, "picture", fail)
     assert writing.write(made_up(), folder) == ["no picture was drawn: no fonts"]
     assert listing(folder, comm) == FILES - {"picture.png", "snapshot.npz"}
+
+
+def test_fields_can_be_written_as_xdmf(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    folder = comm.bcast(tmp_path)
+    wanted = {"formats": ["xdmf"], "picture": False, "directory": "r"}
+    solution = made_up(2, output=wanted)
+    writing.write(solution, folder)
+    if comm.rank != 0:
+        return
+    assert not (folder / "fields.bp").exists()
+    root = ElementTree.parse(folder / "fields.xdmf").getroot()
+    found = {item.get("Name"): item for item in root.iter("Attribute")}
+    assert set(found) == set(fields.FIELD_NAMES)
+    assert found["displacement"].get("Center") == "Node"
+    assert found["strain_norm"].get("Center") == "Cell"
+    data = found["strain_norm"].find("DataItem")
+    assert data is not None and data.text is not None and data.text.startswith("fields.h5:")
+    assert int(data.get("Dimensions", "").split()[0]) == solution.domain.num_cells

@@ -11,8 +11,8 @@ import pytest
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.parameters import MeshParameters, Parameters
-from contact_locking.study_file import from_mapping
-from contact_locking.study_file.schema import rows, schema, schema_text
+from contact_locking.study_file import from_mapping, schema, schema_text
+from contact_locking.study_file.listing import rows
 
 pytestmark = pytest.mark.serial
 
@@ -344,7 +344,8 @@ def test_schema_is_json_with_defaults_and_units() -> None:
     assert (n["default"], n["unit"]) == (".inf", "stress")
     material = definition["$defs"]["MaterialParameters"]["properties"]
     assert material["locking_limit"]["default"] == ".inf"
-    kinds = definition["$defs"]["MeshParameters"]["anyOf"]
+    *kinds, empty = definition["$defs"]["MeshParameters"]["anyOf"]
+    assert empty == {"type": "null"}
     builders = [kind["properties"].get("builder", {}).get("const") for kind in kinds]
     assert builders == [None, *BUILDERS]
     assert "unit" in kinds[1]["properties"]["h"]

@@ -6,17 +6,23 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import matplotlib.figure
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.patches import PathPatch
+from matplotlib.quiver import Quiver
 from mpi4py import MPI
 from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 
 from contact_locking import plotting
 from contact_locking.errors import NoRendering
-from contact_locking.plotting import offscreen, plane, space_plain, style
+from contact_locking.plain_text import per_cent
+from contact_locking.plotting import contact_map, offscreen, plane, space_plain, style
 from contact_locking.plotting.gather import gather
-from contact_locking.plotting.snapshot import Snapshot
+from contact_locking.plotting.snapshot import ContactMap, Snapshot
+from contact_locking.report import contact_charts
+from contact_locking.results.contact_points import ContactPoints
 
 
 def snapshot(dim: int = 2, **changes: Any) -> Snapshot | None:
@@ -160,3 +166,63 @@ def test_level_lines_cut_a_triangle_where_a_linear_function_has_the_value() -> N
     assert lines.shape == (1, 2, 3)
     for x, y, _ in lines[0]:
         assert x == pytest.approx(style.RIM_SHARE) and 0.0 <= y <= 1.0 - x
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("side", ["left", "bottom", "right", "top"])
+def test_friction_has_the_sign_of_the_axis_that_it_is_drawn_over(side: str, tmp_path: Path) -> None:
+    """The picture and the chart of the report show the same curve on every side of a block."""
+    upright = side in ("left", "right")
+    normal = np.array({"left": [-1, 0], "right": [1, 0], "bottom": [0, -1], "top": [0, 1]}[side])
+    s = np.linspace(1.0, 0.0, 5)
+    x = np.zeros((5, 2))
+    x[:, int(upright)] = s
+    friction = np.zeros((5, 2))
+    friction[:, int(upright)] = np.arange(1.0, 6.0)
+    zero, none = np.zeros(5), np.zeros((5, 2))
+    points = ContactPoints(
+        x, np.tile(normal, (5, 1)), zero, none, zero, zero, friction, zero,
+        np.zeros(5, dtype=np.int64), np.zeros(5, dtype=np.int64),
+    )  # fmt: skip
+    facets = np.column_stack([np.arange(4), np.arange(1, 5)])
+    contact = ContactMap(points, facets, np.arange(5), zero, ("",))
+    drawn = []
+    for is_picture in (True, False):
+        figure = matplotlib.figure.Figure()
+        if is_picture:
+            panel, strip = figure.subplots(2, 1)
+            plane._tractions(panel, strip, contact)
+        else:
+            contact_charts._profile(figure, points, facets)
+        lines = [line for axes in figure.axes for line in axes.lines]
+        curve = next(line for line in lines if "friction" in str(line.get_label()))
+        drawn.append(np.array(curve.get_ydata()))
+    assert np.array_equal(np.sort(drawn[0]), np.arange(1.0, 6.0))
+    assert np.array_equal(drawn[0], drawn[1])
+
+
+@pytest.mark.serial
+def test_the_picture_counts_what_it_hatches() -> None:
+    body = gather(made_up(2))
+    assert body is not None
+    figure = plane.figure(body)
+    share = body.locked_fraction
+    assert any(per_cent(share) in text.get_text() for text in figure.texts)
+    patches = [patch for axes in figure.axes for patch in axes.patches]
+    (cells,) = [patch for patch in patches if isinstance(patch, PathPatch)]
+    assert cells.get_hatch() == "////"
+    assert len(np.asarray(cells.get_path().vertices)) == 4 * body.locked.sum()
+
+
+def test_arrows_end_inside_the_map() -> None:
+    axes = matplotlib.figure.Figure().add_subplot()
+    axes.set(xlim=(0.0, 2.0), ylim=(1.0, 0.0))
+    tails = np.array([[1.9, 0.5], [0.1, 0.05], [1.0, 0.9]])
+    directions = np.array([[3.0, 0.0], [-1.0, -2.0], [0.0, 5.0]])
+    contact_map.arrows(axes, tails, directions)
+    (arrows,) = [child for child in axes.collections if isinstance(child, Quiver)]
+    drawn = np.column_stack([np.asarray(arrows.U), np.asarray(arrows.V)])
+    heads = tails + drawn
+    assert (heads >= -1e-12).all() and (heads <= [2.0 + 1e-12, 1.0 + 1e-12]).all()
+    assert drawn == pytest.approx(directions * drawn[2, 1] / 5.0)
+    assert drawn[2, 1] > 0.05

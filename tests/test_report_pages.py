@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import browser
 import pytest
-from report_folder import TITLE, rows, run_folder, study_folder
+from report_folder import LARGE, TITLE, many_rows, rows, run_folder, study_folder
 
 from contact_locking import report
 
@@ -27,10 +28,12 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     run_folder(case, picture=True)
     study_folder(folder / "study")
     run_folder(folder / "solid", dim=3)
+    study_folder(folder / "large", many_rows(), LARGE)
     return {
         "run": report.write(case),
         "run in 3D": report.write(folder / "solid"),
         "study": report.write(folder / "study"),
+        "large study": report.write(folder / "large"),
     }
 
 
@@ -40,7 +43,7 @@ def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
         yield opened
 
 
-@pytest.mark.parametrize("name", ["run", "run in 3D", "study"])
+@pytest.mark.parametrize("name", ["run", "run in 3D", "study", "large study"])
 @pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (1600, "dark")])
 def test_a_page_is_whole_at_any_width_and_asks_for_nothing(
     name: str, width: int, scheme: str, pages: dict[str, Path], tab: browser.Browser
@@ -93,7 +96,7 @@ def column(tab: browser.Browser, name: str) -> Any:
     return tab.evaluate(
         f"""(() => {{
             const table = document.getElementById("cases");
-            const names = [...table.tHead.rows[0].cells].map(cell => cell.textContent);
+            const names = [...table.tHead.rows[0].cells].map(cell => cell.dataset.key);
             return [...table.tBodies[0].rows].filter(row => !row.hidden)
                 .map(row => row.cells[names.indexOf({name!r})].textContent);
         }})()"""
@@ -101,9 +104,13 @@ def column(tab: browser.Browser, name: str) -> Any:
 
 
 def click(tab: browser.Browser, name: str) -> None:
+    tab.evaluate(f"document.querySelector('#cases th[data-key={json.dumps(name)}] button').click()")
+
+
+def type_in(tab: browser.Browser, text: str) -> None:
     tab.evaluate(
-        f"[...document.querySelectorAll('#cases button')].find(b => b.textContent == {name!r})"
-        ".click()"
+        f"(f => {{ f.value = {text!r}; f.dispatchEvent(new Event('input')); }})"
+        "(document.getElementById('filter'))"
     )
 
 
@@ -130,16 +137,10 @@ def test_the_filter_keeps_rows_with_all_its_words(
 ) -> None:
     tab.open(pages["study"])
 
-    def type_in(text: str) -> None:
-        tab.evaluate(
-            f"(f => {{ f.value = {text!r}; f.dispatchEvent(new Event('input')); }})"
-            "(document.getElementById('filter'))"
-        )
-
-    type_in("KILLED  0.2")
+    type_in(tab, "KILLED  0.2")
     assert column(tab, "state") == ["failed"]
     assert tab.evaluate("document.getElementById('count').textContent") == "1 of 8 cases"
-    type_in("")
+    type_in(tab, "")
     assert len(column(tab, "state")) == 8
 
 
@@ -155,3 +156,66 @@ def test_a_case_links_to_its_picture(pages: dict[str, Path], tab: browser.Browse
     tab.open(pages["study"])
     target = "document.querySelector(document.querySelector('#cases a').getAttribute('href'))"
     assert tab.evaluate(f"{target}.querySelector('img').naturalWidth") == 480
+
+
+@pytest.mark.parametrize("width", [420, 1400, 2500])
+def test_a_study_of_many_cases_has_one_line_per_case_at_any_width(
+    width: int, pages: dict[str, Path], tab: browser.Browser
+) -> None:
+    tab.open(pages["large study"], width)
+    heights = tab.evaluate(
+        "[...document.querySelectorAll('#cases tbody tr')].map(row => row.offsetHeight)"
+    )
+    line = tab.evaluate(
+        "parseFloat(getComputedStyle(document.querySelector('#cases td')).fontSize) * 1.5"
+    )
+    assert len(heights) == 60 and max(heights) < 2 * line
+    # A click unfolds the whole reason.
+    folded = "document.querySelector('#cases tr.failed details')"
+    assert "…" in tab.evaluate(f"{folded}.firstChild.textContent")
+    tab.evaluate(f"{folded}.firstChild.click()")
+    height = f"{folded}.closest('tr').offsetHeight"
+    assert tab.evaluate(height) >= 2 * line - 1
+    # The page uses the width: no text is wider than the window, charts stand beside each other.
+    charts = tab.evaluate(
+        "new Set([...document.querySelectorAll('.charts > figure')].slice(0, 6)"
+        ".map(figure => figure.getBoundingClientRect().top)).size"
+    )
+    assert charts == {420: 6, 1400: 3, 2500: 2}[width]
+
+
+def test_the_filter_finds_states_numbers_and_words_of_visible_columns(
+    pages: dict[str, Path], tab: browser.Browser
+) -> None:
+    tab.open(pages["large study"])
+    found = {
+        "converged": 37,
+        "not converged": 15,
+        "failed": 8,
+        "conv": 37,
+        "0.3": 6,
+        "1e6": 10,
+        "10⁶": 10,
+        "inf": 10,
+        "converged 1e6": 7,
+        "SIGKILL": 8,
+        "rough": 3,
+        "warning": 3,
+        # The versions are in a column that is not seen, until all columns are.
+        "0.9.0": 0,
+    }
+    for words, count in found.items():
+        type_in(tab, words)
+        assert len(column(tab, "state")) == count, words
+    tab.evaluate("document.getElementById('all-columns').click()")
+    assert len(column(tab, "state")) == 52
+
+
+def test_the_filter_finds_what_its_placeholder_says(
+    pages: dict[str, Path], tab: browser.Browser
+) -> None:
+    for name in ("study", "large study"):
+        tab.open(pages[name])
+        placeholder = tab.evaluate("document.getElementById('filter').placeholder")
+        type_in(tab, placeholder.partition(": ")[2])
+        assert column(tab, "state") == ["converged"]

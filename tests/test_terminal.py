@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from rich.console import Console
 from solutions import made_up
 
 import contact_locking
 from contact_locking.command.monitors import TerminalMonitor
-from contact_locking.command.terminal import columns, summary_rows
+from contact_locking.plain_text import per_cent
+from contact_locking.results import in_words
 
 
 def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_standard_error(
@@ -21,12 +24,14 @@ def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_stand
         monitor.iteration(0, 1.0)
         monitor.iteration(1, 1e-3)
         monitor.friction_update(1, 0.5, None)
+        monitor.counted(2, 1)
         monitor.stage(2, 2, 100.0, 0.01)
         monitor.iteration(1, 1e-9)
+        monitor.counted(5, 1)
     output, errors = capsys.readouterr()
     assert errors == "warning: [bold]nothing[/bold]\n"
-    assert "stage 1/2  n = 10  epsilon = 0.1  1 iterations, 1 friction updates" in output
-    assert "stage 2/2  n = 100  epsilon = 0.01  1 iterations, residual 1.0e-09" in output
+    assert "stage 1/2  n = 10  epsilon = 0.1  2 tangents, 1 friction update, residual" in output
+    assert "stage 2/2  n = 100  epsilon = 0.01  3 tangents, residual 1.0e-09" in output
 
 
 def test_an_error_leaves_no_half_finished_stage(capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,31 +51,98 @@ def test_what_a_solution_holds_can_be_imported_from_the_package() -> None:
         contact_locking.nonsense  # noqa: B018
 
 
-def test_a_summary_table_names_a_broken_bound() -> None:
-    summary = made_up().summary | {
+def summary(**changes: Any) -> dict[str, Any]:
+    """The summary of a run that converged, with changes of it."""
+    found = made_up().summary | {
         "cells": 1,
         "ranks": 1,
-        "iterations": {"tangents": 1, "linear": 1, "friction": 1},
+        "iterations": {"tangents": 1, "linear": 2, "friction": 0},
         "residual": 1e-9,
         "strain_norm_max": 0.02,
+        "strain_norm_max_in_cells": 0.02,
+        "overstrain_max": 0.0,
+        "discretisation": {"degree": 1, "limit_at": "vertices"},
+        "strain_sets": [],
         "friction_force": [0.0, -0.0],
         "contact_area": 1.0,
         "slip_area": 0.5,
         "wall_seconds": 1.0,
-    }
-    summary["bounds"] = {"good": {"holds": True}, "bad": {"holds": False}, "other": {"holds": None}}
-    summary["certificate"] = {
-        "criteria": {
-            "equilibrium": {"value": 1e-12, "limit": 1e-8, "holds": True},
-            "friction_sign": {"value": 2e-9, "limit": 1e-6, "holds": True},
+        "bounds": {"good": {"holds": True}, "other": {"holds": None}},
+        "certificate": {
+            "criteria": {
+                "equilibrium": {"value": 1e-12, "limit": 1e-8, "holds": True},
+                "friction_sign": {"value": 2e-9, "limit": 1e-6, "holds": True},
+            },
+            "constants": {"uniqueness": {"verdict": "covered by theory"}},
+            "errors": {"mesh": {"relative": 0.039}, "penalty": {"relative": None}},
         },
-        "constants": {"uniqueness": {"verdict": "not known"}},
-        "errors": {"mesh": {"relative": 0.12}, "penalty": {"relative": None}},
     }
-    text = columns(summary_rows(summary, 1.01, "results"))
-    assert "violated: bad" in text and "= 1.01 M" in text and "(0, 0)" in text
-    assert "2 hold; nearest to its limit: friction sign (2e-03 of it)" in text
-    assert "mesh about 12 %" in text and "penalty at most" not in text and "not known" in text
-    summary["certificate"]["criteria"]["friction_sign"] |= {"value": 1e-3, "holds": False}
-    text = columns(summary_rows(summary, 1.01, "results"))
-    assert "failed: friction_sign 1.0e-03 > 1e-06" in text
+    return found | changes
+
+
+def errors(**shares: float) -> dict[str, Any]:
+    """A certificate with these relative errors."""
+    found = {name: {"relative": share} for name, share in shares.items()}
+    return summary()["certificate"] | {"errors": found}
+
+
+def told(found: dict[str, Any], ratio: float | None = 1.01) -> dict[str, str]:
+    return dict(in_words.rows(found, ratio))
+
+
+def test_the_outcome_says_what_converged_what_is_proved_and_what_is_estimated() -> None:
+    words = told(summary())
+    assert words["converged"] == "yes (residual 1.0e-09)"
+    assert words["iterations"] == "1 tangent, 2 linear solves, 0 friction updates"
+    assert words["criteria"] == "all 2 hold; nearest to its limit: friction sign, at 0.2 % of it"
+    assert words["proved"] == "1 bound of the theory, which the result keeps"
+    assert words["estimated"] == "the error of the mesh is about 3.9 %"
+    assert words["weakest number"] == "the error of the mesh is about 3.9 %, by an estimate"
+    assert words["uniqueness"] == "proved: there is no other solution"
+    assert words["friction force"] == "(0, 0)"
+
+
+def test_the_outcome_names_the_criteria_and_the_bounds_that_fail() -> None:
+    found = summary(bounds={"locking_work": {"holds": False}, "good": {"holds": True}})
+    found["certificate"]["criteria"]["friction_sign"] |= {"value": 1e-3, "holds": False}
+    assert told(found)["proved"] == "violated: locking work"
+    assert told(found)["criteria"] == "1 of 2 fail: friction sign 1.0e-03, above 1e-06"
+
+
+def test_a_result_with_a_large_error_is_not_plainly_converged() -> None:
+    words = told(summary(certificate=errors(mesh=0.3, penalty=0.02)))
+    assert words["converged"].startswith("yes, but the result is rough: the error of the mesh is")
+    assert "about 30 %" in words["converged"]
+    assert words["weakest number"].endswith("it takes a smaller mesh.h")
+    bounded = told(summary(certificate=errors(mesh=0.04, penalty=0.2)))
+    assert "at most 20 %, by a proved bound" in bounded["converged"]
+    measured = told(summary(certificate=errors(mesh=0.04, penalty=0.2, penalty_measured=0.01)))
+    assert measured["converged"].startswith("yes (")
+    assert "measured: the penalty changes the solution on this mesh by 1 %" in measured["estimated"]
+    assert told(summary(converged=False, certificate=errors(mesh=0.3)))["converged"][:3] == "no "
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [
+        (None, "0.02 (no strain limit is set)"),
+        (0.0, "0.02, 0 % of the limit"),
+        (0.5, "0.02, 50 % of the limit"),
+        (1.0 + 1e-9, "0.02, the limit"),
+        (1.0036, "0.02, 0.36 % above the limit"),
+    ],
+)
+def test_the_largest_strain_is_told_beside_the_limit(ratio: float | None, words: str) -> None:
+    assert told(summary(), ratio)["largest strain"] == words
+
+
+def test_the_strain_between_gauss_points_is_told() -> None:
+    found = summary(strain_norm_max_in_cells=0.025, overstrain_max=0.25)
+    words = "0.02, the limit, at the Gauss points; 0.025, 25 % above the limit, between the points"
+    assert told(found, 1.0)["largest strain"] == words
+
+
+def test_shares_are_written_alike_everywhere() -> None:
+    shares = (0.0, 1e-6, 0.00054, 0.005, 0.198, 0.2, 1.0)
+    words = ["0 %", "1e-04 %", "0.054 %", "0.5 %", "19.8 %", "20 %", "100 %"]
+    assert [per_cent(share) for share in shares] == words

@@ -163,7 +163,11 @@ def test_the_window_shows_view_after_view_and_any_scale(results: Path, tmp_path:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    titles = ["Deformed body, |ε(u)| / M", "Cut open, |ε(u)| / M", "Locked zone, |ε(u)| ≥ M"]
+    titles = [
+        "Deformed body, |ε(u)| / M",
+        "Cut open, |ε(u)| / M",
+        "Cells at the strain limit, |ε(u)| ≥ M",
+    ]
     titles += ["Contact pressure", "Open, stick and slip"]
     in_plane = [title for title in titles if "Cut" not in title]
     of_two = [f"{title}: {name}" for name in ("bottom", "left, a $part$") for title in titles[3:]]

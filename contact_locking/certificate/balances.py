@@ -57,18 +57,17 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     u, data, constraints = state.problem.u, state.problem.data, state.problem.constraints
     space = u.function_space
     v = ufl.TestFunction(space)
-    load = _nodal(forms.external_work(v, data))
-    elastic = _nodal(forms.elastic_form(u, v, data))
+    load = nodal_forces(forms.external_work(v, data))
+    elastic = nodal_forces(forms.elastic_form(u, v, data))
     stress = ufl.inner(state.body.locking_stress, strain(v)) * data.locking_dx
-    internal = elastic + _nodal(stress)
+    internal = elastic + nodal_forces(stress)
     own = np.zeros_like(load)
     if data.own_energy is not None:
-        own = -_nodal(forms.own_forces(u, v, data))
+        own = -nodal_forces(forms.own_forces(u, v, data))
     touching = np.zeros_like(load)
     for contact in state.contacts:
-        nodal = contact.traction - contact.pressure[:, None] * contact.normal
-        nodal = nodal * contact.surface.weights[:, None]
-        touching += contact.surface.vector_function(nodal).x.array
+        tractions = contact.traction - contact.pressure[:, None] * contact.normal
+        touching += contact.surface.nodal_forces(tractions)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     unbalanced = (internal - own - load - touching)[:owned]
     fixed = constraints.dofs[constraints.dofs < owned]
@@ -117,7 +116,7 @@ def _moments(x: FloatArray, force: FloatArray) -> FloatArray:
     return np.asarray(np.cross(x, force), dtype=np.float64)
 
 
-def _nodal(form: Expr) -> FloatArray:
+def nodal_forces(form: Expr) -> FloatArray:
     """The assembled linear form at local dofs, ghosts included; collective."""
     vector = fem.assemble_vector(compiled.form(form))
     vector.scatter_reverse(la.InsertMode.add)

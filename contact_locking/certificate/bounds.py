@@ -18,7 +18,7 @@ from contact_locking.certificate.elliptic import (
 )
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.convex import squared_norm, unit_ball_excess
+from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem import forms
@@ -58,6 +58,10 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
     without slip, and the test function is ``v = u - w`` (:func:`_held_bounds`).  If contact alone
     stops a rigid motion, a pressure on Gamma_C carries the load (:func:`_pressed_bounds`).
 
+    Of the ball the proofs use ``Z : eps(u) = M |Z| + |Z|^2/2n``, and ``Z : eps(w) <= M |Z|`` where
+    w is admissible.  With its multiplier y in the place of Z the same holds for every other set of
+    strains, and W and L are sums over all sets.
+
     Each entry holds ``value``, ``bound`` and ``holds``.  If no bound is proved, ``bound`` and
     ``holds`` are None, and ``reason`` says why.  Collective; takes one linear solve, two with
     ``w``.
@@ -86,11 +90,10 @@ def _open(value: float, reason: str) -> dict[str, Any]:
 def _measured(state: SolvedState) -> dict[str, float]:
     """``|u|_V``, ``int M |Z|``, and the penalties unless n = inf or eps = 0; collective."""
     domain, data, u = state.problem.domain, state.problem.data, state.problem.u
-    eps = strain(u)
     values = {"displacement_norm": norm(state, u)}
     penalty = state.target.penalty
     if np.isfinite(penalty.n):
-        excess = unit_ball_excess(eps, data.inverse_limit) ** 2 * squared_norm(eps)
+        excess = sum(item.energy(strain(u), 1.0) for item in data.sets)
         values["locking_penalty"] = 2.0 * penalty.n * integral(domain, excess * data.locking_dx)
     if state.contacts and penalty.epsilon > 0.0:
         entered = [np.maximum(fields.u_normal - fields.gap, 0.0) for fields in state.contacts]
@@ -102,11 +105,9 @@ def _measured(state: SolvedState) -> dict[str, float]:
 
 
 def _locking_work(state: SolvedState) -> float:
-    """``int M |Z|`` over the part of the body that can lock; collective."""
+    """``int M |Z|`` over the part of the body that can lock, summed over the sets; collective."""
     points = state.points
-    limit = np.where(np.isfinite(points.limit), points.limit, 0.0)
-    size = np.linalg.norm(points.locking_stress, axis=(1, 2))
-    return state.sum(points.weights * limit * size)
+    return sum(state.sum(points.weights * item.largest * item.size) for item in points.sets)
 
 
 def norm(state: SolvedState, u: fem.Function) -> float:
@@ -118,27 +119,43 @@ def norm(state: SolvedState, u: fem.Function) -> float:
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """The bounds for a body that the displacement conditions hold.
 
-    With the test function ``v = u - w`` friction is not negative, because ``w_tau = 0``; contact
-    gives ``C + int p (gap - w_nu) >= C``; and locking gives, with ``theta = max |eps(w)|/M``,
-    ``L + int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with ``(f_w, v) = (f, v) - a(w, v)``
+    With the test function ``v = u - w`` friction is at least ``-F`` (:func:`_remembered`), because
+    ``w_tau = 0``; contact gives ``C + int p (gap - w_nu) >= C``; and locking gives, with
+    ``theta = max |eps(w)|/M``, ``L + int (M |Z| - Z : eps(w)) >= L + (1 - theta) W``.  So with
+    ``(f_w, v) = (f, v) - a(w, v)``
 
-        a(v, v) + (1 - theta) W + L + C <= |f_w|_V |v|_V,
+        a(v, v) + (1 - theta) W + L + C <= |f_w|_V |v|_V + F,
 
-    hence ``|u|_V <= |w|_V + |f_w|_V/alpha``, and ``|f_w|_V^2/(4 alpha)`` for the other three.
+    hence with ``q = |f_w|_V/(2 alpha)`` the bounds ``|u|_V <= |w|_V + q + sqrt(q^2 + F/alpha)``,
+    and ``|f_w|_V^2/(4 alpha) + F`` for the other three.
     """
     alpha = state.problem.material.ellipticity
-    load = dual_norm(state, w)
+    load, friction = dual_norm(state, w), _remembered(state)
     lift = 0.0 if w is None else norm(state, w)
-    most = 0.25 * load**2 / alpha
-    return _Bounds(lift + load / alpha, most, most, _over(most, _room_to_lock(state, w)))
+    half = 0.5 * load / alpha
+    largest = half + float(np.sqrt(half**2 + friction / alpha))
+    most = 0.25 * load**2 / alpha + friction
+    return _Bounds(lift + largest, most, most, _over(most, _room_to_lock(state, w)))
+
+
+def _remembered(state: SolvedState) -> float:
+    """``F = int G |u_{k-1,tau}|`` with the friction bound G of the state; collective.
+
+    In step k friction does the work ``int t . (u_tau - u_{k-1,tau}) >= 0`` with ``|t| <= G``, and
+    so at least ``-F`` against ``u_tau``.  F is zero in the first step and in the static problem.
+    """
+    return sum(
+        float(fields.surface.integral(fields.bound * np.linalg.norm(place, axis=1)))
+        for fields, place in ((f, f.contact.memory.tangential) for f in state.contacts)
+    )
 
 
 def _room_to_lock(state: SolvedState, w: fem.Function | None) -> float:
-    """``1 - max |eps(w)|/M``, at least 0; 1 without w; collective."""
+    """``1 - max |eps(w)|/M`` over all sets of strains, at least 0; 1 without w; collective."""
     if w is None:
         return 1.0
-    ratio = np.linalg.norm(state.points.interpolated(strain(w)), axis=(1, 2)) / state.points.limit
-    return max(1.0 - maximum(state.comm, ratio), 0.0)
+    ratios = [item.reach(item.measured(strain(w))) / item.limit for item in state.points.sets]
+    return max(1.0 - max(maximum(state.comm, ratio) for ratio in ratios), 0.0)
 
 
 def _over(most: float, room: float) -> float:
@@ -153,7 +170,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     for ``v = u - w`` in (25) gives, with W, L, C and theta as above and ``C = eps |p|^2``,
 
         a(v, v) + (1 - theta) W + L + C <= a(z, v) + B + 2 sqrt(D C),
-        B = int q (gap - w_nu),   D = eps/4 |q|^2.
+        B = int q (gap - w_nu) + F,   D = eps/4 |q|^2.
 
     As ``2 sqrt(D C) - C <= D`` and ``a(z, v) - a(v, v) <= a(z, z)/4``, the norm ``x^2 = a(v, v)``
     obeys ``x <= sqrt(a(z, z))/2 + sqrt(a(z, z)/4 + B + D)``, L and ``(1 - theta) W`` are at most
@@ -167,7 +184,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     bilinear = elasticity(state) + springs(state, stiffness)
     with elliptic_problem(state, bilinear, state.problem.constraints.conditions) as problem:
         z = problem.solve(_load(state, w))
-    carried = soft = 0.0
+    carried, soft = _remembered(state), 0.0
     for fields in state.contacts:
         pressure = stiffness * fields.contact.split(z)[0]
         if on_any_rank(domain.comm, pressure < 0.0):

@@ -130,6 +130,7 @@ def trace_constant(state: SolvedState) -> float:
     space, data = state.problem.u.function_space, state.problem.data
     conditions = state.problem.constraints.conditions
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+    v, w = data.limited(v), data.limited(w)
     traces = sum(ufl.inner(w, v) * contact.surface.ds for contact in data.contacts)
     surface = petsc.assemble_matrix(compiled.form(traces))
     surface.assemble()

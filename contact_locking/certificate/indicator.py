@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import basix
 import numpy as np
 from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.patch_recovery import EDGES, PatchRecovery
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.problem import gauss_points
 
 
 @dataclass(frozen=True)
@@ -19,48 +22,92 @@ class ErrorIndicator:
 
     field: fem.Function
     total: float
+    elastic_field: fem.Function
     elastic: float
 
 
 def error_indicator(state: SolvedState) -> ErrorIndicator:
     """``eta_K^2 = |int_K (s* - s) : (e* - e)|``, total stress ``s = A eps(u) + Z``, ``e = eps(u)``.
 
-    s* and e* are continuous and piecewise linear: their values at a node are the means over the
-    cells around the node, weighted by volume (Zienkiewicz and Zhu, doi:10.1002/nme.1620240206).
-    The mean includes only cells of one named region, because stress and strain may jump between
-    regions.
+    For degree 1, s* and e* are continuous and piecewise linear: their values at a node are the
+    means over the cells around the node, weighted by volume (Zienkiewicz and Zhu,
+    doi:10.1002/nme.1620240206).  For degree 2 they are continuous and piecewise quadratic
+    (`patch_recovery`).  The cells around a node are those of one named region, because stress and
+    strain may jump between regions.
 
     ``total`` estimates ``int (s_exact - s) : (e_exact - e)`` and is not a bound.  Because the
     locking law is monotone, this integral is at least ``a(u_exact - u, u_exact - u)``, which
     ``elastic`` estimates.  The product with the strain is necessary: in a locked zone P1 elements
     reach the limit in about every second cell in 2D and in fewer cells in 3D, so that Z alternates
     between cells on every mesh, while the strain hardly does.  Raises NotApplicable for an element
-    whose strain is not constant in a cell.  Collective.
+    whose strain is not determined by the values at its points.  Collective.
     """
-    if state.problem.element.degree != 1:
-        raise NotApplicable("not applicable: for linear elements")
     points, m = state.points, len(MANDEL_PAIRS[state.dim])
     elastic, strain = _mandel(points.of(state.body.elastic_stress)), _mandel(points.strain)
     total = elastic + _mandel(points.locking_stress)
-    values = np.column_stack([total, elastic, strain])
-    defect = _recovered(state, values) - values[:, None, :]
-    # The mass matrix of linear functions on a simplex: |K| (1 + delta_ij)/((d + 1)(d + 2)).
-    mass = (1.0 + np.eye(state.dim + 1)) / ((state.dim + 1) * (state.dim + 2))
+    values = np.concatenate([total, elastic, strain], axis=1)
+    element = state.problem.element
+    if element.degree == 1:
+        defect = _recovered(state, values) - values[:, None, :]
+        cell_volumes = points.weights
+    elif element.strain_degree == 1:
+        defect = _defect_of_affine(state, values)
+        cell_volumes = points.weights.reshape(-1, state.dim + 1).sum(axis=1)
+    else:
+        raise NotApplicable("not applicable: the points of the element do not determine the strain")
+    mass = _mass(state.dim, element.degree)
 
     def work(stress: FloatArray) -> FloatArray:
         product = np.einsum("kim,kjm,ij->k", stress, defect[:, :, 2 * m :], mass, optimize=True)
-        return np.asarray(np.abs(product) * points.weights)
+        return np.asarray(np.abs(product) * cell_volumes)
 
-    square = work(defect[:, :, :m])
-    space = state.problem.material.limit.function_space
-    field = fem.Function(space, name="error_indicator")
+    square, elastic_square = work(defect[:, :, :m]), work(defect[:, :, m : 2 * m])
+    return ErrorIndicator(
+        _field(state, "error_indicator", square),
+        float(np.sqrt(state.sum(square))),
+        _field(state, "elastic_error_indicator", elastic_square),
+        float(np.sqrt(state.sum(elastic_square))),
+    )
+
+
+def _field(state: SolvedState, name: str, square: FloatArray) -> fem.Function:
+    """The roots of values (k,) of the owned cells as a function; collective."""
+    space = fem.functionspace(state.problem.domain.mesh, ("DG", 0))
+    field = fem.Function(space, name=name)
     field.x.array[space.dofmap.list.reshape(-1)[: len(square)]] = np.sqrt(square)
     field.x.scatter_forward()
-    return ErrorIndicator(
-        field,
-        float(np.sqrt(state.sum(square))),
-        float(np.sqrt(state.sum(work(defect[:, :, m : 2 * m])))),
+    return field
+
+
+def _defect_of_affine(state: SolvedState, values: FloatArray) -> FloatArray:
+    """The recovered minus the given fields (k, nodes, m) at the nodes of degree 2 in each cell.
+
+    ``values`` are those at the points of the strains.  Collective.
+    """
+    dim, m = state.dim, values.shape[1]
+    in_cells = values.reshape(-1, dim + 1, m)
+    shares = gauss_points.shares(dim)
+    at_corners = state.problem.element.limit_at == "vertices"
+    corners = in_cells if at_corners else np.einsum("cq,kqm->kcm", np.linalg.inv(shares), in_cells)
+    at_points = np.einsum("qc,kcm->kqm", shares, corners)
+    middles = [corners[:, list(edge)].mean(axis=1) for edge in EDGES[dim]]
+    given = np.concatenate([corners, np.stack(middles, axis=1)], axis=1)
+    recovery = PatchRecovery(state.problem.domain.mesh, len(in_cells))
+    defect = np.empty_like(given)
+    for inside in _regions(state, len(in_cells)):
+        defect[inside] = recovery.nodal(at_points[inside], inside) - given[inside]
+    return defect
+
+
+def _mass(dim: int, degree: int) -> FloatArray:
+    """The mass matrix of the nodal basis of a degree on a simplex of volume 1."""
+    cell = gauss_points.SIMPLICES[dim]
+    element = basix.create_element(
+        basix.ElementFamily.P, cell, degree, basix.LagrangeVariant.gll_warped
     )
+    points, weights = basix.make_quadrature(cell, 2 * degree)
+    basis = element.tabulate(0, points)[0, :, :, 0]
+    return np.asarray(basis.T @ (weights[:, None] * basis) / weights.sum())
 
 
 def _mandel(tensors: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ import numpy as np
 
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.results.derived import ContactFields
 
@@ -29,12 +30,17 @@ _MARGIN = 100.0
 _CONSTANTS = 1e-10
 
 
+def law_limit(state: SolvedState, margin: float = _MARGIN) -> float:
+    """The limit of defects relative to the work: the tolerance of the solver times ``margin``."""
+    return margin * max(state.settings.tolerance, _TOLERANCE)
+
+
 def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Criterion]:
     """The criteria of all laws, relative to the work of the state; collective.
 
     The limits are the tolerances of the solver times ``margin``.
     """
-    law = margin * max(state.settings.tolerance, _TOLERANCE)
+    law = law_limit(state, margin)
     products, violation, squares = locking(state)
     gap = products + squares
     found = {
@@ -85,23 +91,29 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     ``s int |[|eps| - M]^+ - |Z|/(2n)|``.  Where both vanish, ``Z`` is ``R_n(eps)`` (23), or for
     n = inf an element of ``dI_B(eps)`` (1).  The stress s is the mean stress or, if this is less,
     ``2n`` times the mean strain.  Squares is ``n int ([|eps| - M]^+ - |Z|/(2n))^2``, 0 for n = inf.
+
+    With several sets of strains each has such terms, with ``L eps`` and its multiplier y in the
+    place of eps and Z, and the terms are added.  The violation of a half space includes
+    ``|eps| int [-y]^+`` with the mean strain.  Where all terms vanish, Z is in the normal cone of K
+    for n = inf.
     """
-    points = state.points
-    norm = np.linalg.norm(points.strain, axis=(1, 2))
-    size = np.linalg.norm(points.locking_stress, axis=(1, 2))
-    work = np.einsum("kij,kij->k", points.locking_stress, points.strain)
-    locks = np.isfinite(points.limit)
-    # A point without a limit must not turn M |Z| into inf times 0.
-    largest = np.maximum(np.where(locks, points.limit, norm), norm)
-    products = np.abs(size * largest - work)
-    excess = np.maximum(norm - points.limit, 0.0)
-    violation = np.abs(excess - size / (2.0 * state.target.penalty.n))
-    n = state.target.penalty.n
+    points, n = state.points, state.target.penalty.n
     stress = min(state.mean_stress, 2.0 * n * state.mean_strain)
-    squares = n * state.sum(points.weights * violation**2) if np.isfinite(n) else 0.0
+    products = violation = squares = 0.0
+    for item in points.sets:
+        measured = item.measured(strain(state.problem.u))
+        norm, size = item.reach(measured), item.size
+        locks = np.isfinite(item.limit)
+        # A point without a limit must not turn M |Z| into inf times 0.
+        largest = np.maximum(np.where(locks, item.limit, norm), norm)
+        left = np.abs(item.excess(measured) - size / (2.0 * n))
+        products += state.sum(points.weights * np.abs(size * largest - item.work(measured)))
+        violation += stress * state.sum(points.weights * left)
+        violation += state.mean_strain * state.sum(points.weights * item.pulling)
+        squares += n * state.sum(points.weights * left**2) if np.isfinite(n) else 0.0
     return (
-        state.share_of_work(state.sum(points.weights * products)),
-        state.share_of_work(stress * state.sum(points.weights * violation)),
+        state.share_of_work(products),
+        state.share_of_work(violation),
         state.share_of_work(squares),
     )
 
@@ -136,16 +148,16 @@ def contact(state: SolvedState, fields: ContactFields) -> tuple[float, float, fl
 def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, float]:
     """Complementarity, excess over the bound, and wrong sign of friction, all relative; collective.
 
-    With ``t = -sigma_tau``, ``s = u_tau`` and the friction bound G, complementarity is
-    ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the work, zero exactly where
-    (22) holds.  The excess is ``int [|t| - G]^+`` over ``int G``.  The wrong sign is
-    ``int [-t . s]^+`` over the work: friction dissipates work and never adds work.
+    With ``t = -sigma_tau``, the slip ``s = u_tau - u_{k-1,tau}`` of the step and the friction bound
+    G, complementarity is ``int G sqrt(|s|^2 + eps^2) - eps sqrt(G^2 - |t|^2) - t . s`` over the
+    work, zero exactly where (22) holds.  The excess is ``int [|t| - G]^+`` over ``int G``.  The
+    wrong sign is ``int [-t . s]^+`` over the work: friction dissipates work and never adds work.
     """
     epsilon = float(fields.contact.regularisation.value)
     weights = fields.surface.weights * fields.contact.free
     size = np.linalg.norm(fields.traction, axis=1)
-    slip = np.sqrt(np.sum(fields.u_tangent**2, axis=1) + epsilon**2)
-    work = -np.sum(fields.traction * fields.u_tangent, axis=1)
+    slip = np.sqrt(np.sum(fields.increment**2, axis=1) + epsilon**2)
+    work = -np.sum(fields.traction * fields.increment, axis=1)
     left = epsilon * np.sqrt(np.maximum(fields.bound**2 - size**2, 0.0))
     products = np.abs(fields.bound * slip - left - work)
     total = state.sum(weights * fields.bound)
@@ -159,7 +171,7 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
 
 
 def bound_change(state: SolvedState, fields: ContactFields) -> float:
-    """``|G - mu(|u_tau|) |R sigma_nu||/|mu |R sigma_nu||`` in L2, with the bound G of the solver.
+    """``|G - mu(s) |R sigma_nu||/|mu |R sigma_nu||`` in L2, with the bound G of the solver.
 
     Collective.
     """

@@ -1,7 +1,8 @@
 """Admissible fields, for proofs with the test function ``v = 0`` where 0 is not admissible.
 
-A field w is admissible if w has the prescribed values on Gamma_D, ``w_nu <= gap`` on Gamma_C and
-``|eps(w)| <= M``.  For proofs with friction w must not slip either: ``w_tau = 0`` on Gamma_C.
+A field w is admissible if w has the prescribed values on Gamma_D, ``w_nu <= gap`` on Gamma_C, and
+``|eps(w)| <= M``, with the strain in every other set of strains as well.  For proofs with friction
+w must not slip either: ``w_tau = 0`` on Gamma_C.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from contact_locking.certificate.elliptic import EllipticProblem, NotApplicable,
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import on_any_rank, on_every_rank
+from contact_locking.problem.trace import make_nodal
 
 # Rounding in strains and displacements, relative to the limit and to the body.
 _ROUNDING = 1e-12
@@ -55,6 +57,8 @@ class Lifting:
             prescribed.x.array.reshape(-1, state.dim)[fields.surface.blocks] += values
         prescribed.x.scatter_forward()
         state.problem.constraints.apply(prescribed)
+        self._make_nodal(prescribed)
+        state.problem.constraints.apply(prescribed)
         lifted = self._elastic(prescribed)
         self._check(lifted)
         return lifted
@@ -70,6 +74,8 @@ class Lifting:
             anywhere = anywhere or not self._nowhere(entered)
             nodes[fields.surface.blocks] += entered[:, None] * fields.normal
         values.x.scatter_forward()
+        values.x.array[state.problem.constraints.dofs] = 0.0
+        self._make_nodal(values)
         values.x.array[state.problem.constraints.dofs] = 0.0
         return self._elastic(values) if anywhere else values
 
@@ -89,10 +95,18 @@ class Lifting:
             self._problem = EllipticProblem(state, elasticity(state), conditions)
         return self._problem.solve(None, values)
 
+    def _make_nodal(self, values: fem.Function) -> None:
+        """Replace the limited values on Gamma_C by nodal values; collective."""
+        make_nodal(values, [fields.surface.limited for fields in self._state.contacts])
+
     def _check(self, lifted: fem.Function) -> None:
         state = self._state
-        size = np.linalg.norm(state.points.interpolated(strain(lifted)), axis=(1, 2))
-        if not self._nowhere(size - state.points.limit * (1.0 + _ROUNDING)):
+        sets = state.points.sets
+        excesses = [
+            item.reach(item.measured(strain(lifted))) - item.limit * (1.0 + _ROUNDING)
+            for item in sets
+        ]
+        if not all([self._nowhere(excess) for excess in excesses]):
             raise NotApplicable(
                 "the elastic displacement with the prescribed values exceeds the locking limit, "
                 "and no other field was tried"

@@ -36,10 +36,11 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     ``t = -sigma_tau`` of the penalised solution u,
 
         eta^2 = a(w - u, w - u)/2 + int (M |Z| - Z : eps(w)) + int p (gap - w_nu)
-                + int (G |w_tau| - t . w_tau),
+                + int (G |w_tau - u_old| - t . (w_tau - u_old)),
 
-    where every term is non-negative.  eta^2 is the primal energy of w minus the dual energy of
-    (Z, p, t), with which u is in equilibrium (docs/certificate.md).
+    where every term is non-negative.  With several sets of strains, ``M |Z| - Z : eps(w)`` stands
+    for the sum of ``M |y| - y : L eps(w)`` over them.  eta^2 is the primal energy of w minus the
+    dual energy of (Z, p, t), with which u is in equilibrium (docs/certificate.md).
 
     To obtain w, an elastic field is subtracted from u that removes the penetration, and the result
     is moved towards an admissible field until the strain keeps the limit.  Returns ``energy_norm``,
@@ -102,10 +103,11 @@ def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
     _check_entered(state, w)
-    a = np.zeros_like(state.points.strain)
-    if start is not None:
-        a = state.points.interpolated(strain(start))
-    theta = _largest_step(a, state.points.interpolated(strain(w)) - a, state.points.limit)
+    theta = 1.0
+    for item in state.points.sets:
+        b = item.measured(strain(w))
+        a = np.zeros_like(b) if start is None else item.measured(strain(start))
+        theta = min(theta, _largest_step(a, b - a, item.limit))
     theta = float(state.comm.allreduce(theta, op=MPI.MIN))
     w.x.array[:] *= theta
     if start is not None:
@@ -123,9 +125,16 @@ def energy_distance(state: SolvedState, w: fem.Function) -> float:
 
 
 def _largest_step(a: FloatArray, b: FloatArray, limit: FloatArray) -> float:
-    """The largest theta in [0, 1] with ``|a + theta b| <= M`` at all points, where ``|a| <= M``."""
+    """The largest theta in [0, 1] with ``|a + theta b| <= M`` at all points, where ``|a| <= M``.
+
+    For scalars a and b it is that with ``a + theta b <= M``.
+    """
     locks = np.isfinite(limit)
     a, b, limit = a[locks], b[locks], limit[locks]
+    if a.ndim == 1:
+        room = np.maximum(limit - a, 0.0)
+        steps = np.divide(room, b, out=np.ones_like(b), where=b > 0.0)
+        return float(min(1.0, steps.min(initial=1.0)))
     aa, ab, bb = (np.einsum("kij,kij->k", *pair) for pair in ((a, a), (a, b), (b, b)))
     room = np.maximum(limit**2 - aa, 0.0)
     # The positive root of bb theta^2 + 2 ab theta = room, without cancellation.
@@ -148,12 +157,11 @@ def _gap(state: SolvedState, w: fem.Function) -> float:
     """``eta^2`` of :func:`penalty_error`; collective."""
     points = state.points
     total = 0.5 * energy_distance(state, w) ** 2
-    stress, eps = points.locking_stress, points.interpolated(strain(w))
-    size = np.linalg.norm(stress, axis=(1, 2))
-    largest = np.where(np.isfinite(points.limit), points.limit, 0.0) * size
-    total += state.sum(points.weights * (largest - np.einsum("kij,kij->k", stress, eps)))
+    for item in points.sets:
+        work = item.work(item.measured(strain(w)))
+        total += state.sum(points.weights * (item.support - work))
     for fields in state.contacts:
-        normal, slip = fields.contact.split(w)
+        normal, slip = fields.contact.split(w)[0], fields.contact.increment(w)
         work = np.sum(fields.traction * slip, axis=1)
         friction = fields.bound * np.linalg.norm(slip, axis=1) + work
         opening = fields.pressure * (fields.gap - normal)

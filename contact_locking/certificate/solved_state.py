@@ -17,8 +17,10 @@ from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import Problem
+from contact_locking.problem.strain_sets import StrainSet
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.derived import BodyFields, ContactFields, integral, penalised
+from contact_locking.results.body_fields import BodyFields
+from contact_locking.results.derived import ContactFields, integral, penalised
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver.target import Target
 
@@ -50,7 +52,7 @@ class SolvedState:
         """
         u, data, domain = problem.u, problem.data, problem.domain
         found = report.multipliers or penalised(domain, u, data)
-        body = BodyFields(domain, u, data, problem.material, found.locking_stress)
+        body = BodyFields(domain, u, data, problem.material, found)
         pairs = zip(data.contacts, found.contacts, strict=True)
         contacts = tuple(ContactFields(contact, u, forces) for contact, forces in pairs)
         return cls(problem, system, target, settings, report, body, contacts)
@@ -118,6 +120,8 @@ class StrainPoints:
     """Values at the points of the strains in owned cells: tensors are (k, d, d), scalars (k,).
 
     ``weights`` (k,) are the weights of the locking rule, and ``volume`` is the volume of the body.
+    ``sets`` are the sets of strains; ``limit`` and ``locking_stress`` are M of the ball and the sum
+    of the stresses of all sets.
     """
 
     def __init__(self, state: SolvedState) -> None:
@@ -126,25 +130,75 @@ class StrainPoints:
         self._owned = mesh.topology.index_map(dim).size_local
         self._dim = dim
         self._space = element.strain_space(mesh, (dim, dim))
-        scalar = element.strain_space(mesh)
+        scalar = self._scalar = element.strain_space(mesh)
         ones = compiled.form(ufl.TestFunction(scalar) * state.problem.data.locking_dx)
         self.weights = self.scalars(fem.assemble_vector(ones).array, scalar)
         self.volume = float(domain.comm.allreduce(float(self.weights.sum())))
         self.limit = self.scalars(state.problem.material.limit.x.array, scalar)
         self.locking_stress = self.of(state.body.locking_stress)
         self.strain = self.interpolated(strain(state.problem.u))
+        pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)
+        self.sets = [SetAtPoints(self, item, part) for item, part in pairs]
+        # The limit of the ball without the rounding of 1/(1/M).
+        self.sets[0].limit = self.limit
 
     def scalars(self, array: FloatArray, space: fem.FunctionSpace) -> FloatArray:
         """The values of a scalar function at the points, from its dofs."""
         return np.asarray(array[space.dofmap.list[: self._owned].reshape(-1)])
 
     def of(self, function: fem.Function) -> FloatArray:
-        """The values of a tensor function at the points."""
+        """The values of a tensor or of a scalar function at the points."""
         dofs = function.function_space.dofmap.list[: self._owned].reshape(-1)
-        return function.x.array.reshape(-1, self._dim, self._dim)[dofs]
+        return function.x.array.reshape(-1, *function.ufl_shape)[dofs]
 
-    def interpolated(self, tensor: Expr) -> FloatArray:
-        """The values of a UFL tensor at the points."""
-        function = fem.Function(self._space)
-        function.interpolate(_compat.interpolation_expression(tensor, self._space))
+    def interpolated(self, expression: Expr) -> FloatArray:
+        """The values of a UFL tensor or scalar at the points."""
+        function = fem.Function(self._space if expression.ufl_shape else self._scalar)
+        space = function.function_space
+        function.interpolate(_compat.interpolation_expression(expression, space))
         return self.of(function)
+
+
+class SetAtPoints:
+    """One set of strains at the points of the strains, with its multiplier y.
+
+    ``limit`` (k,) is M, and ``size`` (k,) is ``|y|``.  ``pulling`` (k,) is the negative part of the
+    multiplier of a half space, which has none in a solution.
+    """
+
+    def __init__(self, points: StrainPoints, law: StrainSet, multiplier: fem.Function) -> None:
+        self._points, self._law = points, law
+        with np.errstate(divide="ignore"):
+            self.limit = np.reciprocal(points.of(law.inverse_limit))
+        self._multiplier = points.of(multiplier)
+        is_scalar = self._multiplier.ndim == 1
+        self.size = self.reach(self._multiplier) if not is_scalar else np.abs(self._multiplier)
+        self.pulling = np.maximum(-self._multiplier if is_scalar else 0.0 * self.size, 0.0)
+
+    @property
+    def largest(self) -> FloatArray:
+        """M (k,) with 0 in place of an infinite M, where there is no multiplier."""
+        return np.where(np.isfinite(self.limit), self.limit, 0.0)
+
+    @property
+    def support(self) -> FloatArray:
+        """``M |y|`` (k,): the largest work of y at a strain of the set."""
+        return self.largest * self.size
+
+    def measured(self, eps: Expr) -> FloatArray:
+        """``L eps`` of a UFL strain: (k, d, d), or (k,) for a half space."""
+        return self._points.interpolated(self._law.measured(eps))
+
+    def reach(self, measured: FloatArray) -> FloatArray:
+        """``|L eps|``, or ``L eps`` for a half space: (k,) of what is measured."""
+        return np.linalg.norm(measured, axis=(1, 2)) if measured.ndim > 1 else measured
+
+    def excess(self, measured: FloatArray) -> FloatArray:
+        """``[|L eps| - M]^+``, or ``[L eps - M]^+`` for a half space: (k,) of what is measured."""
+        return np.maximum(self.reach(measured) - self.limit, 0.0)
+
+    def work(self, measured: FloatArray) -> FloatArray:
+        """``y : L eps`` (k,) of what is measured."""
+        if measured.ndim == 1:
+            return self._multiplier * measured
+        return np.einsum("kij,kij->k", self._multiplier, measured)

@@ -6,15 +6,13 @@ import contextlib
 from dataclasses import dataclass
 from typing import Any
 
-from dolfinx import fem
-
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
-from contact_locking.certificate.indicator import error_indicator
+from contact_locking.certificate.indicator import ErrorIndicator, error_indicator
 from contact_locking.certificate.laws import law_criteria
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.penalty_error import penalty_error
@@ -25,9 +23,9 @@ from contact_locking.certificate.solved_state import SolvedState
 class Certificate:
     """Criteria, proved bounds, constants, resultants and error estimates, for summary.json.
 
-    ``error_indicator`` is the field of the indicator, None if the indicator is not applicable.
-    ``limit_load`` tells which multiples of the prescribed displacements the body can follow; None
-    if nobody asks, or if no prescribed displacement differs from zero.
+    ``indicator`` is None if the error indicator is not applicable.  ``limit_load`` tells which
+    multiples of the prescribed displacements the body can follow; None if nobody asks, or if no
+    prescribed displacement differs from zero.
     """
 
     criteria: dict[str, Criterion]
@@ -35,7 +33,7 @@ class Certificate:
     constants: dict[str, Any]
     resultants: dict[str, Any]
     errors: dict[str, Any]
-    error_indicator: fem.Function | None
+    indicator: ErrorIndicator | None
     limit_load: dict[str, Any] | None
 
     @property
@@ -85,7 +83,7 @@ def certify(state: SolvedState) -> Certificate:
     guaranteed bound takes another solve, with about six times the unknowns.
     """
     balance = equilibrium(state)
-    mesh, field = _mesh_error(state)
+    mesh, indicator = _mesh_error(state)
     lifting, wanted = Lifting(state), state.problem.parameters.certificate.error_bound
     with contextlib.closing(lifting):
         bounds = proved_bounds(state, lifting)
@@ -102,15 +100,15 @@ def certify(state: SolvedState) -> Certificate:
             "reactions": balance.reactions.tolist(),
         },
         errors=errors,
-        error_indicator=field,
+        indicator=indicator,
         limit_load=limit_load(state) if wanted else None,
     )
 
 
-def _mesh_error(state: SolvedState) -> tuple[dict[str, Any], fem.Function | None]:
-    """The entry ``mesh`` of the error estimates, and the field of the indicator; collective.
+def _mesh_error(state: SolvedState) -> tuple[dict[str, Any], ErrorIndicator | None]:
+    """The entry ``mesh`` of the error estimates, and the indicator; collective.
 
-    Without an indicator the entry has the reason, and the field is None.
+    Without an indicator the entry has the reason.
     """
     try:
         indicator = error_indicator(state)
@@ -122,4 +120,4 @@ def _mesh_error(state: SolvedState) -> tuple[dict[str, Any], fem.Function | None
         "energy_norm": indicator.elastic,
         "relative": indicator.elastic / size if size > 0.0 else None,
         "with_locking": indicator.total,
-    }, indicator.field
+    }, indicator

@@ -2,5 +2,16 @@
 
 from contact_locking.checkpoint.record import NAME, locate
 from contact_locking.checkpoint.stored import Checkpoint, expect, read, size, unavailable, write
+from contact_locking.checkpoint.stored_mesh import refined_mesh
 
-__all__ = ["NAME", "Checkpoint", "expect", "locate", "read", "size", "unavailable", "write"]
+__all__ = [
+    "NAME",
+    "Checkpoint",
+    "expect",
+    "locate",
+    "read",
+    "refined_mesh",
+    "size",
+    "unavailable",
+    "write",
+]

@@ -16,9 +16,9 @@ from contact_locking._version import __version__
 from contact_locking.errors import InputError
 
 # A change of the written files raises this number.
-FORMAT = 3
+FORMAT = 4
 # The folder of a checkpoint in the folder of a run, and the names in this folder.
-NAME, RECORD, FIELDS = "checkpoint", "record.json", "state.bp"
+NAME, RECORD, FIELDS, MESH = "checkpoint", "record.json", "state.bp", "mesh"
 _AGAIN = "save it again with contact-locking run --checkpoint"
 
 
@@ -28,8 +28,9 @@ class Record:
 
     ``mesh`` holds the parameters of the mesh, or the digest of the mesh file; ``problem`` is the
     fingerprint of everything that defines the solution.  ``degree`` is the degree of the
-    displacement, ``contacts`` is the number of contacts, and ``regularisations`` has one length for
-    each contact.
+    displacement, and ``limit_at`` names the points of the strains.  ``contacts`` is the number of
+    contacts, ``strain_sets`` that of the sets of strains, and ``regularisations`` has one length
+    for each contact.  ``step`` is about the step of a process, None for a problem without steps.
     """
 
     version: str
@@ -39,11 +40,14 @@ class Record:
     regularisations: tuple[float, ...]
     dimension: int
     degree: int
+    limit_at: str
     cells: int
     nodes: int
     contacts: int
+    strain_sets: int
     mesh: dict[str, Any]
     problem: str
+    step: dict[str, Any] | None = None
 
 
 def save(record: Record, folder: Path) -> None:
@@ -56,8 +60,10 @@ def save(record: Record, folder: Path) -> None:
         "n": str(record.n),
         "epsilon": str(record.epsilon),
         "regularisations": [str(value) for value in record.regularisations],
-        "files": {path.name: _seen(path) for path in sorted((folder / FIELDS).iterdir())},
+        "files": {path.name: _seen(path) for path in _files(folder)},
     }
+    if record.step is None:
+        del data["step"]
     (folder / RECORD).write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
 
 
@@ -97,10 +103,16 @@ def load_fields(directory: str | Path) -> tuple[Record, Path]:
     Reads all files for their digests.  Raises as `load`.
     """
     record, files = load(directory)
-    fields = locate(directory) / FIELDS
+    folder = locate(directory)
     for name, (size, digest) in files.items():
-        _check_file(fields / Path(name).name, size, digest)
-    return record, fields
+        inside = folder if Path(name).stem == MESH else folder / FIELDS
+        _check_file(inside / Path(name).name, size, digest)
+    return record, folder / FIELDS
+
+
+def _files(folder: Path) -> list[Path]:
+    """The files of the fields, and of a refined mesh."""
+    return [*sorted((folder / FIELDS).iterdir()), *sorted(folder.glob(f"{MESH}.*"))]
 
 
 def _record(data: Mapping[str, Any]) -> Record:
@@ -112,8 +124,12 @@ def _record(data: Mapping[str, Any]) -> Record:
         n=float(data["n"]),
         epsilon=float(data["epsilon"]),
         regularisations=tuple(float(value) for value in data["regularisations"]),
+        limit_at=str(data["limit_at"]),
         mesh=dict(data["mesh"]),
         problem=str(data["problem"]),
+        step=dict(data["step"]) if "step" in data else None,
+        # Older versions know the ball alone.
+        strain_sets=int(data.get("strain_sets", 1)),
         **numbers,
     )
 

@@ -72,10 +72,7 @@ def _acting(state: SolvedState, multipliers: Multipliers) -> Multipliers:
     Zero are locking stresses in cells without a limit, tractions at held nodes, and friction
     tractions on contacts without friction: no criterion except equilibrium checks these.
     """
-    problem, dim = state.problem, state.dim
-    stress = multipliers.locking_stress.copy()
-    never_locks = problem.data.inverse_limit.x.array == 0.0
-    stress.x.array.reshape(-1, dim, dim)[never_locks] = 0.0
+    problem = state.problem
     forces = []
     for contact, found in zip(problem.contacts, multipliers.contacts, strict=True):
         rubs = contact.free & (not contact.friction.frictionless)
@@ -86,4 +83,11 @@ def _acting(state: SolvedState, multipliers: Multipliers) -> Multipliers:
                 found.touches & contact.free,
             )
         )
-    return Multipliers(stress, tuple(forces))
+    data = problem.data
+    acting = Multipliers.none(data, problem.domain.mesh, tuple(forces))
+    for item, part, saved in zip(data.sets, acting.parts, multipliers.parts, strict=True):
+        limited = (item.inverse_limit.x.array > 0.0)[:, None]
+        blocks = saved.x.array.reshape(len(limited), -1)
+        part.x.array[:] = np.where(limited, blocks, 0.0).reshape(-1)
+    acting.add_up(data)
+    return acting

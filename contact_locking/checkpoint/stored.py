@@ -11,31 +11,29 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
+from contact_locking.checkpoint import mesh_match
 from contact_locking.checkpoint import record as records
+from contact_locking.checkpoint import step as steps
 from contact_locking.checkpoint.record import Record
+from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
-from contact_locking.parallel import maximum, on_every_rank, on_root
+from contact_locking.parallel import on_root
 from contact_locking.problem.assembly import Problem
+from contact_locking.problem.whole_mesh import gather_mesh
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
-_BODY = ("displacement", "locking_stress")
 _PLACES = "places"
-# The coordinates of the same mesh may differ by this share of the extent, because another machine
-# may have made the mesh.
-_SAME_PLACE = 1e-9
 # The bytes of the record and of the metadata of ADIOS2.
 _NOTES = 65_536
 
@@ -44,16 +42,19 @@ _NOTES = 65_536
 class Checkpoint:
     """A saved state on the present mesh.
 
-    ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts of the checkpoint are
-    not those of the problem, ``multipliers`` is None and ``bounds`` is empty.  ``is_solution`` says
-    that the state was saved as the solution for the same mesh, material, loads, contact, friction
-    and penalty.
+    ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts or the sets of strains
+    of the checkpoint are not those of the problem, ``multipliers`` is None and ``bounds`` is empty.
+    ``is_solution`` says that the state was saved as the solution for the same mesh, material,
+    loads, contact, friction and penalty, and ``converged`` that it is the solution of some problem.
+    ``step`` is None for a state that is no step of a process.
     """
 
     state: SavedState
     multipliers: Multipliers | None
     bounds: tuple[FloatArray, ...]
     is_solution: bool
+    converged: bool
+    step: SavedStep | None
 
 
 def unavailable() -> str | None:
@@ -76,6 +77,10 @@ def size(solution: Solution) -> int:
         cells = mesh.topology.index_map(mesh.topology.dim).size_global
         total += 8 * dofmap.index_map.size_global * dofmap.index_map_bs
         total += cells * (8 * dofmap.bs * dofmap.list.shape[1] + 12)
+    domain = solution.domain
+    if domain.is_refined:
+        # Points, cells, facets and parts.
+        total += domain.num_cells * (16 * (domain.dim + 2) + 8 * domain.dim + 4)
     return int(total)
 
 
@@ -96,9 +101,12 @@ def write(solution: Solution, folder: Path) -> None:
             raise
         raise ContactLockingError(f"ADIOS2 cannot write it: {_plain(error)}") from error
     penalties = solution.summary["penalty"]
+    mesh = gather_mesh(domain) if domain.is_refined else None
     nodes = solution.displacement.function_space.dofmap.index_map.size_global
 
     def finish() -> None:
+        if mesh is not None:
+            mesh.save(folder, records.MESH)
         record = Record(
             version=__version__,
             converged=solution.converged,
@@ -109,12 +117,16 @@ def write(solution: Solution, folder: Path) -> None:
             ),
             dimension=domain.dim,
             degree=solution.element.degree,
+            limit_at=solution.element.limit_at,
             cells=domain.num_cells,
             nodes=int(nodes),
             contacts=len(solution.contacts),
-            mesh=study_file.mesh_identity(parameters),
+            strain_sets=len(solution.locking_parts),
+            mesh=study_file.mesh_identity(parameters) | ({"refined": True} if mesh else {}),
             problem=study_file.problem_fingerprint(parameters),
+            step=steps.about(solution),
         )
+        steps.write_history(solution, folder)
         records.save(record, folder)
 
     on_root(domain.comm, finish)
@@ -136,7 +148,7 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     expect(directory, comm)
     record, path = on_root(comm, lambda: records.load_fields(directory))
     identity = on_root(comm, lambda: study_file.mesh_identity(parameters))
-    difference = _difference_in_size(record, problem)
+    difference = mesh_match.difference_in_size(record, problem)
     _compat.prepare_communicator(comm)
 
     def load(name: str, into: fem.FunctionSpace) -> fem.Function:
@@ -146,27 +158,32 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
 
     # A mesh of another size cannot be compared node by node.
     space = problem.u.function_space
-    difference = difference or _difference_in_places(load(_PLACES, space))
+    difference = difference or mesh_match.difference_in_places(load(_PLACES, space))
     if difference:
-        raise InputError(_another_mesh(directory, difference, record, identity))
+        here = identity | ({"refined": True} if problem.domain.is_refined else {})
+        raise InputError(mesh_match.another_mesh(directory, difference, record, here))
     multipliers: Multipliers | None = None
     bounds: tuple[FloatArray, ...] = ()
-    if record.contacts == len(problem.contacts) or not problem.contacts:
+    same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
+    if same_contacts and record.strain_sets == len(problem.data.sets):
         multipliers, bounds = _load_multipliers(load, problem)
     pressures = () if multipliers is None else tuple(c.pressure for c in multipliers.contacts)
     displacement = load("displacement", space).x.array
     penalty = Penalty(record.n, record.epsilon, record.regularisations)
     state = SavedState(displacement, pressures, penalty)
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
-    return Checkpoint(state, multipliers, bounds, record.converged and same)
+    step = None
+    if record.step is not None and multipliers is not None:
+        step = steps.load(record.step, records.locate(directory), problem, load)
+    is_solution = record.converged and same
+    return Checkpoint(state, multipliers, bounds, is_solution, record.converged, step)
 
 
 def _load_multipliers(
     load: Callable[[str, fem.FunctionSpace], fem.Function], problem: Problem
 ) -> tuple[Multipliers, tuple[FloatArray, ...]]:
     """The multipliers and the friction bound (k,) of each contact; collective."""
-    dim = problem.domain.dim
-    stress = load("locking_stress", problem.element.strain_space(problem.domain.mesh, (dim, dim)))
+    dim, data = problem.domain.dim, problem.data
     forces, bounds = [], []
     for number, contact in enumerate(problem.contacts):
         surface = contact.surface
@@ -178,7 +195,16 @@ def _load_multipliers(
         friction = 0.0 - traction.reshape(-1, dim)[surface.blocks]
         forces.append(ContactForces(pressure, friction, state != OPEN))
         bounds.append(bound)
-    return Multipliers(stress, tuple(forces)), tuple(bounds)
+    found = Multipliers.none(data, problem.domain.mesh, tuple(forces))
+    for name, part in zip(_names_of_parts(len(found.parts)), found.parts, strict=True):
+        part.x.array[:] = load(name, part.function_space).x.array
+    found.add_up(data)
+    return found, tuple(bounds)
+
+
+def _names_of_parts(sets: int) -> list[str]:
+    """The names of the stored multipliers of the sets of strains."""
+    return ["locking_stress"] + [f"locking_stress_{number}" for number in range(1, sets)]
 
 
 def _of(name: str, number: int) -> str:
@@ -188,8 +214,9 @@ def _of(name: str, number: int) -> str:
 
 def _fields(solution: Solution) -> dict[str, fem.Function]:
     """The stored fields by name; collective."""
-    found = {name: getattr(solution, name) for name in _BODY}
-    found[_PLACES] = _places(solution.displacement.function_space)
+    found = {"displacement": solution.displacement}
+    found |= zip(_names_of_parts(len(solution.locking_parts)), solution.locking_parts, strict=True)
+    found[_PLACES] = mesh_match.places(solution.displacement.function_space)
     for number, contact in enumerate(solution.contacts):
         surface = contact.surface
         scalars = {
@@ -201,7 +228,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
             found[_of(name, number)] = surface.scalar_function(values)
         traction = surface.vector_function(contact.traction)
         found[_of("tangential_traction", number)] = traction
-    return found
+    return found | steps.fields(solution)
 
 
 def _plain(error: RuntimeError) -> str:
@@ -213,57 +240,3 @@ def _require_library() -> None:
     reason = unavailable()
     if reason is not None:
         raise ContactLockingError(reason)
-
-
-def _places(space: fem.FunctionSpace) -> fem.Function:
-    """The coordinates x as a function; collective."""
-    places = fem.Function(space)
-    dim = space.mesh.geometry.dim
-    places.interpolate(lambda x: x[:dim])
-    return places
-
-
-def _difference_in_size(record: Record, problem: Problem) -> str:
-    """The difference in size between the two meshes, in words; empty if there is none.
-
-    Raises InputError if the degrees of the displacement differ.
-    """
-    degree = problem.element.degree
-    if record.degree != degree:
-        raise InputError(
-            f"the checkpoint holds elements of degree {record.degree}; degree {degree} is needed"
-        )
-    nodes = int(problem.u.function_space.dofmap.index_map.size_global)
-    here = (problem.domain.dim, problem.domain.num_cells, nodes)
-    there = (record.dimension, record.cells, record.nodes)
-    text = "{}D with {} cells and {} nodes"
-    return "" if here == there else f"it is {text.format(*there)}, this one is {text.format(*here)}"
-
-
-def _difference_in_places(saved: fem.Function) -> str:
-    """The difference between the coordinates of the nodes, in words; collective."""
-    comm = saved.function_space.mesh.comm
-    expected = _places(saved.function_space).x.array
-    extent = maximum(comm, np.abs(expected))
-    same = np.abs(saved.x.array - expected) <= _SAME_PLACE * extent
-    return "" if on_every_rank(comm, same) else "its nodes lie elsewhere"
-
-
-def _another_mesh(
-    directory: str | Path, difference: str, record: Record, identity: dict[str, Any]
-) -> str:
-    """The message about a checkpoint of another mesh, with the parameters that differ."""
-    names = [name for name in {**record.mesh, **identity} if name != "content"]
-    changes = [
-        f"mesh.{name} was {record.mesh.get(name)}, is {identity.get(name)}"
-        for name in names
-        if record.mesh.get(name) != identity.get(name)
-    ]
-    if record.mesh.get("content") != identity.get("content"):
-        changes = ["the mesh file is another one or has changed"]
-    # Another version of Gmsh makes another mesh of the same parameters.
-    told = "; ".join(changes) or "perhaps another version of Gmsh; a mesh.file would not change"
-    return (
-        f"the checkpoint in {directory} is of another mesh: {difference} ({told}); "
-        "restart with the mesh of the checkpoint"
-    )

@@ -62,6 +62,14 @@ def parser() -> argparse.ArgumentParser:
         )
         return command
 
+    one = add("new", "Write a study file to begin with: a demo with every key explained.")
+    one.add_argument(
+        "--like", metavar="DEMO", default="block", help="block, hertz, ball_3d or another demo"
+    )
+    one.add_argument(
+        "-o", "--output", metavar="FILE", type=Path, default=Path("study.yml"),
+        help="the new file, study.yml by default; no file is overwritten",
+    )  # fmt: skip
     one = add_for_file("run", "Solve a study file; also under mpirun.", _PETSC_HINT)
     one.add_argument("--output", metavar="DIR", help="folder of the results")
     one.add_argument(
@@ -87,7 +95,7 @@ def parser() -> argparse.ArgumentParser:
     one = add_for_file("mesh", "Write the mesh of a study file as a Gmsh file.")
     one.add_argument("-o", "--output", metavar="FILE.msh", type=Path, required=True)
     one = add("schema", "Print every key with its default, unit and description.")
-    one.add_argument("--json", action="store_true", help="as JSON schema")
+    one.add_argument("--json", action="store_true", help="as JSON schema, for editors")
     return whole
 
 

@@ -9,15 +9,15 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import signal
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contact_locking.command import terminal
+from contact_locking.command.world import petsc_complaints, world_with_dolfinx
 from contact_locking.errors import ContactLockingError, InputError, explained
-from contact_locking.studies import signals
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -28,15 +28,34 @@ if TYPE_CHECKING:
 
 CONVERGED, NOT_CONVERGED = 0, 3
 
-# PETSc's codes for an argument that is wrong, out of range, wrong input, of unknown type.
-_OPTION_ERRORS = (62, 63, 83, 86)
+
+def new(arguments: argparse.Namespace) -> int:
+    """Write a study file to begin with, where no file is yet."""
+    from contact_locking import study_file
+    from contact_locking.files import atomic
+
+    place: Path = arguments.output
+    text = study_file.starter(arguments.like, place)
+    if terminal.is_root():
+        with explained(f"cannot write {place}", place):
+            try:
+                atomic.write_new_text(place, text)
+            except FileExistsError:
+                message = f"{place}: there is a file already; -o FILE names another one"
+                raise InputError(message) from None
+        rows = (("check", "what is wrong, or what would run"), ("run", "solves, and draws"))
+        steps = [(f"  contact-locking {name} {place}", about) for name, about in rows]
+        print(f"{place}: written, as the demo {arguments.like}. Change it, and then:")
+        print(terminal.columns(steps))
+    return 0
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
     study = _load(arguments.file, _overrides(arguments))
-    comm = _world_with_dolfinx(arguments)
-    from contact_locking import solving, writing
+    comm = world_with_dolfinx(arguments)
+    from contact_locking import adaptivity, running, writing
+    from contact_locking.results import in_words
 
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
@@ -47,14 +66,20 @@ def run(arguments: argparse.Namespace) -> int:
         save_state = arguments.checkpoint and _checkpoints_work()
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
-        with _monitor(arguments, comm, speaks) as monitor, _petsc_complaints():
-            solution = solving.solve(parameters, comm, monitor, arguments.petsc, restart)
-        warnings = writing.write(solution, directory, save_state)
+        with _monitor(arguments, comm, speaks) as monitor, petsc_complaints():
+            if parameters.steps is None:
+                solution = adaptivity.solve(parameters, comm, monitor, arguments.petsc, restart)
+                warnings = writing.write(solution, directory, save_state)
+            else:
+                solution, warnings = running.run_steps(
+                    parameters, directory, comm, monitor, arguments.petsc, restart, save_state
+                )
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")
     ratio = _largest_strain_ratio(solution)
     if speaks:
-        print(terminal.columns(terminal.summary_rows(solution.summary, ratio, directory)))
+        outcome = [*in_words.rows(solution.summary, ratio), ("results in", str(directory))]
+        print(terminal.columns(outcome))
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
@@ -106,14 +131,15 @@ def check(arguments: argparse.Namespace) -> int:
     """Print the errors of a study file, or what would run; solve nothing."""
     study = _load(arguments.file, arguments.set)
     parameters = study.parameters
-    comm = _world_with_dolfinx(arguments)
+    comm = world_with_dolfinx(arguments)
     from contact_locking import solving, writing
+    from contact_locking.command import trial
     from contact_locking.problem import groups
 
     with _explained(study):
         writing.prepare(parameters.output.directory, comm)
         facts = solving.check(parameters, comm)
-    for warning in facts.pop("warnings"):
+    for warning in [*facts.pop("warnings"), *trial.warnings(parameters, facts["dimension"], comm)]:
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
@@ -160,13 +186,15 @@ def schema(arguments: argparse.Namespace) -> int:
     from contact_locking import study_file
 
     if terminal.is_root():
-        text = json.dumps(study_file.schema(), indent=2) if arguments.json else None
-        print(study_file.schema_text().rstrip() if text is None else text)
+        if arguments.json:
+            print(json.dumps(study_file.schema(), indent=2, ensure_ascii=False))
+        else:
+            print(study_file.schema_text(terminal.width()).rstrip())
     return 0
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
-    command.__name__: command for command in (run, study, report, view, check, mesh, schema)
+    command.__name__: command for command in (new, run, study, report, view, check, mesh, schema)
 }
 
 
@@ -229,54 +257,15 @@ def _explained(study: StudyFile) -> Iterator[None]:
         raise InputError(study.explain(error), error.key) from error
 
 
-def _world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
-    """MPI's world, with PETSc initialised without the command line's words and petscrc files."""
-    try:
-        import petsc4py
-
-        # PETSc's signal handlers would report a crash where a process is asked to end.
-        with signals.kept(signal.SIGPIPE):
-            # A petscrc file in the folder of a study may hold options that run code.  The options
-            # in PETSC_OPTIONS are the user's own.
-            petsc4py.init(["contact-locking", "-skip_petscrc"])
-            import dolfinx.fem.petsc  # noqa: F401
-            from mpi4py import MPI
-    except ImportError as error:
-        raise ContactLockingError(
-            f"DOLFINx cannot be imported here: {error}\n"
-            "It needs DOLFINx 0.9 or newer with PETSc; the README says how to get it."
-        ) from error
-    from contact_locking.problem import compiled_forms
-
-    # If the reader of the output leaves early, as head does, a program of one process ends in
-    # silence, whether Python or a monitor of PETSc was printing.
-    if arguments.program and MPI.COMM_WORLD.size == 1:
-        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
-    if MPI.COMM_WORLD.rank == 0:
-        compiled_forms.clear_unfinished()
-    return MPI.COMM_WORLD
-
-
-@contextlib.contextmanager
-def _petsc_complaints() -> Iterator[None]:
-    """Turn an error of PETSc about an option into InputError."""
-    from petsc4py import PETSc
-
-    try:
-        yield
-    except PETSc.Error as error:
-        if error.ierr not in _OPTION_ERRORS:
-            raise
-        raise InputError(f"PETSc refuses an option: {str(error).splitlines()[-1]}") from error
-
-
-def _largest_strain_ratio(solution: Solution) -> float:
-    """The largest |eps|/M of the body; collective."""
+def _largest_strain_ratio(solution: Solution) -> float | None:
+    """The largest |eps|/M of the body, None for a body without a limit; collective."""
     from mpi4py import MPI
 
+    comm = solution.domain.comm
     strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array
-    largest = float((strain / limit).max(initial=0.0))
-    return float(solution.domain.comm.allreduce(largest, op=MPI.MAX))
+    if comm.allreduce(float(limit.min(initial=math.inf)), op=MPI.MIN) == math.inf:
+        return None
+    return float(comm.allreduce(float((strain / limit).max(initial=0.0)), op=MPI.MAX))
 
 
 def _shown(value: Any) -> str:

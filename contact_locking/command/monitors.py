@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from contact_locking.files.atomic import write_text
 from contact_locking.monitor import Monitor
-from contact_locking.plain_text import printable
+from contact_locking.plain_text import count, printable
 
 
 class TerminalMonitor(Monitor):
@@ -24,9 +24,10 @@ class TerminalMonitor(Monitor):
     def __init__(self, console: Any) -> None:
         self._console = console
         self._live = console.status("") if console.is_terminal else None
-        self._stage = ""
+        self._step = self._stage = ""
         self._iterations = 0
-        self._updates = 0
+        # Tangents and friction updates of the solve, and those of the stages before this one.
+        self._counts = self._before = (0, 0)
         self._detail = ""
         self._residual = float("nan")
         self._began = time.perf_counter()
@@ -57,16 +58,22 @@ class TerminalMonitor(Monitor):
         else:
             self._line(text)
 
+    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+        self.finish()
+        about = "" if seconds_left is None else f", about {_duration(seconds_left)} left"
+        self._step = f"step {number}  t = {time:.6g}  ({left} to do{about})  "
+        # The solve of each step counts from zero.
+        self._counts = self._before = (0, 0)
+
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         self.finish()
         of = f"/{count_estimate}" if index <= count_estimate else ""
-        self._stage = f"stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
-        self._iterations, self._updates, self._detail = 0, 0, ""
+        self._stage = f"{self._step}stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
+        self._iterations, self._detail = 0, ""
         self._began = time.perf_counter()
         self._refresh()
 
     def friction_update(self, k: int, change: float, factor: float | None) -> None:
-        self._updates = k
         rate = "" if factor is None else f", contraction {factor:.2f}"
         self._detail = f"friction update {k}: change {change:.1e}{rate}"
         if self._live is None:
@@ -79,16 +86,27 @@ class TerminalMonitor(Monitor):
         self._residual = residual
         self._refresh()
 
+    def mesh(self, number: int, text: str) -> None:
+        self.finish()
+        self._line(f"mesh {number}: {text}")
+        # The solve on the next mesh counts from zero.
+        self._counts = self._before = (0, 0)
+
+    def counted(self, tangents: int, friction_updates: int) -> None:
+        self._counts = (tangents, friction_updates)
+
     def finish(self) -> None:
         if not self._stage:
             return
-        updates = f", {self._updates} friction updates" if self._updates else ""
-        seconds = time.perf_counter() - self._began
-        self._line(
-            f"{self._stage}  {self._iterations} iterations{updates}, "
-            f"residual {self._residual:.1e}, {seconds:.1f} s"
+        tangents, updates = (
+            now - then for now, then in zip(self._counts, self._before, strict=True)
         )
-        self._stage = ""
+        counts = count(tangents, "tangent")
+        if updates:
+            counts += f", {count(updates, 'friction update')}"
+        seconds = time.perf_counter() - self._began
+        self._line(f"{self._stage}  {counts}, residual {self._residual:.1e}, {seconds:.1f} s")
+        self._stage, self._before = "", self._counts
 
     def _refresh(self) -> None:
         if self._live is not None and self._stage:
@@ -117,6 +135,13 @@ class TerminalMonitor(Monitor):
         return Text(printable(text), no_wrap=True, overflow="ellipsis")
 
 
+def _duration(seconds: float) -> str:
+    """A duration in words, as coarse as an estimate is."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
 class ProgressFile(Monitor):
     """Keeps the latest progress in a small JSON file, and passes all calls on to ``listener``.
 
@@ -133,6 +158,10 @@ class ProgressFile(Monitor):
         self._listener.message(text)
         self._write(message=text)
 
+    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+        self._listener.step(number, left, time, seconds_left)
+        self._write(message=f"step {number}, {left} to do")
+
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         self._listener.stage(index, count_estimate, n, epsilon)
         self._n = f"{n:.3g}"
@@ -144,6 +173,13 @@ class ProgressFile(Monitor):
     def iteration(self, k: int, residual: float) -> None:
         self._listener.iteration(k, residual)
         self._write(n=self._n, iteration=str(k), residual=f"{residual:.1e}")
+
+    def mesh(self, number: int, text: str) -> None:
+        self._listener.mesh(number, text)
+        self._write(message=f"mesh {number}: {text}")
+
+    def counted(self, tangents: int, friction_updates: int) -> None:
+        self._listener.counted(tangents, friction_updates)
 
     def finish(self) -> None:
         self._listener.finish()

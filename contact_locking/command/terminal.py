@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import sys
 import time
 import traceback
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from contact_locking.plain_text import printable
 
@@ -53,6 +53,11 @@ def console() -> Console:
     if not _is_launched() and sys.stdout.isatty():
         return Console(highlight=False)
     return Console(highlight=False, width=120, force_terminal=False)
+
+
+def width() -> int:
+    """The columns of the terminal that standard output is; 0 for a file."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
 
 
 def complain(text: str) -> None:
@@ -99,104 +104,3 @@ def columns(rows: Sequence[Sequence[str]]) -> str:
         "  ".join(f"{text:{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     )
-
-
-def summary_rows(
-    summary: Mapping[str, Any], ratio: float, directory: str | Path
-) -> list[tuple[str, str]]:
-    """The summary in a few rows; ``ratio`` is the largest |eps|/M, zero if M is infinite."""
-    iterations = summary["iterations"]
-    against = f" = {ratio:.4g} M" if ratio > 0.0 else "  (no locking limit)"
-    restart = summary.get("restart")
-    return [
-        ("converged", "yes" if summary["converged"] else "no"),
-        *([("restart", restart)] if restart else []),
-        ("size", f"{summary['dofs']} dofs, {summary['cells']} cells, {summary['ranks']} rank(s)"),
-        (
-            "iterations",
-            f"{iterations['tangents']} tangents, {iterations['linear']} linear, "
-            f"{iterations['friction']} friction updates",
-        ),
-        ("residual", f"{summary['residual']:.1e}"),
-        ("largest |eps|", f"{summary['strain_norm_max']:.4g}{against}"),
-        ("locked share", f"{100 * summary['locked_fraction']:.1f} %"),
-        ("contact force", _vector(summary["contact_force"])),
-        ("friction force", _vector(summary["friction_force"])),
-        (
-            "contact, slip area",
-            f"{summary['contact_area']:.4g}, {summary['slip_area']:.4g}",
-        ),
-        ("criteria", _criteria(summary["certificate"]["criteria"])),
-        ("proved bounds", _bounds(summary["bounds"])),
-        ("error estimates", _errors(summary["certificate"]["errors"])),
-        *_guaranteed(summary["certificate"]["errors"].get("guaranteed")),
-        *_limit_load(summary["certificate"].get("limit_load")),
-        ("uniqueness", summary["certificate"]["constants"]["uniqueness"]["verdict"]),
-        ("time", f"{summary['wall_seconds']:.1f} s"),
-        ("results in", str(directory)),
-    ]
-
-
-def _vector(values: Iterable[float]) -> str:
-    return "(" + ", ".join(f"{value + 0.0:.4g}" for value in values) + ")"
-
-
-def _bounds(bounds: Mapping[str, Mapping[str, Any]]) -> str:
-    broken = [name for name, entry in bounds.items() if entry["holds"] is False]
-    if broken:
-        return f"violated: {', '.join(broken)}"
-    held = sum(entry["holds"] is True for entry in bounds.values())
-    return f"{held} hold" if held else "none applies"
-
-
-def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
-    """The criteria that fail; if all hold, the one nearest to its limit."""
-    failed = [
-        f"{name} {entry['value']:.1e} > {entry['limit']:g}"
-        for name, entry in criteria.items()
-        if not entry["holds"]
-    ]
-    if failed:
-        return f"failed: {', '.join(failed)}"
-    name, entry = max(criteria.items(), key=lambda item: item[1]["value"] / item[1]["limit"])
-    share = entry["value"] / entry["limit"]
-    return (
-        f"{len(criteria)} hold; nearest to its limit: {name.replace('_', ' ')} ({share:.0e} of it)"
-    )
-
-
-def _errors(errors: Mapping[str, Mapping[str, Any]]) -> str:
-    """The relative errors of mesh and penalty in the energy norm."""
-    shown = []
-    for key, label in (
-        ("mesh", "mesh about {:.2g} %"),
-        ("penalty", "penalty at most {:.2g} %"),
-        ("penalty_measured", "measured {:.2g} %"),
-    ):
-        relative = errors.get(key, {}).get("relative")
-        if relative is not None:
-            shown.append(label.format(100.0 * relative))
-    return ", ".join(shown) or "none applies"
-
-
-def _guaranteed(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    """The row of the guaranteed bound, if the study file asks for the bound."""
-    if entry is None:
-        return []
-    if not entry["applicable"]:
-        return [("guaranteed bound", entry["reason"])]
-    size = entry["relative"]
-    share = "nothing moves" if size is None else f"error at most {100.0 * size:.3g} %"
-    return [("guaranteed bound", f"{share}, for the friction bound of this solution")]
-
-
-def _limit_load(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    """The row of the limit load, if the study file asks for proofs and displacements move."""
-    if entry is None:
-        return []
-    if entry["load_factor"] is None:
-        return [("limit load", entry["reason"])]
-    confirmed, excluded = entry["load_factor"]
-    most = "any share" if excluded is None else f"more than {100.0 * excluded:.4g} %"
-    shares = f"{100.0 * confirmed:.4g} % can be followed, {most} on no mesh"
-    return [("limit load", f"of the prescribed displacements {shares}")]

@@ -8,7 +8,16 @@ functions  those of `FUNCTIONS`
 ========== ==================================================================
 """
 
-from .grammar import CONSTANTS, FUNCTIONS, LARGEST, MAX_DEPTH, MAX_LENGTH, POSITION, SMALLEST
+from .grammar import (
+    CONSTANTS,
+    FUNCTIONS,
+    LARGEST,
+    MAX_DEPTH,
+    MAX_LENGTH,
+    POSITION,
+    SMALLEST,
+    TIME,
+)
 from .parsing import parse
 from .tree import Expression
 
@@ -20,6 +29,7 @@ __all__ = [
     "MAX_LENGTH",
     "POSITION",
     "SMALLEST",
+    "TIME",
     "Expression",
     "parse",
 ]

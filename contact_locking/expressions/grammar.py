@@ -6,6 +6,8 @@ import ast
 import math
 
 POSITION = ("x", "y", "z")
+#: The time of a problem with steps.
+TIME = "t"
 CONSTANTS = {"pi": math.pi, "e": math.e}
 # With the number of their arguments; None stands for two or more.
 FUNCTIONS: dict[str, int | None] = {

@@ -53,6 +53,17 @@ def put_in_place(new: Path, place: Path) -> None:
         os.replace(new, place)
 
 
+def write_new_text(path: Path, text: str) -> None:
+    """Write a text file where there is none.  Raises FileExistsError, and OSError."""
+    with path.open("x", encoding="utf-8", newline="") as stream:
+        try:
+            stream.write(text)
+            stream.flush()
+        except OSError:
+            path.unlink(missing_ok=True)
+            raise
+
+
 def write_text(path: Path, text: str) -> None:
     """Replace a text file in one step.  Raises OSError, and keeps the old file then."""
     with staging(path.parent) as folder:

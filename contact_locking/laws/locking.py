@@ -1,10 +1,19 @@
-"""The locking law: the strain limit ``|eps| <= M`` and the penalty R_n."""
+"""The locking law: limits of the strain and their penalties.
+
+The limit of the paper is the ball ``|eps| <= M`` with the penalty R_n (23).  A limit
+``|L eps| <= M`` with a linear map L has the same penalty of ``L eps``, and a limit ``s <= M`` of a
+scalar ``s = N : eps`` has the penalty :func:`one_sided_stress`.
+"""
 
 from __future__ import annotations
 
+import math
+
+import ufl
 from ufl.core.expr import Expr
 
-from contact_locking.laws.convex import squared_norm, unit_ball_excess
+from contact_locking.laws.convex import positive_part, squared_norm, unit_ball_excess
+from contact_locking.laws.elasticity import mandel_tensor, mandel_vector
 
 
 def locking_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
@@ -19,3 +28,35 @@ def locking_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
 def locking_energy(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
     """``n ([|eps| - M]^+)^2``, the density whose derivative is :func:`locking_stress`."""
     return n * unit_ball_excess(eps, inverse_limit) ** 2 * squared_norm(eps)
+
+
+def one_sided_stress(s: Expr, inverse_limit: Expr, n: Expr) -> Expr:
+    """``2 n [s - M]^+`` of a scalar strain s, exactly zero where ``s <= M`` and for ``1/M = 0``."""
+    return 2.0 * n * _one_sided_excess(s, inverse_limit)
+
+
+def one_sided_energy(s: Expr, inverse_limit: Expr, n: Expr) -> Expr:
+    """``n ([s - M]^+)^2``, the density whose derivative in s is :func:`one_sided_stress`."""
+    return n * _one_sided_excess(s, inverse_limit) ** 2
+
+
+def _one_sided_excess(s: Expr, inverse_limit: Expr) -> Expr:
+    """``[s - M]^+`` as ``(1 - 1/max(s/M, 1)) [s]^+``, which takes 1/M."""
+    return (1.0 - 1.0 / ufl.max_value(inverse_limit * s, 1.0)) * positive_part(s)
+
+
+def deviator(eps: Expr) -> Expr:
+    """``L eps = eps - t tr(eps) I`` with ``|L eps|^2 = |eps|^2 - tr(eps)^2/3``.
+
+    In three dimensions this is the deviator.  In two dimensions ``|L eps|`` is the norm of the
+    deviator of the three-dimensional strain with ``eps_zz = 0``, as in plane strain.
+    """
+    dim = eps.ufl_shape[0]
+    # 2 t - d t^2 = 1/3.
+    share = (1.0 - math.sqrt(1.0 - dim / 3.0)) / dim
+    return eps - share * ufl.tr(eps) * ufl.Identity(dim)
+
+
+def weighted(eps: Expr, matrix: Expr) -> Expr:
+    """``C eps`` for a matrix C in Mandel's notation, as a symmetric (d, d) tensor."""
+    return mandel_tensor(ufl.dot(matrix, mandel_vector(eps)), eps.ufl_shape[0])

@@ -56,11 +56,7 @@ def _simplices(model: Any, dim: int, node_numbers: IntArray, origin: str) -> Sim
     def add(entity: int, group: int) -> None:
         for kind, tags, corners in zip(*model.mesh.getElements(dim, entity), strict=True):
             if kind != _SIMPLEX[dim]:
-                shape, *_ = model.mesh.getElementProperties(kind)
-                raise InputError(
-                    f"{origin}: only first-order {_PLURAL[dim]} are supported, element {tags[0]} "
-                    f"is a {shape} in Gmsh's words"
-                )
+                raise InputError(f"{origin}: {_unsupported(model, dim, kind, tags[0])}")
             numbers.append(tags.astype(np.int64))
             rows = np.searchsorted(node_numbers, corners.astype(np.int64))
             nodes.append(rows.reshape(-1, dim + 1))
@@ -83,6 +79,24 @@ def _simplices(model: Any, dim: int, node_numbers: IntArray, origin: str) -> Sim
         if int(entity) not in owner:
             add(int(entity), 0)
     return Simplices(np.concatenate(nodes), np.concatenate(numbers), np.concatenate(groups), names)
+
+
+def _unsupported(model: Any, dim: int, kind: int, number: int) -> str:
+    """Why elements of this kind are not read, and the way out if there is one."""
+    shape, _, order, _, _, corners = model.mesh.getElementProperties(kind)
+    text = (
+        f"only first-order {_PLURAL[dim]} are supported, element {number} is a {shape} in Gmsh's "
+        "words"
+    )
+    if order == 1 or corners != dim + 1:
+        return text
+    # A quadratic displacement has no affine strain there, so that a limit at points says nothing
+    # about the rest of the cell.
+    return (
+        f"{text}, whose sides may be curved, so that the locking limit would hold at points only; "
+        "call gmsh.model.mesh.setOrder(1) before the mesh is saved, and for quadratic "
+        "displacements take discretisation.degree: 2, which needs no nodes on the edges"
+    )
 
 
 def _name(model: Any, dim: int, tag: int, origin: str) -> str:

@@ -12,24 +12,38 @@ from typing import Any
 from pydantic import BaseModel, model_validator
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, parse
+from contact_locking.expressions import POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
+from .adapt import AdaptParameters
 from .base import Fault, Place, Section, entry, marks, refuse_if
 from .boundary import LoadParameters
 from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
 from .coulomb import FrictionParameters, Smoothing
-from .material import Elasticity, MaterialParameters
+from .material import Elasticity, MaterialParameters, Region
 from .mesh import MeshParameters
-from .numerics import CertificateParameters, OutputParameters, PenaltyParameters, SolverParameters
+from .numerics import (
+    CertificateParameters,
+    DiscretisationParameters,
+    OutputParameters,
+    PenaltyParameters,
+    SolverParameters,
+)
 from .rigid_body import Foundation
+from .steps import StepParameters
+from .strain_limit import StrainLimit
 from .study import StudyParameters
 from .values import Text
 
+# The keys of limits, whose expressions may be infinite.
+_MAY_BE_INFINITE = ("locking_limit", "at_most")
+
 __all__ = [
+    "AdaptParameters",
     "CertificateParameters",
     "ContactParameters",
     "ContactSection",
+    "DiscretisationParameters",
     "Elasticity",
     "Foundation",
     "FrictionParameters",
@@ -39,8 +53,11 @@ __all__ = [
     "OutputParameters",
     "Parameters",
     "PenaltyParameters",
+    "Region",
     "Smoothing",
     "SolverParameters",
+    "StepParameters",
+    "StrainLimit",
     "StudyParameters",
 ]
 
@@ -50,6 +67,9 @@ class Parameters(Section):
 
     title: Text = entry("", "what the study is about, for headings")
     mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
+    discretisation: DiscretisationParameters = entry(
+        DiscretisationParameters(), "the element, and where it keeps the locking limit"
+    )
     material: MaterialParameters = entry(MaterialParameters(), "the material (1)")
     loads: LoadParameters = entry(LoadParameters(), "loads and supports")
     contact: OneOrSeveral = entry(
@@ -58,8 +78,16 @@ class Parameters(Section):
         "contact.INDEX.on and so on",
     )
     friction: FrictionParameters = entry(FrictionParameters(), "Coulomb's friction (6)")
+    steps: StepParameters | None = entry(
+        None,
+        "the times of a process, whose loads and gaps depend on t; null: one static problem",
+        optional=True,
+    )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
+    adapt: AdaptParameters | None = entry(
+        None, "meshes that are refined until the solution is accurate enough", optional=True
+    )
     study: StudyParameters | None = entry(None, "many cases with other values", optional=True)
     certificate: CertificateParameters = entry(
         CertificateParameters(), "checks of the results that are made on demand"
@@ -116,6 +144,14 @@ class Parameters(Section):
                 ".inf cannot be solved by Newton's method; "
                 "take solver.method: interior_point (or auto), or a finite n such as 1e6",
             )
+        if self.solver.method == "newton":
+            for contact in self.contacts:
+                if contact.friction.regularisation == 0.0:
+                    yield Fault(
+                        tuple(contact.friction_key("regularisation").split(".")),
+                        "0 cannot be solved by Newton's method, which needs a smooth law; take "
+                        "solver.method: interior_point (or auto), or a positive length",
+                    )
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
         for index, displacement in enumerate(self.loads.displacements):
             if both := [name for name in displacement.on if name in keys]:
@@ -124,6 +160,14 @@ class Parameters(Section):
                     f"'{both[0]}' is in {keys[both[0]]}.on as well; "
                     "Gamma_D and Gamma_C must not overlap",
                 )
+        if self.adapt is not None and self.steps is not None:
+            yield Fault(
+                ("adapt",),
+                "does not go with steps, whose friction remembers the slip on one mesh; leave out "
+                "one of the two sections",
+            )
+        if self.steps is None:
+            yield from self._timed_faults()
         if self.study is not None:
             for fault in self.study.key_faults(type(self)):
                 yield Fault(("study", *fault.place), fault.message)
@@ -151,6 +195,16 @@ class Parameters(Section):
             for name in section.on:
                 yield from _unknown_name((*contact, "on"), name, facets, "the boundary")
 
+    def _timed_faults(self) -> Iterator[Fault]:
+        """The expressions of the time of a problem without steps."""
+        for place, text, variables in _expressions(self, ()):
+            if TIME in variables and TIME in parse(text, (*POSITION, *variables)).names:
+                yield Fault(
+                    place,
+                    "depends on the time t, and the file has no steps; add a section such as "
+                    "steps: {to: 1, count: 20}",
+                )
+
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
         sections: list[tuple[Place, MaterialParameters | LoadParameters | ContactSection]] = [
             (("material",), self.material),
@@ -163,7 +217,7 @@ class Parameters(Section):
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)
-                parse(text, known, allow_infinite=place[-1] == "locking_limit")
+                parse(text, known, allow_infinite=place[-1] in _MAY_BE_INFINITE)
             except InputError as error:
                 yield Fault(place, f"{error} in {dim}D")
 
@@ -183,7 +237,7 @@ def _expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str,
             if isinstance(value, BaseModel):
                 yield from _expressions(value, inner)
             elif scalar and isinstance(value, str):
-                yield inner, value, "s" if scalar == "s" else ""
+                yield inner, value, scalar if isinstance(scalar, str) else ""
 
 
 def _leaves(value: Any, place: Place) -> Iterator[tuple[Place, Any]]:

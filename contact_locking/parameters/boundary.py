@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from .base import Fault, Section, entry, refuse_if, vector_faults
-from .values import Names, Scalar
+from .values import Names, TimedScalar
 
 # All tractions are compiled into one form, which takes seconds for 200 and fails for some 2000.
 _MOST_TRACTIONS = 200
@@ -18,15 +18,15 @@ class Traction(Section):
     """sigma nu = g on a part of the boundary."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
-    value: tuple[Scalar, ...] = entry(..., "components of g", "stress", scalar=True)
+    value: tuple[TimedScalar, ...] = entry(..., "components of g", "stress", scalar="t")
 
 
 class Displacement(Section):
     """u = value on a part of the boundary; a null component stays free."""
 
     on: Names = entry(..., "name(s) of parts of the boundary")
-    value: tuple[Scalar | None, ...] = entry(
-        ..., "components of u; null leaves one free", "length", scalar=True
+    value: tuple[TimedScalar | None, ...] = entry(
+        ..., "components of u; null leaves one free", "length", scalar="t"
     )
 
     @model_validator(mode="after")
@@ -39,8 +39,8 @@ class Displacement(Section):
 class LoadParameters(Section):
     """Body force f0, tractions g and prescribed displacements, (2)-(4)."""
 
-    body_force: tuple[Scalar, ...] | None = entry(
-        None, "components of f0; null: none", "force/volume", scalar=True
+    body_force: tuple[TimedScalar, ...] | None = entry(
+        None, "components of f0; null: none", "force/volume", scalar="t"
     )
     tractions: Annotated[tuple[Traction, ...], Field(max_length=_MOST_TRACTIONS)] = entry(
         (), "parts of Gamma_N with their g"

@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from .base import Fault, Section, entry, refuse_if
 from .coulomb import FrictionParameters, OwnFriction
 from .rigid_body import Foundation
-from .values import LIST, SECTION, Names, Scalar
+from .values import LIST, SECTION, Names, TimedScalar
 
 # Each section adds integrals to the forms, and compiling long forms takes long.
 _MOST_ENTRIES = 100
@@ -21,7 +21,7 @@ class ContactSection(Section):
     """Signorini's conditions (5) on Gamma_C: u_nu <= gap, or a rigid foundation."""
 
     on: Names = entry(("bottom",), "name(s) of the parts of Gamma_C; []: no contact")
-    gap: Scalar = entry(0.0, "distance to the foundation along nu", "length", scalar=True)
+    gap: TimedScalar = entry(0.0, "distance to the foundation along nu", "length", scalar="t")
     foundation: Foundation | None = entry(None, "a rigid body, in place of gap", optional=True)
     friction: OwnFriction | None = entry(
         None, "friction on this part; what it leaves out is as under friction", optional=True

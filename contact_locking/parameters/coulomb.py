@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from .base import Section, entry
-from .values import NonNegativeSlipScalar, Positive
+from .values import NonNegative, NonNegativeSlipScalar, Positive
 
 Kernel = Literal["convolution", "helmholtz", "none"]
 
@@ -31,10 +31,10 @@ class FrictionParameters(Section):
         0.0, "mu >= 0, a number or an expression of x, y, z and s = |u_tau|", "1", scalar="s"
     )
     smoothing: Smoothing = entry(Smoothing(), "the mollifier R")
-    regularisation: Positive | None = entry(
+    regularisation: NonNegative | None = entry(
         None,
-        "the slip at which friction reaches 71 % of its bound, eps of (22); null: penalty.epsilon "
-        "times Young's modulus",
+        "the slip at which friction reaches 71 % of its bound, eps of (22); 0: Coulomb's law "
+        "itself, without regularisation; null: penalty.epsilon times Young's modulus",
         "length",
     )
 
@@ -55,7 +55,7 @@ class OwnFriction(Section):
         None, "null: friction.coefficient", "1", scalar="s", optional=True
     )
     smoothing: OwnSmoothing | None = entry(None, "the mollifier R of this part", optional=True)
-    regularisation: Positive | None = entry(
+    regularisation: NonNegative | None = entry(
         None, "null: friction.regularisation", "length", optional=True
     )
 

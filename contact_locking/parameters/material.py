@@ -1,4 +1,4 @@
-"""The body's material: elasticity and locking limit, also by region."""
+"""The body's material: elasticity and the limits of the strain, also by region."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import model_validator
 
 from .base import Fault, Place, Section, entry, refuse_if
+from .strain_limit import StrainLimit, StrainLimits, limit_faults
 from .values import PoissonScalar, PositiveScalar, PositiveScalarOrInfinite, Scalar
 from .wording import show
 
@@ -110,25 +111,66 @@ class Region(Section):
         None, "elasticity tensor A; null: material.elasticity", optional=True
     )
     locking_limit: PositiveScalarOrInfinite | None = entry(
-        None, "M; null: material.locking_limit", "1", scalar=True, optional=True
+        None, "M of this region; null: as in material", "1", scalar=True, optional=True
     )
+    locking: StrainLimits | None = entry(
+        None, "limits of the strain in this region, in place of all of material; null: as there",
+        optional=True,
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _check(self) -> Region:
+        refuse_if(limit_faults(self.locking or (), self.locking_limit))
+        return self
+
+    @property
+    def limits(self) -> tuple[StrainLimit, ...] | None:
+        """The limits of the strain in this region, None for those of the material."""
+        if self.locking_limit is None and self.locking is None:
+            return None
+        return _limits(self.locking or (), self.locking_limit)
 
 
 class MaterialParameters(Section):
-    """Material (1): sigma in A eps(u) + dI_B(eps(u)), B = {xi : |xi| <= M}."""
+    """Material (1): sigma in A eps(u) + dI_K(eps(u)), where K is the ball |xi| <= M of the paper.
+
+    With a list of limits K is the intersection of all their sets.
+    """
 
     elasticity: Elasticity = entry(Elasticity(), "elasticity tensor A")
     locking_limit: PositiveScalarOrInfinite = entry(
         np.inf, "M, largest |eps(u)|; .inf: plain elasticity", "1", scalar=True
     )
+    locking: StrainLimits = entry(
+        (), "limits of the strain, in place of locking_limit; all of them hold"
+    )
     regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
 
+    @model_validator(mode="after")
+    def _check(self) -> MaterialParameters:
+        refuse_if(limit_faults(self.locking, self.locking_limit))
+        return self
+
+    @property
+    def limits(self) -> tuple[StrainLimit, ...]:
+        """The limits of the strain; ``locking_limit`` is the one of the norm ``strain``."""
+        return _limits(self.locking, self.locking_limit)
+
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The faults of the elasticity tensors in ``dim`` dimensions."""
-        tensors: dict[Place, Elasticity] = {("elasticity",): self.elasticity}
+        """The faults of elasticity tensors and limits of the strain in ``dim`` dimensions."""
+        sections: dict[Place, Elasticity | StrainLimit] = {("elasticity",): self.elasticity}
+        sections |= {("locking", i): limit for i, limit in enumerate(self.locking)}
         for name, region in self.regions.items():
             if region.elasticity is not None:
-                tensors["regions", name, "elasticity"] = region.elasticity
-        for place, tensor in tensors.items():
-            for fault in tensor.dimension_faults(dim):
+                sections["regions", name, "elasticity"] = region.elasticity
+            for i, limit in enumerate(region.locking or ()):
+                sections["regions", name, "locking", i] = limit
+        for place, section in sections.items():
+            for fault in section.dimension_faults(dim):
                 yield Fault((*place, *fault.place), fault.message)
+
+
+def _limits(limits: tuple[StrainLimit, ...], ball: float | str | None) -> tuple[StrainLimit, ...]:
+    if limits or ball is None or ball == np.inf:
+        return limits
+    return (StrainLimit(norm="strain", at_most=ball),)

@@ -1,4 +1,4 @@
-"""Penalty, solver, certificate and output."""
+"""Discretisation, penalty, solver, certificate and output."""
 
 from __future__ import annotations
 
@@ -8,11 +8,25 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, field_validator
 
 from .base import Section, entry
-from .values import Count, Positive, PositiveOrInfinite, Switch, Text, Tolerance
+from .values import Count, Degree, Positive, PositiveOrInfinite, Switch, Text, Tolerance
 from .wording import show
 
 # Linux's PATH_MAX is 4096, and the names of the files are appended to the folder.
 _LONGEST_PATH = 3900
+
+
+class DiscretisationParameters(Section):
+    """The element: the degree of the displacements, and the points where the strain keeps M."""
+
+    degree: Degree = entry(
+        1, "degree of the displacements in each cell: 1, as in the theorems of the paper, or 2", "1"
+    )
+    limit_at: Literal["vertices", "gauss"] = entry(
+        "vertices",
+        "where the strain of degree 2 keeps the limit: vertices of each cell, hence everywhere, or "
+        "gauss, which is closer to the solution and exceeds M between the points; for degree 1 "
+        "both are the same",
+    )
 
 
 class PenaltyParameters(Section):
@@ -90,6 +104,11 @@ class OutputParameters(Section):
 
     directory: Text = entry("results", "folder of the results")
     fields: Switch = entry(True, "whether to write the fields for ParaView")
+    formats: tuple[Literal["vtx", "xdmf"], ...] = entry(
+        ("vtx",),
+        "the files of the fields: vtx (fields.bp, for ParaView 5.11 or newer), xdmf (fields.xdmf, "
+        "for tools that do not read VTX), or both",
+    )
     picture: Switch = entry(
         True, "whether to draw a picture, and save the snapshot that `view` shows"
     )

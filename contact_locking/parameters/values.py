@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, SMALLEST, parse
+from contact_locking.expressions import POSITION, SMALLEST, TIME, parse
 
 from .wording import show
 
@@ -56,10 +56,24 @@ def _extended(value: Any) -> float:
     return _number(value, infinite=True)
 
 
+def _negative(value: Any) -> float | str:
+    """A number below 0, minus infinity, or the text of an expression."""
+    if isinstance(value, float) and value == -math.inf:
+        return value
+    found = _IN_SPACE(value)
+    if not isinstance(found, str) and not found < 0.0:
+        raise ValueError(f"must be < 0, not {show(value)}")
+    return found
+
+
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
         raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
     return value
+
+
+def _zero_or_not_tiny(value: float) -> float:
+    return value if value == 0.0 else _not_tiny(value)
 
 
 def _whole(value: Any) -> Any:
@@ -108,6 +122,7 @@ def _number_or_text(value: Any) -> str:
     return TEXT if isinstance(value, str) else NUMBER
 
 
+_IN_SPACE_AND_TIME = _ScalarRule((*POSITION, TIME))
 _IN_SPACE, _OR_INFINITE = _ScalarRule(POSITION), _ScalarRule(POSITION, infinite=True)
 _OF_SLIP = _ScalarRule((*POSITION, "s"))
 _Text = Annotated[str, Tag(TEXT)]
@@ -124,17 +139,25 @@ _PoissonOrText = Annotated[
 # A bound stands before the BeforeValidator, so that it applies to the number that was read.
 Number = Annotated[float, BeforeValidator(_finite)]
 Positive = Annotated[float, Field(gt=0), BeforeValidator(_finite), AfterValidator(_not_tiny)]
+NonNegative = Annotated[
+    float, Field(ge=0), BeforeValidator(_finite), AfterValidator(_zero_or_not_tiny)
+]
 PositiveOrInfinite = Annotated[
     float, Field(gt=0), BeforeValidator(_extended), AfterValidator(_not_tiny)
 ]
 Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
+Share = Annotated[float, Field(gt=0, le=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 Integer = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Count = Annotated[int, Field(strict=True, ge=1, le=10**9), BeforeValidator(_whole)]
+Degree = Annotated[int, Field(strict=True, ge=1, le=2), BeforeValidator(_whole)]
+StepCount = Annotated[int, Field(strict=True, ge=1, le=100_000), BeforeValidator(_whole)]
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
+TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
 PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
 PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
+NegativeScalarOrInfinite = Annotated[float | str, BeforeValidator(_negative)]
 PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]
 NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_OF_SLIP)]

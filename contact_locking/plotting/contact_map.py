@@ -18,9 +18,11 @@ from contact_locking.results.contact_points import SLIP, ContactPoints
 Place = tuple[float, float, float, float]
 
 PRESSURE_TITLE, PRESSURE_COLOURS = r"Contact pressure $-\sigma_\nu$", "cividis"
+PRESSURE_LABEL = r"$-\sigma_\nu$  [stress]"
 
-# The largest number of arrows in a row.
-_ARROWS = 12
+# The largest number of arrows in a row; the longest arrow as a share of the width of a map; the
+# free space around a map for arrows that point outwards.
+_ARROWS, _LONGEST, _AROUND = 12, 0.12, 0.13
 # At a larger ratio of the largest to the median pressure the colours follow the square root.
 _PEAKED = 6.0
 
@@ -44,12 +46,32 @@ def slipping(points: ContactPoints) -> IntArray:
     return slips[np.sort(order[first])]
 
 
+def slip_label(points: ContactPoints, shown: IntArray) -> str:
+    """What the arrows are, with the slip of the longest."""
+    largest = np.linalg.norm(points.u_tangent[shown], axis=1).max()
+    return f"slip, up to {largest:.2g} [length]"
+
+
 def arrows(axes: Axes, tails: FloatArray, directions: FloatArray) -> None:
-    """Draw arrows of the slip at ``tails`` (k, 2), of lengths in proportion to ``directions``."""
+    """Draw arrows of the slip at ``tails`` (k, 2), of lengths in proportion to ``directions``.
+
+    All arrows end inside the limits of the axes.
+    """
+    limits = np.sort(np.array([axes.get_xlim(), axes.get_ylim()]), axis=1)
+    longest = float(np.linalg.norm(directions, axis=1).max(initial=0.0))
+    if longest == 0.0:
+        return
+    size = float(np.diff(limits, axis=1).min())
+    unit = directions / longest
+    # The share of the longest arrow that still has room, for each arrow and each axis.
+    room = np.where(unit > 0.0, limits[:, 1] - tails, tails - limits[:, 0])
+    room = np.where(np.abs(unit) > 1e-9, room / np.maximum(np.abs(unit), 1e-9), np.inf)
     axes.quiver(
         *tails.T,
-        *directions.T,
+        *(min(_LONGEST * size, float(room.min())) * unit).T,
         angles="xy",
+        scale_units="xy",
+        scale=1.0,
         color="white",
         edgecolor=style.BLACK,
         linewidth=0.4,
@@ -72,11 +94,13 @@ def pressure_map(fig: Figure, place: Place, bar_place: Place, contact: ContactMa
     bar = fig.add_axes(bar_place)
     fig.colorbar(colours, cax=bar, orientation="horizontal")
     bar.locator_params(nbins=5)
+    bar.set_xlabel(PRESSURE_LABEL, loc="left", labelpad=2.0)
     shown = slipping(points)
     if len(shown):
         i, j, _ = frame(points)
+        axes.margins(_AROUND)
         arrows(axes, points.x[shown][:, [i, j]], points.u_tangent[shown][:, [i, j]])
-    title = PRESSURE_TITLE + (", arrows: slip" if len(shown) else "")
+    title = PRESSURE_TITLE + (f"\narrows: {slip_label(points, shown)}" if len(shown) else "")
     axes.set_title(contact.titled(title, "\n"), loc="left")
 
 

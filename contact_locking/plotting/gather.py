@@ -10,6 +10,7 @@ from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
 from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.plotting.pieces import Pieces
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.results.contact_points import contact_name
 from contact_locking.results.solution import Solution
@@ -18,32 +19,31 @@ from contact_locking.results.solution import Solution
 def gather(solution: Solution) -> Snapshot | None:
     """The snapshot on rank 0, None elsewhere; collective.
 
-    Each rank sends the vertices and the cells that it owns.  A global number is therefore a place
-    in the arrays that the ranks make up together.  Raises InputError for an element
-    of another degree than 1.
+    Each rank sends the nodes and the pieces of cells that it owns.  A global number is therefore a
+    place in the arrays that the ranks make up together.  A cell of degree 1 is one piece.  The
+    nodes of a cell of degree 2 divide the cell into pieces with straight sides.
     """
-    solution.element.require_linear("pictures")
     domain, u = solution.domain, solution.displacement
-    mesh, dim, comm = domain.mesh, domain.dim, domain.comm
-    dofmap = u.function_space.dofmap
-    vertex_map, cell_map = dofmap.index_map, mesh.topology.index_map(dim)
-    vertices, cells = vertex_map.size_local, cell_map.size_local
-    facet_cells, facet_vertices = _boundary(u.function_space)
+    dim, comm, dofmap = domain.dim, domain.comm, u.function_space.dofmap
+    node_map, cell_map = dofmap.index_map, domain.mesh.topology.index_map(dim)
+    nodes, cells = node_map.size_local, cell_map.size_local
+    pieces = Pieces.of(dim, solution.element.degree)
+    facet_cells, facet_pieces, facet_nodes = _boundary(u.function_space, pieces)
 
     def whole(local: Any) -> Any:
         parts = comm.gather(local)
         return None if parts is None else np.concatenate(parts)
 
-    x = whole(u.function_space.tabulate_dof_coordinates()[:vertices, :dim])
-    displacement = whole(u.x.array.reshape(-1, dim)[:vertices])
+    x = whole(u.function_space.tabulate_dof_coordinates()[:nodes, :dim])
+    displacement = whole(u.x.array.reshape(-1, dim)[:nodes])
     nodal = [(whole(one.surface.points), whole(one.smoothed_stress)) for one in solution.contacts]
-    all_cells = whole(_numbers(vertex_map, dofmap.list[:cells]))
-    boundary = whole(_numbers(vertex_map, facet_vertices))
-    boundary_cell = whole(_numbers(cell_map, facet_cells))
-    strain, limit, locked = (
-        whole(function.x.array[function.function_space.dofmap.list[:cells, 0]])
-        for function in (solution.strain_norm, solution.locking_limit, solution.locked)
-    )
+    piece_nodes = dofmap.list[:cells][:, pieces.nodes].reshape(-1, dim + 1)
+    all_pieces = whole(_numbers(node_map, piece_nodes))
+    boundary = whole(_numbers(node_map, facet_nodes))
+    boundary_piece = whole(_numbers(cell_map, facet_cells) * len(pieces.nodes) + facet_pieces)
+    strain = whole(pieces.strain_norm(solution))
+    limit = whole(pieces.at_points(solution.locking_limit))
+    locked = whole(pieces.at_points(solution.locked))
     points, facets = solution.contact_points, solution.contact_facets
     if points is None or facets is None:
         return None
@@ -56,12 +56,12 @@ def gather(solution: Solution) -> Snapshot | None:
     return Snapshot(
         x=x,
         displacement=displacement,
-        cells=all_cells,
+        cells=all_pieces,
         boundary=boundary,
-        boundary_cell=boundary_cell,
+        boundary_cell=boundary_piece,
         strain_norm=strain,
         locking_limit=limit,
-        locked=locked > 0.5,
+        locked=locked >= 0.5,
         contact=ContactMap(points, facets, vertex, np.concatenate([np.empty(0), *smoothed]), names),
         title=solution.parameters.title,
         dofs=solution.summary["dofs"],
@@ -70,8 +70,11 @@ def gather(solution: Solution) -> Snapshot | None:
     )
 
 
-def _boundary(space: fem.FunctionSpace) -> tuple[IntArray, IntArray]:
-    """The cells (m,) and the vertices (m, d) of owned exterior facets, in local numbers."""
+def _boundary(space: fem.FunctionSpace, pieces: Pieces) -> tuple[IntArray, IntArray, IntArray]:
+    """The pieces of owned exterior facets: cells (m,), pieces of the cell (m,), nodes (m, d).
+
+    Cells and nodes have local numbers.
+    """
     topology = space.mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim - 1, dim)
@@ -82,8 +85,11 @@ def _boundary(space: fem.FunctionSpace) -> tuple[IntArray, IntArray]:
     facets_of = topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)
     place = np.argmax(facets_of[cells] == facets[:, None], axis=1)
     layout = space.dofmap.dof_layout
-    closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
-    return cells, space.dofmap.list[cells[:, None], closure[place]]
+    closure = [set(layout.entity_closure_dofs(dim - 1, i)) for i in range(dim + 1)]
+    outer = [pieces.facets_within(nodes) for nodes in closure]
+    numbers, nodes = (np.array(found) for found in zip(*outer, strict=True))
+    local = space.dofmap.list[cells[:, None, None], nodes[place]]
+    return np.repeat(cells, nodes.shape[1]), numbers[place].reshape(-1), local.reshape(-1, dim)
 
 
 def _nearest(points: FloatArray, places: FloatArray) -> IntArray:

@@ -49,7 +49,7 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
     colours.set_array(shade.values)
     axes.add_collection(colours)
     if body.locked.any():
-        handles.append(_locked_zone(axes, x, body))
+        handles += _locked_zone(axes, x, body)
     for outline in curves(body.boundary):
         axes.plot(*body.x[outline].T, color=style.GREY, lw=0.9, ls=_DASHES)
         axes.plot(*x[outline].T, color=style.BLACK, lw=1.1)
@@ -73,7 +73,7 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
     )
 
 
-def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> Patch:
+def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line2D]:
     """Hatch exactly the locked cells, and draw a smooth line around the zone of locked cells."""
     # All triangles are in one path, as Matplotlib hatches each path for itself, which takes time.
     triangles = x[body.cells[body.locked]][:, [0, 1, 2, 0]].reshape(-1, 2)
@@ -85,13 +85,14 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> Patch:
         axes.tricontour(
             *x.T, body.cells, share, levels=[style.RIM_SHARE], colors=[colour], linewidths=[width]
         )
-    return Patch(
-        facecolor="none",
-        edgecolor=style.VERMILION,
-        hatch="////",
-        linewidth=1.6,
-        label=style.LOCKED_LABEL,
-    )
+    rim = Line2D([], [], color=style.VERMILION, lw=1.6, label=style.RIM_LABEL)
+    look: dict[str, Any] = {
+        "facecolor": "none",
+        "edgecolor": style.BLACK,
+        "hatch": "////",
+        "linewidth": 0.6,
+    }
+    return [Patch(label=style.LOCKED_LABEL, **look), rim]
 
 
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
@@ -130,14 +131,12 @@ def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
     points = contact.points
     lines = curves(contact.facets)
     positions, label = profile.abscissa([points.x[line] for line in lines])
-    tangent = np.column_stack([-points.normal[:, 1], points.normal[:, 0]])
-    friction = np.sum(points.traction * tangent, axis=1)
     smoothed = np.abs(contact.smoothed)
     drawn = [
         profile.Curve(
             s,
             points.pressure[line],
-            friction[line],
+            profile.along(points.traction[line], points.x[line], s),
             points.bound[line],
             points.state[line],
             smoothed[line],

@@ -109,6 +109,16 @@ def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
     return position, r"arc length along $\Gamma_C$"
 
 
+def along(vectors: FloatArray, x: FloatArray, s: FloatArray) -> FloatArray:
+    """The components (k,) of vectors along a curve, towards where the abscissa ``s`` grows."""
+    if len(x) < 2:
+        return np.array(vectors[:, 0])
+    tangent = np.gradient(x, axis=0)
+    length = np.linalg.norm(tangent, axis=1)
+    direction = 1.0 if s[-1] >= s[0] else -1.0
+    return direction * np.sum(vectors * tangent, axis=1) / np.where(length > 0.0, length, 1.0)
+
+
 def _overlap(along: list[FloatArray]) -> bool:
     intervals = sorted((float(s.min()), float(s.max())) for s in along)
     return any(b[0] < a[1] for a, b in itertools.pairwise(intervals))

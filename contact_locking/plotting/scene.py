@@ -75,11 +75,11 @@ class Scene:
         self._foundation()
 
     def locked_zone(self) -> None:
-        """The part of the body in which cells are locked, inside a body of glass."""
+        """The locked cells, which the number of the summary counts, inside a body of glass."""
         self._body_but_contact(color=style.GREY, opacity=_GLASS, **_PLAIN)
-        zone = self._grid().clip_scalar(scalars="share", invert=False, value=style.RIM_SHARE)
-        if zone.n_points:
-            self._add(zone.extract_surface(), color=style.VERMILION, **_PLAIN)
+        if self._body.locked.any():
+            cells = self._grid().extract_cells(self._body.locked)
+            self._add(cells.extract_surface(), color=style.VERMILION, **_PLAIN)
         self._edges(self._x, style.BLACK, _EDGE)
         self._foundation()
 

@@ -65,21 +65,22 @@ class Sheet:
         extend: str = "neither",
         label: str = "",
     ) -> None:
-        """Add a scale of colours below ``top``, with a label to its right."""
+        """Add a scale of colours below ``top``, with a label below its numbers."""
         bar = self.figure.add_axes(self.place(left + _INSET, top + _BELOW, width, _THICK))
         self.figure.colorbar(colours, cax=bar, orientation="horizontal", extend=extend)
         bar.locator_params(nbins=4)
-        end = (left + _INSET + width + 2 * _INSET, top + _BELOW + 0.5 * _THICK)
-        self.text(*end, label, va="center")
+        bar.set_xlabel(label, loc="left", labelpad=2.0)
 
-    def legend(self, handles: Sequence[Any], left: float, top: float) -> None:
-        """Add a legend in one row, at the height of the scales."""
-        anchor = (left / self._width, 1.0 - (top + _BELOW + 0.5 * _THICK) / self._height)
+    def legend(
+        self, handles: Sequence[Any], left: float, top: float, in_a_row: bool = True
+    ) -> None:
+        """Add a legend whose first row is at the height of the scales."""
+        anchor = (left / self._width, 1.0 - (top + _BELOW - 0.4 * _THICK) / self._height)
         self.figure.legend(
             handles=list(handles),
-            loc="center left",
+            loc="upper left",
             bbox_to_anchor=anchor,
-            ncols=len(handles),
+            ncols=max(len(handles), 1) if in_a_row else 1,
             borderpad=0.0,
             borderaxespad=0.0,
             columnspacing=1.4,

@@ -26,7 +26,7 @@ from contact_locking.plotting.views import (
 from contact_locking.results.contact_points import STICK
 
 # Inches: margins, the head of the sheet, a title, and the scale or the legend below a view.
-_MARGIN, _HEAD, _TITLE, _BELOW = 0.2, 0.8, 0.3, 0.6
+_MARGIN, _HEAD, _TITLE, _BELOW = 0.2, 0.8, 0.3, 0.8
 _LEFT, _RIGHT = _MARGIN, WIDTH + 2 * _MARGIN
 # A scale of colours, and the numbers at the axes of a map.
 _BAR, _NUMBERS = 1.6, 0.5
@@ -47,6 +47,9 @@ def figure(body: Snapshot, images: Mapping[str, Image]) -> Figure:
     top += seen[BODY].height
     shade = style.shade(body)
     sheet.bar(ScalarMappable(shade.norm, shade.cmap), _LEFT, top, _BAR, shade.extend, shade.label)
+    if body.locked.any():
+        rim = Line2D([], [], color=style.VERMILION, lw=1.6, label=style.RIM_LABEL)
+        sheet.legend([rim], _LEFT + _BAR + _MARGIN, top)
     sheet.legend(_handles(body), _RIGHT, top)
     for name, contact in contacts.items():
         top += _BELOW + _TITLE
@@ -60,7 +63,7 @@ def _handles(body: Snapshot) -> list[Any]:
     if len(body.contact.points):
         found.append(Patch(facecolor=style.PALE, edgecolor=style.GREY, label="foundation"))
     if body.locked.any():
-        found.append(Patch(facecolor=style.VERMILION, label="locked zone"))
+        found.append(Patch(facecolor=style.VERMILION, label="at the limit"))
     return found
 
 
@@ -76,13 +79,15 @@ def _contact(
         x = style.deformed(body, style.magnification(body))[contact.vertices[shown]]
         tails, heads = view.place(x), view.place(x + points.u_tangent[shown])
         contact_map.arrows(axes, tails, heads - tails)
-        handles.append(Line2D([], [], color="white", mec=style.BLACK, marker=">", label="slip"))
+        label = contact_map.slip_label(points, shown)
+        handles.append(Line2D([], [], color="white", mec=style.BLACK, marker=">", label=label))
     if (points.state == STICK).any():
         handles.append(Line2D([], [], color=style.BLUE, lw=1.6, label="stick zone"))
     below = top + view.height
     norm = contact_map.pressure_norm(points)
-    sheet.bar(ScalarMappable(norm, contact_map.PRESSURE_COLOURS), _LEFT, below, _BAR)
-    sheet.legend(handles, _LEFT + _BAR + _MARGIN, below)
+    colours = ScalarMappable(norm, contact_map.PRESSURE_COLOURS)
+    sheet.bar(colours, _LEFT, below, _BAR, label=contact_map.PRESSURE_LABEL)
+    sheet.legend(handles, _LEFT + _BAR + _MARGIN, below, in_a_row=False)
     place = sheet.place(_RIGHT + _NUMBERS, top, WIDTH - _NUMBERS, view.height - _NUMBERS)
     contact_map.state_map(sheet.figure, place, contact)
     sheet.legend(style.state_patches(), _RIGHT + _NUMBERS, below)

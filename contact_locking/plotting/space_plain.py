@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import (  # type: ignore[import-untyped]
     Line3DCollection,
@@ -58,7 +59,8 @@ def _surface(fig: Figure, body: Snapshot, bottom: float, height: float) -> None:
     factor = style.magnification(body)
     x = style.deformed(body, factor)
     shade = style.shade(body)
-    handles, extent = [], x
+    extent = x
+    handles: list[Patch | Line2D] = []
     for contact in body.contact.parts():
         ground = foundation(contact, factor, body.size)
         extent = np.vstack([extent, ground.reshape(-1, 3)])
@@ -81,10 +83,7 @@ def _surface(fig: Figure, body: Snapshot, bottom: float, height: float) -> None:
         rim = _level_lines(faces, style.locked_share(body)[body.boundary[visible]])
         for colour, width in (("white", 2.6), (style.VERMILION, 1.5)):
             axes.add_collection3d(Line3DCollection(rim, colors=colour, linewidths=width))
-        full = shade.cmap(shade.norm(1.0))
-        handles.append(
-            Patch(facecolor=full, edgecolor=style.VERMILION, lw=1.5, label=style.LOCKED_LABEL)
-        )
+        handles.append(Line2D([], [], color=style.VERMILION, lw=1.5, label=style.RIM_LABEL))
     _frame(axes, extent)
     title = f"Deformed body, {style.scale_words(factor)}"
     fig.text(0.08, bottom + height - 0.02, title, fontsize=10.5)

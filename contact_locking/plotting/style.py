@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
+from contact_locking.plain_text import per_cent
 from contact_locking.results.contact_points import STATE_NAMES
 
 if TYPE_CHECKING:
@@ -44,10 +45,13 @@ RC: dict[str, Any] = {
 }
 DPI = 200
 
-LOCKED_LABEL = r"locked zone, $|\varepsilon| \geq M$"
-LOCKED_TITLE = r"Locked zone, $|\varepsilon| \geq M$"
-# On the line around the locked zone this share of the cells around a vertex is locked.
+# The cells that the number of a summary counts.
+LOCKED_LABEL = r"cells at the limit, $|\varepsilon| \geq M$"
+LOCKED_TITLE = r"Cells at the strain limit, $|\varepsilon| \geq M$"
+# On the line around the locked zone this share of the cells around a vertex is locked: linear
+# elements leave many cells of a zone a little below the limit.
 RIM_SHARE = 0.25
+RIM_LABEL = "1 of 4 cells at the limit"
 
 # The size of a title in points; the numbers of characters above which a title is smaller, and
 # above which it is shortened.
@@ -139,7 +143,7 @@ def head(figure: Figure, body: Snapshot) -> None:
     """Write the study's title and a line of numbers at the top of the figure."""
     numbers = f"{body.dofs:,} dofs".replace(",", "\u2009")
     if body.locked.any():
-        numbers += f"     {100 * body.locked_fraction:.0f} % of the body is locked"
+        numbers += f"     {per_cent(body.locked_fraction)} of the body is at its strain limit"
     if not body.converged:
         numbers += "     NOT CONVERGED"
     height = figure.get_figheight()

@@ -130,7 +130,7 @@ def _sights(body: Snapshot) -> list[Sight]:
     if body.dim == 3:
         found.append(Sight(f"Cut open, {strain}", lambda scene: scene.cut_open(**bar), side))
     if body.locked.any():
-        found.append(Sight("Locked zone, |ε(u)| ≥ M", Scene.locked_zone, side))
+        found.append(Sight("Cells at the strain limit, |ε(u)| ≥ M", Scene.locked_zone, side))
     for name, towards in below:
         found += [
             Sight(f"Contact pressure{name}", lambda scene: scene.pressure(**bar), towards),

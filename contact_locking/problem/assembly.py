@@ -12,11 +12,14 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking.arrays import AXES, FloatArray
 from contact_locking.errors import InputError
+from contact_locking.expressions import TIME, parse
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parameters import LoadParameters, Parameters
 from contact_locking.problem import domain as domains
 from contact_locking.problem import forms
+from contact_locking.problem.clock import Clock, is_timed
 from contact_locking.problem.coefficients import Material, build_material, evaluate
 from contact_locking.problem.conditions import (
     ComponentCondition,
@@ -24,12 +27,13 @@ from contact_locking.problem.conditions import (
     constrain,
 )
 from contact_locking.problem.contact import Contact
-from contact_locking.problem.contact_boundary import build_contacts
+from contact_locking.problem.contact_boundary import MovingGap, build_contacts, moving_gaps
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.groups import groups
-from contact_locking.problem.loads import build_loads
+from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
-from contact_locking.problem.spaces import P1, Element
+from contact_locking.problem.spaces import Element, element_of
+from contact_locking.problem.strain_limits import build_strain_sets
 
 
 @dataclass
@@ -37,7 +41,8 @@ class Problem:
     """The discrete problem before the first solve; :func:`assemble` makes it.
 
     ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
-    solve for, and ``held`` tells how each part of the body is held.
+    solve for, and ``held`` tells how each part of the body is held.  ``clock``, ``loads`` and
+    ``moving_gaps`` are what depends on the time; a problem of steps is made for the first time.
     """
 
     parameters: Parameters
@@ -49,6 +54,20 @@ class Problem:
     penalty: Penalty
     held: list[Held]
     warnings: list[str]
+    clock: Clock
+    loads: Loads
+    moving_gaps: list[MovingGap]
+
+    def advance(self, time: float) -> None:
+        """Put loads, prescribed displacements and gaps to a time; collective.
+
+        Raises InputError for a value that is not finite.
+        """
+        self.clock.set(time)
+        self.loads.advance(self.warnings)
+        self.constraints.advance()
+        for gap in self.moving_gaps:
+            gap.advance()
 
     @property
     def element(self) -> Element:
@@ -75,6 +94,7 @@ class Problem:
             "dimension": self.domain.dim,
             "cells": self.domain.num_cells,
             "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
+            "elements": str(self.element),
             "regions": sorted(self.domain.cell_names),
             "boundary parts": sorted(self.domain.facet_names),
             "groups": groups(self.domain),
@@ -96,45 +116,64 @@ def assemble(
     parameters: Parameters,
     comm: MPI.Intracomm,
     domain: Domain | None = None,
-    element: Element = P1,
+    element: Element | None = None,
 ) -> Problem:
     """Make mesh, material, loads, conditions, contact and friction; collective.
 
-    ``domain`` replaces the mesh of the study, if given.  Raises InputError for data that do not fit
-    the mesh or the element.
+    ``domain`` replaces the mesh of the study and ``element`` its element, if given.  Raises
+    InputError for data that do not fit the mesh or the element.
     """
-    domain = domain or _domain(parameters, comm)
+    domain = domain or mesh_of(parameters, comm)
+    element = element or element_of(parameters.discretisation)
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
     material = build_material(domain, parameters.material, element)
     space = element.displacement_space(domain.mesh)
     _check_parts(domain, parameters)
-    constraints = constrain(domain, space, _conditions(domain, parameters.loads))
+    steps = parameters.steps
+    clock = Clock(domain.mesh, 0.0 if steps is None else steps.planned[0])
+    constraints = constrain(domain, space, _conditions(domain, parameters.loads, clock))
     n, epsilon = parameters.penalty.n, parameters.penalty.compliance
     # The paper uses the compliance epsilon also for the regularisation length in (22): here Young's
     # modulus converts the compliance to a length.
     contacts = build_contacts(
-        domain, space, constraints, parameters, material.young * epsilon, warnings, element
+        domain, space, constraints, parameters, material.young * epsilon, warnings, element, clock
     )
     slips = tuple(float(contact.regularisation.value) for contact in contacts)
     penalty = Penalty(n, epsilon, slips)
+    loads = build_loads(domain, parameters.loads, material.stiffness, warnings, element, clock)
     data = forms.ProblemData(
         elastic_stress=material.elastic_stress,
         largest_eigenvalue=material.largest_eigenvalue,
         inverse_limit=material.inverse_limit,
         dx=ufl.Measure("dx", domain=domain.mesh),
-        loads=build_loads(domain, parameters.loads, material.stiffness, warnings, element),
+        loads=loads.terms,
         contacts=contacts,
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
         element=element,
+        limits=build_strain_sets(domain, parameters.material, element),
     )
     u = fem.Function(space, name="displacement")
     held = check_parts_held(domain, space, data, constraints, parameters.loads)
-    return Problem(parameters, domain, material, data, u, constraints, penalty, held, warnings)
+    return Problem(
+        parameters=parameters,
+        domain=domain,
+        material=material,
+        data=data,
+        u=u,
+        constraints=constraints,
+        penalty=penalty,
+        held=held,
+        warnings=warnings,
+        clock=clock,
+        loads=loads,
+        moving_gaps=moving_gaps(contacts, parameters, clock),
+    )
 
 
-def _domain(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+    """The mesh of the study, which is the first mesh where meshes are adapted; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
         return domains.from_geometry(geometry, comm)
@@ -157,15 +196,23 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
             )
 
 
-def _conditions(domain: Domain, loads: LoadParameters) -> list[ComponentCondition]:
+def _conditions(domain: Domain, loads: LoadParameters, clock: Clock) -> list[ComponentCondition]:
     wanted = []
     for i, condition in enumerate(loads.displacements):
         for j, value in enumerate(condition.value):
             if value is not None:
                 key = f"loads.displacements.{i}.value.{j}"
-                field = partial(evaluate, domain.comm, value, key=key)
-                wanted.append(ComponentCondition(condition.on, j, field, key))
+                timed = is_timed(parse(value, (*AXES, TIME)))
+                field = partial(_at_present, domain.comm, value, key, clock)
+                wanted.append(ComponentCondition(condition.on, j, field, key, timed))
     return wanted
+
+
+def _at_present(
+    comm: MPI.Intracomm, value: float | str, key: str, clock: Clock, x: FloatArray
+) -> FloatArray:
+    """The values (k,) of a number or an expression at points (d, k), at the present time."""
+    return evaluate(comm, value, x, key, time=clock.now)
 
 
 def _quoted(names: tuple[str, ...]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -17,10 +18,10 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import SMALLEST, parse
+from contact_locking.expressions import SMALLEST, TIME, parse
 from contact_locking.laws import elasticity as law
 from contact_locking.parallel import agree
-from contact_locking.parameters import Elasticity, MaterialParameters
+from contact_locking.parameters import Elasticity, MaterialParameters, Region
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.spaces import Element
 
@@ -30,14 +31,16 @@ class Material:
     """The material on the mesh, for the forms and the certificate.
 
     ``elastic_stress`` maps a UFL strain to a stress.  ``limit`` is M in the space of strains, inf
-    where nothing locks, and ``inverse_limit`` is 1/M.  ``ellipticity`` (alpha) and ``stiffness``
-    are the smallest and the largest eigenvalue of A over the body, and ``young`` is the smallest
-    Young's modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, in the
-    space of strains.
+    where nothing locks, and ``inverse_limit`` is 1/M.  ``limit_at_peaks`` is M where the strain of
+    a cell is largest (`Element.at_peaks`).  ``ellipticity`` (alpha) and ``stiffness`` are the
+    smallest and the largest eigenvalue of A over the body, and ``young`` is the smallest Young's
+    modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, in the space of
+    strains.
     """
 
     elastic_stress: Callable[[Expr], Expr]
     limit: fem.Function
+    limit_at_peaks: fem.Function
     inverse_limit: fem.Function
     ellipticity: float
     stiffness: float
@@ -51,7 +54,25 @@ def build_material(domain: Domain, given: MaterialParameters, element: Element) 
     Raises InputError if A is not symmetric or not elliptic somewhere, and if M is not positive.
     """
     points = Points(domain, element)
-    limit, inverse = fem.Function(points.space), fem.Function(points.space)
+    limit, inverse = _limit(domain, given, points), fem.Function(points.space)
+    at_peaks = limit
+    if element.at_peaks is not element:
+        at_peaks = _limit(domain, given, Points(domain, element.at_peaks))
+    inverse.x.array[:] = 1.0 / limit.x.array
+    stress, eigenvalues, young, key = _elasticity(domain, points, given)
+    lowest, highest = _eigenvalue_range(domain, eigenvalues, key)
+    largest = fem.Function(points.space)
+    largest.x.array[points.dofs] = eigenvalues.max(axis=0)
+    least_young = _minimum(domain, young)
+    return Material(stress, limit, at_peaks, inverse, lowest, highest, least_young, largest)
+
+
+def _limit(domain: Domain, given: MaterialParameters, points: Points) -> fem.Function:
+    """M at the given points, inf where nothing locks; collective.
+
+    Raises InputError if M is not positive.
+    """
+    limit = fem.Function(points.space)
     limit.x.array[:] = np.inf
     for where, value, key in _locking_limits(domain, points, given):
         limit.x.array[points.dofs[where]] = points.evaluate(value, where, key, infinite=True)
@@ -62,12 +83,7 @@ def build_material(domain: Domain, given: MaterialParameters, element: Element) 
             raise InputError(
                 f"the locking limit must be at least {SMALLEST:g}, it reaches {smallest:g}", key
             )
-    inverse.x.array[:] = 1.0 / limit.x.array
-    stress, eigenvalues, young, key = _elasticity(domain, points, given)
-    lowest, highest = _eigenvalue_range(domain, eigenvalues, key)
-    largest = fem.Function(points.space)
-    largest.x.array[points.dofs] = eigenvalues.max(axis=0)
-    return Material(stress, limit, inverse, lowest, highest, _minimum(domain, young), largest)
+    return limit
 
 
 class Points:
@@ -101,15 +117,21 @@ class Points:
 
 
 def evaluate(
-    comm: MPI.Intracomm, value: float | str, x: FloatArray, key: str, infinite: bool = False
+    comm: MPI.Intracomm,
+    value: float | str,
+    x: FloatArray,
+    key: str,
+    infinite: bool = False,
+    time: float = 0.0,
 ) -> FloatArray:
-    """A number or an expression of x, y[, z] at points (d, k), as (k,); collective.
+    """A number or an expression of x, y[, z] and t at points (d, k), as (k,); collective.
 
     Raises InputError with the key on all ranks if a value of any rank is NaN, or infinite without
     ``infinite``.
     """
-    expression = parse(value, AXES, allow_infinite=infinite)
-    places = dict(zip(AXES, x, strict=False))
+    expression = parse(value, (*AXES, TIME), allow_infinite=infinite)
+    places: dict[str, Any] = dict(zip(AXES, x, strict=False))
+    places[TIME] = time
     result = agree(comm, lambda: with_key(key, lambda: expression.numpy(**places)))
     return np.broadcast_to(np.asarray(result, dtype=float), x.shape[1:]).copy()
 
@@ -117,11 +139,20 @@ def evaluate(
 def _locking_limits(
     domain: Domain, points: Points, given: MaterialParameters
 ) -> Iterator[tuple[IndexArray, float | str, str]]:
-    yield points.all, given.locking_limit, "material.locking_limit"
+    yield points.all, *_ball(given, "material")
     for name, region in given.regions.items():
-        if region.locking_limit is not None:
+        if region.limits is not None:
             where = points.of(domain.cells(name, f"material.regions.{name}"))
-            yield where, region.locking_limit, f"material.regions.{name}.locking_limit"
+            yield where, *_ball(region, f"material.regions.{name}")
+
+
+def _ball(given: MaterialParameters | Region, place: str) -> tuple[float | str, str]:
+    """M of the ball among the limits of a section, inf without a ball, and its key."""
+    for index, limit in enumerate(given.locking or ()):
+        if limit.norm == "strain":
+            return limit.upper, f"{place}.locking.{index}.at_most"
+    short = given.locking_limit
+    return np.inf if short is None else short, f"{place}.locking_limit"
 
 
 def _elasticities(

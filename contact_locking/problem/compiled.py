@@ -1,6 +1,6 @@
 """UFL forms and C functions, compiled for the processor of this machine.
 
-The user's ``dolfinx_jit_options.json``, which DOLFINx reads, overrides the compiler options here.
+The user's ``~/.config/dolfinx/dolfinx_jit_options.json`` overrides the compiler options here.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ import cffi
 from dolfinx import fem, jit
 from mpi4py import MPI
 
+from contact_locking.problem import compiled_forms
+
 _ARGUMENTS = "cffi_extra_compile_args"
 # GCC vectorises square roots only if they need not set errno.
 _FOR_LIBRARIES = ("-std=c17", "-fno-math-errno")
@@ -34,7 +36,8 @@ class Installed(NamedTuple):
 
 def form(integrals: Any) -> fem.Form:
     """The compiled form of a UFL form."""
-    return fem.form(integrals, jit_options=options())
+    with compiled_forms.explained():
+        return fem.form(integrals, jit_options=options())
 
 
 def library(
@@ -104,7 +107,7 @@ def _library(name: str, header: str, source: str, uses: Installed | None) -> tup
 
 @functools.cache
 def options() -> dict[str, Any]:
-    """The compiler options: ``-O3 -march=native`` unless the user has set other options.
+    """The options of the compiler: ``-O3 -march=native`` unless the user has set other options.
 
     One more option names the processor.  The name of a compiled form in the cache depends on the
     options, so that different processors may share a cache.  Without information about the

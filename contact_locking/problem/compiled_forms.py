@@ -1,4 +1,4 @@
-"""The cache of compiled forms after a process was killed while it compiled a form.
+"""The cache of compiled forms, and the files from which DOLFINx takes options of the compiler.
 
 FFCx writes the C file of a form before the compilation and the file ``.c.cached`` afterwards.  A
 process that finds only the C file waits for the other file until a timeout.  After a killed process
@@ -8,10 +8,53 @@ every later run would wait in vain.
 from __future__ import annotations
 
 import contextlib
+import re
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
+from contact_locking.errors import ContactLockingError
+
+# The options of DOLFINx and of FFCx, which both take from the current folder too.
+_OPTION_FILES = ("dolfinx_jit_options.json", "ffcx_options.json")
+_UNREADY = re.compile(r"remove (\S+\.c)\b")
+
 _POLL_SECONDS = 0.1
+
+
+def ignore_current_folder() -> list[str]:
+    """Let DOLFINx and FFCx take options from the user's configuration, not from this folder.
+
+    Options of the compiler can run code, and a folder with a study may come from anybody.  Returns
+    the names of the files that are ignored.  Call this function before anything is compiled.
+    """
+    import ffcx.options
+    from dolfinx import jit
+
+    ignored = [name for name in _OPTION_FILES if Path(name).exists()]
+    # Both read their files once.
+    with contextlib.chdir("/"):
+        jit.get_options()
+        ffcx.options.get_options()
+    return ignored
+
+
+@contextlib.contextmanager
+def explained() -> Iterator[None]:
+    """Say what to do where a form that another process began to compile is not ready in time."""
+    try:
+        yield
+    except (TimeoutError, RuntimeError) as error:
+        # On several ranks DOLFINx raises RuntimeError, with the text of the first rank there.
+        if "timed out" not in str(error):
+            raise
+        found = _UNREADY.search(str(error))
+        place = f": {found[1]}" if found else ", which the cache of compiled forms has"
+        raise ContactLockingError(
+            "a form that another process began to compile is not ready after the timeout of "
+            "DOLFINx. Wait until that process is done; if it was killed, delete its unfinished "
+            f"file and start again{place}"
+        ) from error
 
 
 def clear_unfinished() -> None:

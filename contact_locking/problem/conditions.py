@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
-from scipy.optimize import linprog
 
 from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
@@ -17,12 +16,21 @@ from contact_locking.problem.domain import Domain
 
 @dataclass(frozen=True)
 class ComponentCondition:
-    """``u_i = value(x)`` on the named boundary parts; ``value`` maps (d, k) to (k,)."""
+    """``u_i = value(x)`` on the named boundary parts; ``value`` maps (d, k) to (k,).
+
+    ``timed`` says that the values depend on the time.
+    """
 
     on: tuple[str, ...]
     component: int
     value: Callable[[FloatArray], FloatArray]
     key: str
+    timed: bool = False
+
+    def write(self, function: fem.Function) -> None:
+        """Interpolate the present values; collective."""
+        dim = function.function_space.mesh.geometry.dim
+        function.interpolate(lambda x: self.value(x[:dim]))
 
 
 @dataclass(frozen=True)
@@ -30,11 +38,18 @@ class Constraints:
     """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix.
 
     ``wanted`` are the conditions for single components that :func:`constrain` was given.
+    ``timed`` pairs each condition that depends on the time with the function of its values.
     """
 
     conditions: list[fem.DirichletBC]
     dofs: IndexArray
     wanted: Sequence[ComponentCondition] = ()
+    timed: Sequence[tuple[ComponentCondition, fem.Function]] = ()
+
+    def advance(self) -> None:
+        """Evaluate the prescribed values at the present time; collective."""
+        for condition, values in self.timed:
+            condition.write(values)
 
     def apply(self, u: fem.Function) -> None:
         """Write the prescribed values into ``u``."""
@@ -57,17 +72,21 @@ def constrain(
     At a node of two conditions for the same component, the later condition holds.
     """
     conditions: list[fem.DirichletBC] = []
+    timed: list[tuple[ComponentCondition, fem.Function]] = []
     fixed: list[IndexArray] = [np.empty(0, dtype=np.int32)]
     scalars = [_compat.collapse(space.sub(i))[0] for i in range(domain.dim)] if wanted else []
     for item in wanted:
         sub, scalar = space.sub(item.component), scalars[item.component]
         facets = domain.facets(item.on, item.key)
         value = fem.Function(scalar)
-        value.interpolate(lambda x, item=item: item.value(x[: domain.dim]))
+        item.write(value)
+        if item.timed:
+            timed.append((item, value))
         dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
         conditions.append(fem.dirichletbc(value, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
-    return Constraints(conditions, np.unique(np.concatenate(fixed)), tuple(wanted))
+    fixed_dofs = np.unique(np.concatenate(fixed))
+    return Constraints(conditions, fixed_dofs, tuple(wanted), timed)
 
 
 def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
@@ -156,6 +175,9 @@ def _directions(count: int) -> list[FloatArray]:
 
 def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
     """The motion c with ``rows c <= 0`` and the largest ``aim . c``; None if all have 0."""
+    # Few bodies have free motions, and the import takes a tenth of a second.
+    from scipy.optimize import linprog
+
     found = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), 1e-9), bounds=(-1, 1))
     return np.asarray(found.x) if found.status == 0 and -found.fun > 1e-3 else None
 
@@ -166,6 +188,8 @@ def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
     The motion is orthogonal to all motions that slide at every node with friction.  None if the
     least maximum is 0.
     """
+    from scipy.optimize import linprog
+
     count = rows.shape[1]
     slides = sliding_motions(rows[rubs])
     found = linprog(
@@ -193,7 +217,9 @@ def sliding_motions(contact: FloatArray) -> FloatArray:
 
 def describe_motion(motion: FloatArray, dim: int) -> str:
     """A rigid motion (3 or 6 coefficients) in words."""
-    names = [f"translation along {AXES[i]}" for i in range(dim)]
-    names += ["rotation"] if dim == 2 else [f"rotation about {a}" for a in "zyx"]
     share = np.abs(motion) / np.abs(motion).max()
-    return " with ".join(name for name, s in zip(names, share, strict=True) if s > 0.1)
+    along = [axis for axis, size in zip(AXES, share[:dim], strict=False) if size > 0.1]
+    about = [axis for axis, size in zip("zyx", share[dim:], strict=False) if size > 0.1]
+    turns = "rotation" + (f" about {' and '.join(about)}" if dim == 3 else "")
+    moves = [f"translation along {' and '.join(along)}"] if along else []
+    return " with ".join([*moves, turns] if about else moves)

@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from dolfinx import fem
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.friction_law import Coefficient, FrictionLaw
 from contact_locking.parallel import maximum
+from contact_locking.problem.slip_memory import SlipMemory
 from contact_locking.problem.smoothing import Smoothing
 from contact_locking.problem.surface import ContactSurface
 
@@ -21,7 +24,7 @@ _DIFFERENCE = 1e-3
 class FrictionBound:
     """``G(p, s) = mu(x, s) |R p|`` (6): the bound of the friction traction at the nodes.
 
-    ``law`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,): a
+    ``law`` maps points (k, d) and accumulated slips s (k,) to ``mu`` (k,): a
     :class:`~contact_locking.laws.friction_law.FrictionLaw`, or a function, for which the
     certificate samples mu* and L_mu.  ``smoothing`` is R.  ``frictionless`` says that mu is zero
     everywhere. A user's own friction bound is a subclass with another :meth:`evaluate`.
@@ -42,7 +45,7 @@ class FrictionBound:
     def evaluate(self, pressure: FloatArray, slip: FloatArray) -> FloatArray:
         """The friction bound (k,) at the owned nodes; collective.
 
-        ``pressure`` (k,) is ``-sigma_nu``, and ``slip`` (k,) is ``|u_tau|``.
+        ``pressure`` (k,) is ``-sigma_nu``, and ``slip`` (k,) is the accumulated slip.
         """
         return self.coefficient(slip) * np.abs(self.smoothing.apply(pressure))
 
@@ -70,11 +73,12 @@ class Contact:
     """Signorini's conditions (5) and Coulomb's law (6) on one part of Gamma_C.
 
     ``key`` is the key of the contact in the study file, and ``on`` names its boundary parts.
-    ``normal`` and ``gap`` are functions of the displacement's degree.  ``friction`` computes the
+    ``normal`` and ``gap`` are functions with the normal and the limited value of the gap at the
+    nodes.  ``friction`` computes the
     friction bound of pressures and slips; ``bound`` is the function with the friction bound that
     the forms use at present.  ``regularisation`` is the length that smooths friction.  ``free``
     (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor friction
-    acts at the other nodes.
+    acts at the other nodes.  ``memory`` is what friction remembers of earlier steps.
     """
 
     key: str
@@ -86,10 +90,12 @@ class Contact:
     regularisation: fem.Constant
     free: BoolArray
     bound: fem.Function = field(init=False)
+    memory: SlipMemory = field(init=False)
 
     def __post_init__(self) -> None:
         count = len(self.surface.nodes)
         self.bound = self.surface.scalar_function(np.zeros(count), "friction_bound")
+        self.memory = SlipMemory(self.surface)
 
     @property
     def normals(self) -> FloatArray:
@@ -102,10 +108,22 @@ class Contact:
         """The gap (k,) at the nodes."""
         return np.asarray(self.gap.x.array[self.surface.nodes])
 
+    @gaps.setter
+    def gaps(self, values: FloatArray) -> None:
+        self.gap.x.array[self.surface.nodes] = values
+        self.gap.x.scatter_forward()
+
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
-        """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes."""
-        dim = self.surface.domain.dim
-        return self.split_nodal(u.x.array.reshape(-1, dim)[self.surface.blocks])
+        """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
+        return self.split_nodal(self.surface.limited.of_function(u))
+
+    def parts(self, v: Expr) -> tuple[Expr, Expr]:
+        """``v_nu`` and ``v_tau`` in UFL, of a field of the space of limited values."""
+        return normal_part(v, self.normal), tangential_part(v, self.normal)
+
+    def limited(self, v: Expr) -> Expr:
+        """The field of the space of limited values for a displacement or an argument."""
+        return self.surface.limited.of(v)
 
     def split_nodal(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The normal components (k,) and the tangential parts (k, d) of vectors (k, d)."""
@@ -117,9 +135,17 @@ class Contact:
         """The friction bound (k,) of a displacement and a pressure (k,); collective."""
         return self.friction.evaluate(pressure, self.slips(u))
 
+    def increment(self, u: fem.Function) -> FloatArray:
+        """The slip of the step, ``u_tau - u_{k-1,tau}`` (k, d), at the nodes."""
+        return self.split(u)[1] - self.memory.tangential
+
     def slips(self, u: fem.Function) -> FloatArray:
-        """``|u_tau|`` (k,) at the nodes."""
-        return np.linalg.norm(self.split(u)[1], axis=1)
+        """The accumulated slip ``s_k = s_{k-1} + |u_tau - u_{k-1,tau}|`` (k,) at the nodes."""
+        return self.memory.slip + np.linalg.norm(self.increment(u), axis=1)
+
+    def remember(self, u: fem.Function) -> None:
+        """End the step with the displacement u: the next step begins there; collective."""
+        self.memory.set(self.split(u)[1], self.slips(u))
 
     @property
     def bounds(self) -> FloatArray:

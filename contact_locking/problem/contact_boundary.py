@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,12 @@ from mpi4py import MPI
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import parse
+from contact_locking.expressions import TIME, parse
 from contact_locking.laws.foundation import Foundation, HalfSpace, Round
 from contact_locking.laws.friction_law import FrictionLaw
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 from contact_locking.parameters import ContactParameters, Parameters, rigid_body
+from contact_locking.problem.clock import Clock, is_timed
 from contact_locking.problem.coefficients import evaluate
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact, FrictionBound
@@ -65,6 +67,7 @@ def build_contacts(
     penalty_slip: float,
     warnings: list[str],
     element: Element,
+    clock: Clock,
 ) -> tuple[Contact, ...]:
     """The contacts that the study file asks for; collective.
 
@@ -77,7 +80,7 @@ def build_contacts(
     found = []
     for given in parameters.contacts:
         surface = ContactSurface(domain, space, given.on, f"{given.key}.on", element)
-        gap, normals = _foundation_from(surface, given)
+        gap, normals = _foundation_from(surface, given, clock.now)
         kind = "gap" if given.foundation is None else "foundation"
         warnings += about_the_gap(domain, gap, f"{given.key}.{kind}")
         free = surface.free_nodes(normals, free_dofs)
@@ -95,7 +98,7 @@ def build_contacts(
                 on=given.on,
                 surface=surface,
                 normal=surface.vector_function(normals, "contact_normal"),
-                gap=surface.scalar_function(gap, "gap"),
+                gap=_limited_gap(surface, gap),
                 friction=bound,
                 regularisation=fem.Constant(domain.mesh, slip),
                 free=free,
@@ -104,14 +107,40 @@ def build_contacts(
     return tuple(found)
 
 
+@dataclass(frozen=True)
+class MovingGap:
+    """The gap of a contact whose foundation depends on the time."""
+
+    contact: Contact
+    given: ContactParameters
+    clock: Clock
+
+    def advance(self) -> None:
+        """Evaluate the gap at the present time; collective."""
+        self.contact.gaps = _foundation_from(self.contact.surface, self.given, self.clock.now)[0]
+
+
+def moving_gaps(
+    contacts: Sequence[Contact], parameters: Parameters, clock: Clock
+) -> list[MovingGap]:
+    """The gaps that depend on the time."""
+    pairs = zip(contacts, parameters.contacts, strict=True)
+    return [
+        MovingGap(contact, given, clock)
+        for contact, given in pairs
+        if is_timed(parse(given.gap, (*AXES, TIME)))
+    ]
+
+
 def _foundation_from(
-    surface: ContactSurface, given: ContactParameters
+    surface: ContactSurface, given: ContactParameters, time: float
 ) -> tuple[FloatArray, FloatArray]:
     """The gap (k,) to the foundation and the contact normal (k, d) at the nodes; collective."""
     comm, dim, points = surface.domain.comm, surface.domain.dim, surface.points.T
     body_normals = surface.body_normals()
     if given.foundation is None:
-        return evaluate(comm, given.gap, points, f"{given.key}.gap"), body_normals
+        gap = evaluate(comm, given.gap, points, f"{given.key}.gap", time=time)
+        return gap, body_normals
     shape, section = next(entry for entry in given.foundation if entry[1] is not None)
     body, key = FOUNDATIONS[shape](section, dim), f"{given.key}.foundation"
     with np.errstate(all="ignore"):
@@ -131,37 +160,51 @@ def _foundation_from(
     return gap, normals
 
 
+def _limited_gap(surface: ContactSurface, gap: FloatArray) -> fem.Function:
+    """The limited values of the gap (k,) as values at the nodes; collective."""
+    function = surface.scalar_function(gap, "gap")
+    function.x.array[surface.nodes] = surface.limited.of_function(function)
+    function.x.scatter_forward()
+    return function
+
+
 def _smoothing(
     surface: ContactSurface, free: BoolArray, part: ContactParameters, warnings: list[str]
 ) -> SmoothingOperator:
     given = part.friction.smoothing
     if given.kernel == "none":
         return Identity()
-    comm = surface.domain.comm
-    radius = given.radius
-    size = surface.domain.facet_diameter(surface.facets)
-    places = np.concatenate(comm.allgather(surface.points))
-    extent = _extent(places)
+    domain = surface.domain
+    comm, radius = domain.comm, given.radius
+    size = domain.facet_diameter(surface.facets)
     if radius is None:
-        radius = max(_DEFAULT_RADIUS_SHARE * extent, _DEFAULT_RADIUS_FACETS * size)
+        radius = domain.smoothing_radii.get(part.key) or default_radius(surface)
     elif radius < size:
         key = part.friction_key("smoothing.radius")
         warnings.append(
             f"{key}: {radius:g} is smaller than the mesh size {size:.3g} on "
-            "Gamma_C, so R hardly smooths; refine the mesh there or enlarge the radius"
+            f"{', '.join(part.on)}, so R hardly smooths; refine the mesh there or enlarge the "
+            "radius"
         )
     if given.kernel == "convolution":
         return Convolution(comm, surface.whole(free), radius)
-    radius = min(radius, _LARGEST_RADIUS_SHARE * extent)
+    radius = min(radius, _LARGEST_RADIUS_SHARE * _extent(surface))
     return HelmholtzFilter(comm, surface.whole(free), surface.laplacian(), radius)
 
 
-def _extent(places: FloatArray) -> float:
-    """About the largest distance between two of the points (k, d).
+def default_radius(surface: ContactSurface) -> float:
+    """The radius of R for a study that gives none; collective."""
+    size = surface.domain.facet_diameter(surface.facets)
+    return max(_DEFAULT_RADIUS_SHARE * _extent(surface), _DEFAULT_RADIUS_FACETS * size)
+
+
+def _extent(surface: ContactSurface) -> float:
+    """About the largest distance between two nodes of Gamma_C; collective.
 
     One end is the point farthest from the mean of the points, the other end the point farthest from
     the first.  The result is exact for a segment and a rectangle, in every position.
     """
+    places = np.concatenate(surface.domain.comm.allgather(surface.points))
     place = places.mean(axis=0)
     for _ in range(2):
         distances = np.linalg.norm(places - place, axis=1)

@@ -35,6 +35,8 @@ class Domain:
     ``facet_tags`` holds the exterior facets that have a name.  ``parts`` gives for each local cell
     the index of its connected part in ``part_names``; cells of two parts share no facet.
     ``unusable`` gives, for the name of every other group of facets, why the group bounds nothing.
+    ``is_refined`` tells a mesh that was made by the refinement of the mesh of a study, and
+    ``smoothing_radii`` then gives, for the key of a contact, the default radius of R on that mesh.
     """
 
     mesh: dmesh.Mesh
@@ -47,6 +49,8 @@ class Domain:
     unusable: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     origin: str = field(default="the mesh")
+    is_refined: bool = False
+    smoothing_radii: dict[str, float] = field(default_factory=dict)
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -138,7 +142,7 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm) -> Domain:
             mesh = extract(model, origin)
         return mesh, Diagnosis.of_sound(mesh)
 
-    return with_key("mesh.builder", lambda: _distributed(make, comm, origin))
+    return with_key("mesh.builder", lambda: distributed(make, comm, origin))
 
 
 def from_file(path: Path, comm: MPI.Intracomm) -> Domain:
@@ -152,12 +156,19 @@ def from_file(path: Path, comm: MPI.Intracomm) -> Domain:
         mesh = read(path)
         return mesh, diagnose(mesh, str(path))
 
-    return with_key("mesh.file", lambda: _distributed(make, comm, str(path)))
+    return with_key("mesh.file", lambda: distributed(make, comm, str(path)))
 
 
-def _distributed(
-    make: Callable[[], tuple[MeshData, Diagnosis]], comm: MPI.Intracomm, origin: str
+def distributed(
+    make: Callable[[], tuple[MeshData, Diagnosis]],
+    comm: MPI.Intracomm,
+    origin: str,
+    **more: Any,
 ) -> Domain:
+    """Distribute the mesh that ``make`` returns on rank 0; ``more`` are fields of `Domain`.
+
+    Collective.
+    """
     held: list[tuple[MeshData, Diagnosis]] = []
 
     def prepare() -> tuple[int, dict[str, Any]]:
@@ -178,4 +189,5 @@ def _distributed(
         made = distribute(comm, dim, mesh, found.facets, found.parts)
     else:
         made = distribute(comm, dim, None, None, np.empty(0, dtype=np.int64))
-    return Domain(made.mesh, made.cell_tags, made.facet_tags, made.parts, origin=origin, **facts)
+    facts |= {"origin": origin, **more}
+    return Domain(made.mesh, made.cell_tags, made.facet_tags, made.parts, **facts)

@@ -13,13 +13,12 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.friction import friction_energy, friction_traction
-from contact_locking.laws.locking import locking_energy, locking_stress
 from contact_locking.laws.signorini import contact_energy, contact_pressure
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.spaces import Element
+from contact_locking.problem.strain_sets import NormSet, StrainSet
 
 
 @dataclass(frozen=True)
@@ -27,23 +26,48 @@ class ProblemData:
     """The data of (25) as UFL.
 
     ``elastic_stress`` maps a strain to a stress.  ``largest_eigenvalue`` is the largest eigenvalue
-    of A at each point, and ``inverse_limit`` is 1/M.  ``loads`` pairs each body force and traction
-    with its measure.  ``contacts`` is empty for a body that touches nothing.  ``n`` and ``epsilon``
-    are the penalty parameters.  ``element`` is the element of the displacements.  ``own_energy`` is
-    for a law that this package does not have: it maps u to a convex and differentiable functional
-    J(u), whose derivative is added to (25).
+    of A at each point, and ``inverse_limit`` is 1/M of the ball.  ``loads`` pairs each body force
+    and traction with its measure.  ``contacts`` is empty for a body that touches nothing.  ``n``
+    and ``epsilon`` are the penalty parameters.  ``element`` is the element of the displacements.
+    ``limits`` are the sets of strains beside the ball.  ``own_energy`` is for a law that this
+    package does not have: it maps u to a convex and differentiable functional J(u), whose
+    derivative is added to (25).
     """
 
     elastic_stress: Callable[[Expr], Expr]
     largest_eigenvalue: Expr
-    inverse_limit: Expr
+    inverse_limit: fem.Function
     dx: ufl.Measure
     loads: Sequence[tuple[Expr, ufl.Measure]]
     contacts: tuple[Contact, ...]
     n: fem.Constant
     epsilon: fem.Constant
     element: Element
+    limits: tuple[StrainSet, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
+
+    def limited(self, v: Expr) -> Expr:
+        """The field of the space of limited values for a displacement or an argument."""
+        return self.contacts[0].limited(v) if self.contacts else v
+
+    @property
+    def sets(self) -> tuple[StrainSet, ...]:
+        """All sets of strains, the ball first; K is their intersection."""
+        return (NormSet("strain", self.inverse_limit), *self.limits)
+
+    @property
+    def only_ball(self) -> bool:
+        """Whether K is the ball of the paper at every point."""
+        return not self.limits
+
+    @property
+    def inverse_strain_bound(self) -> Expr:
+        """``1/B`` such that ``|eps| <= B`` for all strains in K, 0 where no set implies a bound."""
+        bound: Expr = self.inverse_limit
+        for item in self.limits:
+            if isinstance(item, NormSet) and item.least > 0.0:
+                bound = ufl.max_value(bound, item.least * item.inverse_limit)
+        return bound
 
     @property
     def locking_dx(self) -> ufl.Measure:
@@ -53,7 +77,8 @@ class ProblemData:
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
     """``a(u, v) = int A eps(u) : eps(v)``."""
-    return ufl.inner(data.elastic_stress(strain(u)), strain(v)) * data.dx
+    dx = data.element.elastic_dx(data.dx)
+    return ufl.inner(data.elastic_stress(strain(u)), strain(v)) * dx
 
 
 def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:
@@ -78,14 +103,18 @@ def external_work(v: Expr, data: ProblemData) -> Expr:
 
 
 def pressure(u: Expr, contact: Contact, data: ProblemData) -> Expr:
-    """The contact pressure ``p = -sigma_nu`` of the penalty law (25)."""
-    return contact_pressure(normal_part(u, contact.normal), contact.gap, data.epsilon)
+    """The contact pressure ``p = -sigma_nu`` of the penalty law (25), for limited values u."""
+    return contact_pressure(contact.parts(u)[0], contact.gap, data.epsilon)
+
+
+def slip(u: Expr, contact: Contact) -> Expr:
+    """The slip of the step, ``u_tau - u_{k-1,tau}``."""
+    return contact.parts(u)[1] - contact.memory.place
 
 
 def friction(u: Expr, contact: Contact) -> Expr:
-    """The negative friction traction ``-sigma_tau`` of the regularised law (22)."""
-    slip = tangential_part(u, contact.normal)
-    return friction_traction(slip, contact.bound, contact.regularisation)
+    """The negative friction traction ``-sigma_tau`` of (22), for limited values u."""
+    return friction_traction(slip(u, contact), contact.bound, contact.regularisation)
 
 
 def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
@@ -95,43 +124,58 @@ def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
 
 
 def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
-    """The left side of (25) minus its right side."""
-    locking = locking_stress(strain(u), data.inverse_limit, data.n)
-    form = elastic_form(u, v, data) + ufl.inner(locking, strain(v)) * data.locking_dx
-    for contact in data.contacts:
-        nu = contact.normal
-        traction = pressure(u, contact, data) * normal_part(v, nu)
-        traction += ufl.inner(friction(u, contact), tangential_part(v, nu))
-        form += traction * contact.surface.ds
+    """The left side of (25) minus its right side; the arguments may differ (`JointForm`)."""
+    return _of_body(u, v, data) + _of_contacts(data.limited(u), data.limited(v), data)
+
+
+def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
+    """The Gateaux derivative of :func:`residual` at ``u`` in the direction ``du``."""
+    limited = data.limited(u)
+    if limited is u:
+        return ufl.derivative(residual(u, v, data), u, du)
+    touching = _of_contacts(limited, data.limited(v), data)
+    return ufl.derivative(_of_body(u, v, data), u, du) + ufl.derivative(
+        touching, limited, data.limited(du)
+    )
+
+
+def _of_body(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
+    form = elastic_form(u, v, data)
+    for item in data.sets:
+        form += item.virtual_work(strain(u), strain(v), data.n) * data.locking_dx
     if data.own_energy is not None:
         form += own_forces(u, v, data)
     return form - external_work(v, data)
 
 
-def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
-    """The Gateaux derivative of :func:`residual` at ``u`` in the direction ``du``."""
-    return ufl.derivative(residual(u, v, data), u, du)
+def _of_contacts(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
+    """The forces of contact and friction, for limited values u and v."""
+    form = ufl.Form([])
+    for contact in data.contacts:
+        v_normal, v_slip = contact.parts(v)
+        traction = pressure(u, contact, data) * v_normal
+        traction += ufl.inner(friction(u, contact), v_slip)
+        form += traction * contact.surface.ds
+    return form
 
 
 def energy(u: fem.Function, data: ProblemData) -> Expr:
     """The potential of (25) at a fixed friction bound; its derivative is :func:`residual`."""
     form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
-    form += locking_energy(strain(u), data.inverse_limit, data.n) * data.locking_dx
+    for item in data.sets:
+        form += item.energy(strain(u), data.n) * data.locking_dx
     for contact in data.contacts:
-        nu, gap = contact.normal, contact.gap
-        slip, regularisation = tangential_part(u, nu), contact.regularisation
-        density = contact_energy(normal_part(u, nu), gap, data.epsilon)
-        density += friction_energy(slip, contact.bound, regularisation)
+        limited = contact.limited(u)
+        density = contact_energy(contact.parts(limited)[0], contact.gap, data.epsilon)
+        density += friction_energy(slip(limited, contact), contact.bound, contact.regularisation)
         form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
 
 
 def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[Contact], factor: Expr) -> Expr:
     """``factor int du_nu v_nu``: springs on Gamma_C along the contact normal."""
-    return sum(
-        factor
-        * normal_part(du, contact.normal)
-        * normal_part(v, contact.normal)
-        * contact.surface.ds
-        for contact in contacts
-    )
+    form = ufl.Form([])
+    for contact in contacts:
+        normal, v_normal = (contact.parts(contact.limited(field))[0] for field in (du, v))
+        form += factor * normal * v_normal * contact.surface.ds
+    return form

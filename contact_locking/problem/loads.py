@@ -1,8 +1,8 @@
 """Body force and tractions in UFL, checked at the quadrature points.
 
-A load is a number or an expression, which needs values at the quadrature points only.  The check
-warns of a load that the mesh does not resolve: its integral would be wrong, and meaningless at a
-pole.
+A load is a number or an expression, which needs values at the quadrature points only.  The forms
+take the time of an expression from the clock of the problem.  The check warns of a load that the
+mesh does not resolve: its integral would be wrong, and meaningless at a pole.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from dolfinx import fem
 from contact_locking import _compat
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import with_key
-from contact_locking.expressions import Expression, parse
+from contact_locking.expressions import TIME, Expression, parse
 from contact_locking.parallel import agree
 from contact_locking.parameters import LoadParameters
+from contact_locking.problem.clock import Clock, is_timed
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.plausibility import about_a_load
 from contact_locking.problem.spaces import Element
@@ -49,41 +50,74 @@ def build_loads(
     stiffness: float,
     warnings: list[str],
     element: Element,
-) -> list[tuple[Any, ufl.Measure]]:
+    clock: Clock,
+) -> Loads:
     """Each body force and traction as a UFL vector with its measure; collective.
 
     Raises InputError with the key and the point for a value that is not finite.  Adds a warning for
     a load that the mesh does not resolve, and for a load above the ``stiffness`` of the material.
     """
-    found: list[tuple[Any, ufl.Measure]] = []
+    found = Loads()
     if given.body_force is not None:
-        load = _Load(domain, given.body_force, "loads.body_force", element)
+        load = _Load(domain, given.body_force, "loads.body_force", element, clock)
         cells = np.arange(domain.mesh.topology.index_map(domain.dim).size_local, dtype=np.int32)
         largest = load.check(domain.dim, cells, warnings)
         low, high = domain.bounding_box()
         stress = largest * float((high - low).max())
         warnings += about_a_load(stress, stiffness, "loads.body_force")
         dx = ufl.Measure("dx", domain=domain.mesh, metadata=load.metadata)
-        found.append((load.ufl(), dx))
+        found.add(load, dx, domain.dim, cells)
     for i, traction in enumerate(given.tractions):
         key = f"loads.tractions.{i}"
-        load = _Load(domain, traction.value, f"{key}.value", element)
+        load = _Load(domain, traction.value, f"{key}.value", element, clock)
         measure = domain.ds(traction.on, f"{key}.on", **load.metadata)
-        stress = load.check(domain.dim - 1, domain.facets(traction.on, f"{key}.on"), warnings)
+        facets = domain.facets(traction.on, f"{key}.on")
+        stress = load.check(domain.dim - 1, facets, warnings)
         warnings += about_a_load(stress, stiffness, f"{key}.value")
-        found.append((load.ufl(), measure))
+        found.add(load, measure, domain.dim - 1, facets)
     return found
 
 
+class Loads:
+    """The loads of a problem: ``terms`` pairs each load in UFL with its measure."""
+
+    def __init__(self) -> None:
+        self.terms: list[tuple[Any, ufl.Measure]] = []
+        self._timed: list[tuple[_Load, int, IndexArray]] = []
+
+    def add(self, load: _Load, measure: ufl.Measure, dim: int, entities: IndexArray) -> None:
+        """Add a load on cells or facets, the entities of dimension ``dim``."""
+        self.terms.append((load.ufl(), measure))
+        if load.timed:
+            self._timed.append((load, dim, entities))
+
+    def advance(self, warnings: list[str]) -> None:
+        """Check the loads at the present time; collective.
+
+        Raises InputError for a value that is not finite.  Adds the first warning of each load that
+        the mesh does not resolve.
+        """
+        for load, dim, entities in self._timed:
+            load.check(dim, entities, warnings)
+
+
 class _Load:
-    """One load: a vector of numbers or expressions of x, y[, z]."""
+    """One load: a vector of numbers or expressions of x, y[, z] and t."""
 
     def __init__(
-        self, domain: Domain, values: Sequence[float | str], key: str, element: Element
+        self,
+        domain: Domain,
+        values: Sequence[float | str],
+        key: str,
+        element: Element,
+        clock: Clock,
     ) -> None:
-        self._domain, self._key, self._element = domain, key, element
-        self._components: list[Expression] = [parse(value, AXES[: domain.dim]) for value in values]
+        self._domain, self._key, self._element, self._clock = domain, key, element, clock
+        names = (*AXES[: domain.dim], TIME)
+        self._components: list[Expression] = [parse(value, names) for value in values]
         self._constant = all(component.is_constant for component in self._components)
+        self.timed = any(is_timed(component) for component in self._components)
+        self._warned = False
 
     @property
     def metadata(self) -> dict[str, Any]:
@@ -95,7 +129,8 @@ class _Load:
             numbers = [float(component.numpy()) for component in self._components]
             return fem.Constant(self._domain.mesh, numbers)
         x = ufl.SpatialCoordinate(self._domain.mesh)
-        places = {axis: x[i] for i, axis in enumerate(AXES[: self._domain.dim])}
+        places: dict[str, Any] = {axis: x[i] for i, axis in enumerate(AXES[: self._domain.dim])}
+        places[TIME] = self._clock.constant
         return ufl.as_vector([component.ufl(**places) for component in self._components])
 
     def check(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
@@ -113,13 +148,17 @@ class _Load:
             pair for pairs in comm.allgather((first.top, second.top)) for pair in pairs
         )
         if largest <= 0.0:
+            # A load that depends on the time may be zero at times.
+            if self.timed:
+                return 0.0
             warnings.append(
                 f"{self._key}: is zero at all points of the quadrature; is the load meant for "
                 "another place, or for a place smaller than the elements?"
             )
             return 0.0
-        if abs(squares[0] - squares[1]) <= _RESOLVED * squares.max():
+        if abs(squares[0] - squares[1]) <= _RESOLVED * squares.max() or self._warned:
             return largest
+        self._warned = True
         place = ", ".join(f"{a} = {v:.6g}" for a, v in zip(AXES, where, strict=False))
         warnings.append(
             f"{self._key}: changes too sharply for this mesh near {place}, where it reaches "
@@ -131,7 +170,8 @@ class _Load:
     def _sample(self, dim: int, entities: IndexArray, degree: int) -> _Sample:
         total, largest, where = 0.0, -1.0, (0.0,) * self._domain.dim
         for x, weights in _quadrature(self._domain, dim, entities, degree):
-            places = dict(zip(AXES, x.T, strict=False))
+            places: dict[str, Any] = dict(zip(AXES, x.T, strict=False))
+            places[TIME] = self._clock.now
             size = np.zeros(len(x))
             for i, component in enumerate(self._components):
                 values = with_key(f"{self._key}.{i}", partial(component.numpy, **places))

@@ -1,7 +1,8 @@
 """Gamma_C in the discrete problem: nodes, weights and nodal averages.
 
-Integrals over Gamma_C use the contact rule of the element, whose points are the nodes, so that
-contact and friction act at the nodes.
+Integrals over Gamma_C use the rule of the element's trace, whose points are the nodes, so that
+contact and friction act at the nodes.  They act on the limited values of the trace there: the nodal
+values, or the control values.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from contact_locking.problem import compiled
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.spaces import P1, Element
 from contact_locking.problem.surface_mesh import SurfaceMesh
+from contact_locking.problem.trace import PointValues
 
 # The normal displacement is prescribed where the free directions hold less of the unit normal.
 _PRESCRIBED = 1e-6
@@ -41,10 +43,11 @@ class ContactSurface:
         key: str = "contact.on",
         element: Element = P1,
     ) -> None:
-        self._pieces = element.facet_pieces(domain.dim, key)
+        element.trace.check(domain.dim, element.degree, key)
+        self._pieces = np.array(element.trace.pieces[domain.dim], dtype=np.int32)
         self.domain = domain
         self.facets = domain.facets(names, key)
-        self.ds = domain.ds(names, key, **element.contact_rule)
+        self.ds = domain.ds(names, key, **element.trace.rules[domain.dim])
         self.vector_space = space
         self.scalar_space, to_vector = _compat.collapse(space.sub(0))
         owned = self.scalar_space.dofmap.index_map.size_local
@@ -55,6 +58,12 @@ class ContactSurface:
         self.blocks = to_vector[self.nodes] // domain.dim
         self.weights = mass[self.nodes]
         self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
+        # Every rule is exact for the gradients of affine fields.
+        self._exact_ds = self.ds if element.degree == 1 else domain.ds(names, key)
+        #: The values of fields that contact and friction limit at the points.
+        self.limited = PointValues(
+            element.trace, self.scalar_space, space, self.nodes, to_vector // domain.dim
+        )
 
     def is_of(self, dofs: BoolArray) -> BoolArray:
         """(k,) whether each node is marked; ``dofs`` marks the local dofs of the vector space."""
@@ -108,6 +117,15 @@ class ContactSurface:
         function.x.scatter_forward()
         return function
 
+    def nodal_forces(self, tractions: FloatArray) -> FloatArray:
+        """``int t . v`` of tractions t (k, d) at the points, at all local dofs; collective."""
+        forces = fem.Function(self.vector_space)
+        loads = self.limited.matrix.T @ (self.weights[:, None] * tractions)
+        forces.x.array[:] = loads.reshape(-1)
+        forces.x.scatter_reverse(la.InsertMode.add)
+        forces.x.scatter_forward()
+        return forces.x.array
+
     def facet_corners(self) -> FloatArray | None:
         """The corners (m, d, d) of the pieces of facets, on rank 0, otherwise None; collective.
 
@@ -127,21 +145,38 @@ class ContactSurface:
         return NodalAverage(self, integrand)
 
     def laplacian(self) -> PETSc.Mat:
-        """``int grad_Gamma w . grad_Gamma v`` on the owned nodes of Gamma_C; collective."""
+        """``int grad_Gamma w . grad_Gamma v`` on the owned nodes of Gamma_C; collective.
+
+        The unknowns are the limited values of w.
+        """
         from dolfinx.fem import petsc
 
         w, v = ufl.TrialFunction(self.scalar_space), ufl.TestFunction(self.scalar_space)
         nu = ufl.FacetNormal(self.domain.mesh)
         grads = [ufl.grad(f) - ufl.dot(ufl.grad(f), nu) * nu for f in (w, v)]
-        full = petsc.assemble_matrix(compiled.form(ufl.inner(*grads) * self.ds))
+        full = petsc.assemble_matrix(compiled.form(ufl.inner(*grads) * self._exact_ds))
         full.assemble()
-        first = self.scalar_space.dofmap.index_map.local_range[0]
+        index_map = self.scalar_space.dofmap.index_map
         rows = PETSc.IS().createGeneral(
-            (self.nodes + first).astype(PETSc.IntType), comm=self.domain.comm
+            (self.nodes + index_map.local_range[0]).astype(PETSc.IntType), comm=self.domain.comm
         )
-        surface = full.createSubMatrix(rows, rows)
+        nodal = full.createSubMatrix(rows, rows)
         rows.destroy()
         full.destroy()
+        if self.limited.are_nodal:
+            return nodal
+        # The numbers of the nodes in ``nodal``; nodes off Gamma_C have none and are not used.
+        mine = index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts))
+        every = np.concatenate(self.domain.comm.allgather(index_map.local_to_global(self.nodes)))
+        numbers = np.searchsorted(every, mine)
+        inverse = self.limited.inverse(self.nodes, numbers)
+        starts, columns = (part.astype(PETSc.IntType) for part in (inverse.indptr, inverse.indices))
+        to_nodal = PETSc.Mat().createAIJ(
+            nodal.getSizes(), csr=(starts, columns, inverse.data), comm=self.domain.comm
+        )
+        surface = nodal.ptap(to_nodal)
+        to_nodal.destroy()
+        nodal.destroy()
         return surface
 
     def _piece_nodes(self) -> IndexArray:

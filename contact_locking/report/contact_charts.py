@@ -85,7 +85,7 @@ def _profile(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
         profile.Curve(
             s,
             contact.pressure[part],
-            np.sum(contact.traction[part] * _tangents(contact.x[part], s), axis=1),
+            profile.along(contact.traction[part], contact.x[part], s),
             contact.bound[part],
             contact.state[part],
         )
@@ -100,7 +100,7 @@ def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     parts = curves(facets)
     positions, label = profile.abscissa([contact.x[part] for part in parts])
     for number, (s, part) in enumerate(zip(positions, parts, strict=True)):
-        slip = np.sum(contact.u_tangent[part] * _tangents(contact.x[part], s), axis=1)
+        slip = profile.along(contact.u_tangent[part], contact.x[part], s)
         distance = contact.gap[part] - contact.u_normal[part]
         name = (lambda text: text) if number == 0 else (lambda text: "_" + text)
         axes.plot(s, slip, color=style.VERMILION, lw=1.6, label=name(r"tangential $u_\tau$"))
@@ -110,16 +110,6 @@ def _opening(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
     axes.set_xlabel(label, loc="left")
     axes.set_ylabel("length")
     figure.legend(loc="outside upper left", ncols=2)
-
-
-def _tangents(x: FloatArray, s: FloatArray) -> FloatArray:
-    """Unit tangents (k, 2) of a curve in the direction in which the abscissa grows."""
-    if len(x) < 2:
-        return np.array([[1.0, 0.0]] * len(x))
-    tangent = np.gradient(x, axis=0)
-    length = np.linalg.norm(tangent, axis=1, keepdims=True)
-    direction = 1.0 if s[-1] >= s[0] else -1.0
-    return direction * tangent / np.where(length > 0.0, length, 1.0)
 
 
 def _map_height(contact: ContactPoints) -> float:

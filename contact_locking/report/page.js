@@ -29,24 +29,51 @@
     });
     const filter = document.getElementById("filter");
     const count = document.getElementById("count");
+    const states = new Set([...body.rows].map((row) => row.dataset.state));
+    // A table shows four digits, so that numbers that differ less look alike.
+    const isNear = (a, b) => a === b
+      || (Number.isFinite(a) && Math.abs(a - b) <= 5e-4 * Math.abs(a));
+    const numberOf = (word) => {
+      const text = word.replace("\u2212", "-").replace("\u221e", "Infinity").replace(/^\.?inf$/, "Infinity");
+      return text === "" ? NaN : Number(text);
+    };
+    // A word that begins a state asks for the state, so that "converged" is not "not converged".
+    const matches = (row, cells, word) => {
+      if (word.length > 2 && [...states].some((state) => state.startsWith(word))) {
+        return row.dataset.state.startsWith(word);
+      }
+      const wanted = numberOf(word);
+      if (!Number.isNaN(wanted)) {
+        return cells.some((cell) => "value" in cell.dataset
+          ? isNear(Number(cell.dataset.value), wanted)
+          : cell.textContent.toLowerCase().split(/[\s,;:()]+/).includes(word));
+      }
+      return cells.some((cell) => cell.textContent.toLowerCase().includes(word));
+    };
     const apply = () => {
-      const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
+      const text = filter.value.toLowerCase().replace(/not\s+(converged|run)/g, "not-$1");
+      const words = text.split(/\s+/).filter(Boolean);
+      const seen = heads.map((head) => getComputedStyle(head).display !== "none");
       let visible = 0;
       for (const row of body.rows) {
-        const text = row.textContent.toLowerCase();
-        row.hidden = !words.every((word) => text.includes(word));
+        const cells = [...row.cells].filter((_, column) => seen[column]);
+        row.hidden = !words.every((word) => matches(row, cells, word));
         visible += row.hidden ? 0 : 1;
       }
       count.textContent = `${visible} of ${body.rows.length} cases`;
     };
     filter.addEventListener("input", apply);
     const all = document.getElementById("all-columns");
-    all.addEventListener("change", () => table.classList.toggle("main", !all.checked));
+    all.addEventListener("change", () => {
+      table.classList.toggle("main", !all.checked);
+      apply();
+    });
     // A browser may fill in the fields of an earlier visit.
     table.classList.toggle("main", !all.checked);
     apply();
   }
   addEventListener("beforeprint", () => {
-    for (const part of document.querySelectorAll("details")) part.open = true;
+    // The reasons in the table of cases stay folded: a table on paper has one line for a case.
+    for (const part of document.querySelectorAll("section > details")) part.open = true;
   });
 })();

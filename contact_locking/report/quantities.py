@@ -19,6 +19,7 @@ class Quantity:
     """
 
     key: str
+    name: str
     meaning: str
     unit: str
     plotted: bool = True
@@ -27,57 +28,107 @@ class Quantity:
 
 
 QUANTITIES = (
-    Quantity("compliance", "work of the loads, (f, u)", "energy"),
-    Quantity("elastic_energy", "elastic energy, ½ a(u, u)", "energy"),
-    Quantity("strain_norm_max", "largest strain |ε(u)|", "1"),
-    Quantity("locked_fraction", "share of the body that is locked, |ε| ≥ M", "1", settles=False),
-    Quantity("contact_force", "resultant of the contact pressure on the body", "force"),
-    Quantity("friction_force", "resultant of the friction on the body", "force"),
-    Quantity("contact_area", "part of Γ_C under pressure", "area", settles=False),
-    Quantity("slip_area", "part of Γ_C that slips", "area", settles=False),
-    Quantity("penetration_max", "largest penetration [u_ν − g]⁺", "length", vanishes=True),
-    Quantity("iterations.tangents", "tangents factorised or preconditioned", "1", settles=False),
-    Quantity("wall_seconds", "time of the whole solve", "s", settles=False),
+    Quantity("compliance", "work of the loads", "work of the loads, (f, u)", "energy"),
+    Quantity("elastic_energy", "elastic energy", "elastic energy, ½ a(u, u)", "energy"),
+    Quantity(
+        "strain_norm_max", "largest strain", "largest strain |ε(u)| where the limit is kept", "1"
+    ),
+    Quantity(
+        "strain_norm_max_in_cells",
+        "largest strain anywhere",
+        "largest strain |ε(u)| anywhere",
+        "1",
+        plotted=False,
+    ),
+    Quantity(
+        "overstrain_max",
+        "excess over the limit",
+        "largest |ε(u)|/M − 1 anywhere",
+        "1",
+        plotted=False,
+    ),
+    Quantity(
+        "locked_fraction",
+        "share at the limit",
+        "share of the body that is locked, |ε| ≥ M",
+        "1",
+        settles=False,
+    ),
+    Quantity(
+        "contact_force", "contact force", "resultant of the contact pressure on the body", "force"
+    ),
+    Quantity("friction_force", "friction force", "resultant of the friction on the body", "force"),
+    Quantity("contact_area", "contact area", "part of Γ_C under pressure", "area", settles=False),
+    Quantity("slip_area", "slip area", "part of Γ_C that slips", "area", settles=False),
+    Quantity(
+        "penetration_max", "penetration", "largest penetration [u_ν − g]⁺", "length", vanishes=True
+    ),
+    Quantity(
+        "iterations.tangents",
+        "tangents",
+        "tangents factorised or preconditioned",
+        "1",
+        settles=False,
+    ),
+    Quantity("wall_seconds", "time", "time of the whole solve", "s", settles=False),
     Quantity(
         "certificate.errors.mesh.relative",
+        "mesh error",
         "estimated error of the mesh, relative in the energy norm",
         "1",
         vanishes=True,
     ),
     Quantity(
         "certificate.errors.penalty.relative",
+        "bound of the penalty's effect",
         "bound of the distance to the solution for n = ∞, relative in the energy norm",
         "1",
         vanishes=True,
     ),
     Quantity(
         "certificate.errors.penalty_measured.relative",
+        "measured effect of the penalty",
         "measured distance to the solution for n = ∞, relative in the energy norm",
         "1",
         vanishes=True,
     ),
     Quantity(
         "certificate.errors.guaranteed.relative",
+        "bound of the whole error",
         "proved bound of the error of mesh and penalty, relative in the energy norm",
         "1",
         vanishes=True,
     ),
     Quantity(
         "admissible_load_factor",
+        "admissible share of the displacements",
         "between these shares of the prescribed displacements a solution on this mesh ends",
         "1",
         plotted=False,
     ),
-    Quantity("residual", "equilibrium residual relative to the forces", "1", plotted=False),
-    Quantity("duality_gap", "duality gap of the last solve", "energy", plotted=False),
+    Quantity(
+        "residual", "residual", "equilibrium residual relative to the forces", "1", plotted=False
+    ),
+    Quantity(
+        "duality_gap", "duality gap", "duality gap of the last solve", "energy", plotted=False
+    ),
     Quantity(
         "friction_fixed_point.contraction",
+        "contraction factor",
         "factor by which updates of the friction bound shrink",
         "1",
         plotted=False,
     ),
-    Quantity("dofs", "degrees of freedom", "1", plotted=False),
-    Quantity("cells", "cells of the mesh", "1", plotted=False),
+    Quantity("discretisation.degree", "degree", "degree of the displacements", "1", plotted=False),
+    Quantity(
+        "discretisation.limit_at",
+        "limit at",
+        "points of each cell with the limit",
+        "",
+        plotted=False,
+    ),
+    Quantity("dofs", "unknowns", "degrees of freedom", "1", plotted=False),
+    Quantity("cells", "cells", "cells of the mesh", "1", plotted=False),
 )
 
 #: The meanings of the values of the certificate, by their names.
@@ -99,6 +150,7 @@ MEANINGS = {
     "friction_bound": "change of the friction bound in one more update",
     "smoothing_constants": "change of constants by R",
     "duality_gap": "sum of the complementarities over the energy",
+    "energy_balance": "energy that a step creates or loses beyond its bounds, over the work",
     "alpha": "smallest eigenvalue of the elasticity",
     "c_0": "trace constant of this mesh, |v| on Γ_C ≤ c_0 ‖v‖_V, from below",
     "friction_coefficient": "largest μ",

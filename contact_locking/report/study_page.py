@@ -7,14 +7,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from contact_locking.results.names import PARAMETERS, PICTURE
-from contact_locking.results.read import Row, StudyResults
+from contact_locking.results.read import Row, StudyResults, number
 from contact_locking.study_file import source
 
 from .charts import Chart
 from .pictures import thumbnail
 from .shown import shown
-from .study_table import cases
+from .study_table import cases, weakness
 from .templates import render
+from .titles import title, titles
 from .trend_charts import trend_charts
 from .trends import Trend, axes, trends, varied
 
@@ -36,7 +37,9 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     html = render(
         "study.html.j2",
         title=shown(data.get("title") or "Study"),
-        varied=[(key, _values(key, study.rows)) for key in keys],
+        varied=[(title(key), key, _values(key, study.rows)) for key in keys],
+        example=_example(keys, study.rows),
+        rough=sum(_is_rough(row) for row in study.rows),
         side_by_side=len(what.zip) > 1,
         table=cases(study.rows, keys, pictures),
         trends=list(drawn.items()),
@@ -60,6 +63,20 @@ def _states(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
+def _is_rough(row: Row) -> bool:
+    weak = weakness(row)
+    return row.get("converged") is True and weak is not None and weak.is_rough
+
+
+def _example(keys: Sequence[str], rows: Sequence[Row]) -> str:
+    """Numbers of a converged case, which the filter then finds."""
+    for row in rows[len(rows) // 4 :]:
+        if row.get("converged") is True:
+            values = [number(row.get(key)) for key in keys]
+            return " ".join(f"{value:g}" for value in values[:2] if value is not None)
+    return ""
+
+
 def _values(key: str, rows: Sequence[Row]) -> list[str]:
     """The values of a key, of many the first and the last."""
     values = list(dict.fromkeys(shown(row.get(key)) for row in rows))
@@ -74,7 +91,8 @@ def _pictures(study: StudyResults, keys: Sequence[str]) -> dict[str, tuple[str, 
         if folder is None or row["case"] in found or len(found) == _MOST_PICTURES:
             continue
         if (image := thumbnail(folder / PICTURE)) is not None:
-            label = ", ".join(f"{name} = {shown(row.get(name))}" for name in keys)
+            names = zip(titles(keys), keys, strict=True)
+            label = ", ".join(f"{name} = {shown(row.get(key))}" for name, key in names)
             state = "" if row["state"] == "converged" else f" ({row['state']})"
             found[row["case"]] = (image, f"{label}{state}")
     return found

@@ -3,72 +3,124 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Collection, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from contact_locking.results.in_words import Weakness, weakest
 from contact_locking.results.read import Row, number
 
 from .quantities import QUANTITIES
 from .shown import shown
+from .titles import title, titles
 
 _MAIN = frozenset(quantity.key for quantity in QUANTITIES if quantity.plotted)
-_NOT_BETWEEN = ("converged", "case")
+_NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
 _ROW_KIND = {"converged": None, "not run": "waiting"}
+#: The column with the reason of a failure, the warnings and the weakness of a result.
+REMARKS = "remarks"
+# The number of characters of a remark that stay where it is folded.
+_FOLDED = 46
 
 
 class Cell(NamedTuple):
-    """``order`` is the number that sorts the cell, ``picture`` the case that the cell links to."""
+    """A cell with its whole text, of which ``folded`` is what a folded cell shows, if it is less.
+
+    ``order`` is the number that sorts the cell, ``picture`` the case that the cell links to.
+    """
 
     text: str
+    kind: str | None = None
+    order: str | None = None
+    picture: str | None = None
+    folded: str | None = None
+
+
+class Column(NamedTuple):
+    """A column with its name for readers; columns of kind ``more`` are seen on demand only."""
+
+    key: str
+    title: str
     kind: str | None
-    order: str | None
-    picture: str | None
 
 
 class CaseTable(NamedTuple):
-    """The kinds of the columns by name, and the kind and the cells of each row.
+    """The columns, and for each row the class of HTML, the state in one word, and the cells."""
 
-    A kind is a class of HTML: columns of kind ``more`` are seen on demand only.
-    """
-
-    columns: dict[str, str | None]
-    rows: list[tuple[str | None, list[Cell]]]
+    columns: list[Column]
+    rows: list[tuple[str | None, str, list[Cell]]]
 
 
 def cases(rows: Sequence[Row], keys: Sequence[str], linked: Collection[str]) -> CaseTable:
     """All rows; ``keys`` vary, and ``linked`` cases have a picture on the page."""
     # The state, which says whether a case converged, comes first: it is seen on a phone too.
-    front = ["state", *keys, "reason"]
+    front = ["state", *keys, REMARKS]
     names = dict.fromkeys(name for row in rows for name in row)
     order = [*front, *(name for name in names if name not in (*front, *_NOT_BETWEEN)), "case"]
-    kinds = {name: _kind(name, front) for name in order}
-    if all(row["state"] == "converged" for row in rows):
-        kinds["reason"] = "more"
-    if any(row.get("warnings") for row in rows):
-        kinds["warnings"] = "why"
-    cells = [[_cell(row, name, kind, linked) for name, kind in kinds.items()] for row in rows]
-    row_kinds = [_ROW_KIND.get(row["state"], "failed") for row in rows]
-    return CaseTable(kinds, list(zip(row_kinds, cells, strict=True)))
+    named = dict(zip(keys, titles(keys), strict=True))
+    columns = [Column(name, named.get(name) or title(name), _kind(name, front)) for name in order]
+    remarks = [remark(row) for row in rows]
+    if not any(remarks):
+        columns = [column for column in columns if column.key != REMARKS]
+    found = []
+    for row, told in zip(rows, remarks, strict=True):
+        cells = [
+            _remark_cell(told) if column.key == REMARKS else _cell(row, column, linked)
+            for column in columns
+        ]
+        state = str(row["state"])
+        found.append((_ROW_KIND.get(state, "failed"), state.replace(" ", "-"), cells))
+    return CaseTable(columns, found)
+
+
+def remark(row: Row) -> str:
+    """Why a case failed, or the warnings and the weakness of one that converged; often empty."""
+    if row.get("converged") is not True:
+        return " ".join(filter(None, (shown(row.get("reason") or ""), _text(row, "suggestion"))))
+    weak = weakness(row)
+    told = [f"rough: {weak.words}"] if weak is not None and weak.is_rough else []
+    if warnings := _text(row, "warnings"):
+        told.append(f"warning: {warnings}")
+    return "; ".join(told)
+
+
+def weakness(row: Row) -> Weakness | None:
+    """The weakest number of a row."""
+    prefix, ending = "certificate.errors.", ".relative"
+    errors: dict[str, Any] = {
+        key.removeprefix(prefix).removesuffix(ending): {"relative": number(value)}
+        for key, value in row.items()
+        if key.startswith(prefix) and key.endswith(ending)
+    }
+    return weakest({"certificate": {"errors": errors}})
+
+
+def _text(row: Row, key: str) -> str:
+    value = row.get(key)
+    return value if isinstance(value, str) else ""
 
 
 def _kind(name: str, front: Sequence[str]) -> str | None:
-    if name == "reason":
+    if name == REMARKS:
         return "why"
     vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
     return None if name in front or name == "case" or {name, vector} & _MAIN else "more"
 
 
-def _cell(row: Row, name: str, kind: str | None, linked: Collection[str]) -> Cell:
-    value = row.get(name)
+def _remark_cell(text: str) -> Cell:
+    short = textwrap.shorten(text, _FOLDED, placeholder="…")
+    return Cell(text, "why", folded=short if short != text else None)
+
+
+def _cell(row: Row, column: Column, linked: Collection[str]) -> Cell:
+    value = row.get(column.key)
     text = json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else shown(value)
-    if name == "reason" and row["state"] == "converged":
-        text = ""
-    is_link = name == "case" and isinstance(value, str) and value in linked
+    is_link = column.key == "case" and isinstance(value, str) and value in linked
     order = number(value)
     # JavaScript reads numbers as Python writes them, but for infinity.
     return Cell(
         text,
-        kind,
+        column.kind,
         None if order is None else repr(order).replace("inf", "Infinity"),
         text if is_link else None,
     )

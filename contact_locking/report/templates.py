@@ -18,6 +18,7 @@ from contact_locking._version import __version__
 
 from .files import GENERATOR
 from .shown import shown
+from .titles import title
 
 
 def render(template: str, **context: Any) -> str:
@@ -47,7 +48,7 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"shown": shown, "key": key, "formula": formula}
+    made.filters |= {"shown": shown, "key": key, "formula": formula, "title": title}
     return made
 
 

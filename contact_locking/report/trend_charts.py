@@ -3,76 +3,77 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from contact_locking.plotting import style
 
 from .charts import Chart, chart
-from .trends import Curve, Differences, Trend
+from .titles import title, titles
+from .trends import Trend
 
 _COLOURS = (style.BLUE, style.VERMILION, "#009E73", "#CC79A7", style.ORANGE, style.SKY)
 _MARKS = "osD^vP"
 _MOST_NAMED = len(_COLOURS)
 _MOST_TICKS = 6
+# The largest number of values at a bar of colours.
+_MOST_AT_BAR = 12
 _PLOT, _ROW = 2.5, 0.19
 
 
 def trend_charts(trend: Trend) -> list[Chart]:
     """The chart of the values, and if there are differences, a chart of their rates."""
-    key, name = trend.axis.key, trend.quantity.key
-    stem = _file_name(f"{name}-over-{key}")
-    rows = _legend_rows([curve.label for curve in trend.curves])
+    stem = _file_name(f"{trend.quantity.key}-over-{trend.axis.key}")
     if trend.differences and trend.compared == "zero":
         return [_rate_chart(trend, stem)]
-    found = [
-        chart(
-            stem, f"{name} over {key}", _PLOT + rows * _ROW, lambda figure: _values(figure, trend)
-        )
-    ]
+    rows = 0 if _has_bar(trend) else 1 + sum(bool(curve.label) for curve in trend.curves)
+    description = f"{trend.quantity.name} over the {title(trend.axis.key)}"
+    found = [chart(stem, description, _PLOT + rows * _ROW, lambda figure: _values(figure, trend))]
     if trend.differences:
         found.append(_rate_chart(trend, stem))
     return found
 
 
 def _rate_chart(trend: Trend, stem: str) -> Chart:
-    description = f"{_name(trend)} over {trend.axis.key}: distance from {trend.compared}"
-    height = _PLOT + _ROW * _legend_rows([each.label for each in trend.differences])
+    over = title(trend.axis.key)
+    description = f"{trend.quantity.name} over the {over}: distance from {trend.compared}"
+    rows = 1 if _has_bar(trend) else 1 + len(trend.differences)
+    height = _PLOT + _ROW * rows
     return chart(f"{stem}-rate", description, height, lambda figure: _rates(figure, trend))
 
 
 def _values(figure: Figure, trend: Trend) -> None:
-    axes = _axes(figure, trend, _name(trend))
+    axes = _axes(figure, trend, _label(trend))
     positive = all((curve.y > 0.0).all() for curve in trend.curves)
     values = np.concatenate([curve.y for curve in trend.curves])
     if positive and values.max() > 30.0 * values.min():
         axes.set_yscale("log")
-    for number, curve in enumerate(trend.curves):
-        drawing = _drawing(number, len(trend.curves))
+    for curve in trend.curves:
+        drawing = _drawing(trend, curve.label)
         axes.plot(curve.x, curve.y, label=_plain(curve.label), **drawing)
         if curve.limit is not None:
             axes.axhline(curve.limit, color=drawing["color"], lw=1.0, ls=(0, (5, 3)), zorder=0.5)
     if any(curve.limit is not None for curve in trend.curves):
-        axes.plot(
-            [], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=f"at {trend.axis.key} = ∞"
-        )
-    _legend(figure, trend.curves)
+        at = f"at {title(trend.axis.key)} = ∞"
+        axes.plot([], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=_plain(at))
+    _name_curves(figure, trend)
 
 
 def _rates(figure: Figure, trend: Trend) -> None:
     of = f"distance from {trend.compared.removeprefix('the ')}"
-    axes = _axes(figure, trend, _name(trend) if trend.compared == "zero" else of)
+    axes = _axes(figure, trend, _label(trend) if trend.compared == "zero" else of)
     axes.set_yscale("log")
     rates = []
-    for number, differences in enumerate(trend.differences):
-        drawing = _drawing(number, len(trend.differences))
+    for differences in trend.differences:
+        drawing = _drawing(trend, differences.label)
         law = differences.power_law()
-        label = _plain(differences.label) or _name(trend)
+        label = _plain(differences.label) or trend.quantity.name
         if law is None:
             axes.plot(differences.x, differences.y, label=label, **drawing)
             continue
@@ -90,8 +91,10 @@ def _rates(figure: Figure, trend: Trend) -> None:
         )
         ends = differences.x[reliable][[0, -1]]
         axes.plot(ends, factor * ends**rate, color=drawing["color"], lw=1.2)
-    spread = f", rates {_signed(min(rates))} to {_signed(max(rates))}" if rates else ""
-    _legend(figure, trend.differences, spread)
+    if rates and _has_bar(trend):
+        spread = f"rates {_signed(min(rates))} to {_signed(max(rates))}"
+        axes.set_title(f"{len(trend.differences)} curves, {spread}", loc="left", fontsize=8.5)
+    _name_curves(figure, trend)
 
 
 def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
@@ -101,47 +104,54 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
         axes.set_xscale("log")
     elif len(x) <= _MOST_TICKS:
         axes.set_xticks(x)
-    axes.set_xlabel(_plain(trend.axis.key))
+    axes.set_xlabel(_plain(title(trend.axis.key)))
     axes.set_ylabel(label)
     axes.grid(color=style.PALE, lw=0.6)
     axes.set_axisbelow(True)
     return axes
 
 
-def _name(trend: Trend) -> str:
-    return trend.quantity.key.removeprefix("certificate.")
+def _label(trend: Trend) -> str:
+    unit = trend.quantity.unit
+    return trend.quantity.name if unit == "1" else f"{trend.quantity.name} [{unit}]"
 
 
-def _drawing(number: int, count: int) -> dict[str, Any]:
-    """A colour and mark for each of a few curves; a scale of colours for many."""
-    if count <= _MOST_NAMED:
-        colour: Any = _COLOURS[number]
-        mark = _MARKS[number]
-    else:
-        colour = matplotlib.colormaps["viridis"](0.9 * number / (count - 1))
-        mark = "o"
+def _has_bar(trend: Trend) -> bool:
+    """Whether a bar of colours names the curves, which are too many for a legend."""
+    return len(trend.curves) > _MOST_NAMED
+
+
+def _drawing(trend: Trend, label: str) -> dict[str, Any]:
+    """The colour and the mark of a curve, the same in all charts of a trend."""
+    labels = [curve.label for curve in trend.curves]
+    number, count = labels.index(label), len(labels)
+    colour: Any = _scale(count)(number) if _has_bar(trend) else _COLOURS[number]
+    mark = _MARKS[number % len(_MARKS)]
     return {"color": colour, "lw": 1.4, "marker": mark, "ms": 4.0}
 
 
-def _legend(figure: Figure, curves: Sequence[Curve | Differences], of_many: str = "") -> None:
-    """Name every curve; of many curves the first and the last, with ``of_many`` about all."""
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    if len(curves) > _MOST_NAMED:
-        first, last = _plain(curves[0].label), _plain(curves[-1].label)
-        figure.legend(
-            [handles[0], handles[len(curves) - 1]],
-            [first, f"{last} ({len(curves)} curves{of_many})"],
-            loc="outside upper left",
-        )
-    elif any(labels):
-        figure.legend(
-            *zip(*((h, t) for h, t in zip(handles, labels, strict=True) if t), strict=True),
-            loc="outside upper left",
-        )
+def _scale(count: int) -> ListedColormap:
+    """As many colours as there are curves."""
+    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.93, count)))
 
 
-def _legend_rows(labels: Sequence[str]) -> int:
-    return 2 if len(labels) > _MOST_NAMED else len([label for label in labels if label]) + 1
+def _name_curves(figure: Figure, trend: Trend) -> None:
+    """Name every curve in a legend, or many curves by their values at a bar of colours."""
+    axes = figure.axes[0]
+    if not _has_bar(trend):
+        handles, labels = axes.get_legend_handles_labels()
+        named = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label]
+        if named:
+            figure.legend(*zip(*named, strict=True), loc="outside upper left")
+        return
+    count = len(trend.curves)
+    norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
+    bar = figure.colorbar(ScalarMappable(norm, _scale(count)), ax=axes, pad=0.02)
+    shown = range(0, count, -(-count // _MOST_AT_BAR))
+    values = [_plain(trend.curves[number].values) for number in shown]
+    bar.set_ticks(list(shown), labels=values)
+    bar.minorticks_off()
+    bar.set_label(_plain(", ".join(titles(trend.axis.others))))
 
 
 def _plain(text: str) -> str:

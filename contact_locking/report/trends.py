@@ -16,6 +16,7 @@ from contact_locking.results.read import Row, number
 
 from .quantities import QUANTITIES, Quantity
 from .shown import shown
+from .titles import titles
 
 Compared = Literal["zero", "the value at infinity", "the next value"]
 
@@ -45,12 +46,16 @@ class Axis:
 
 @dataclass(frozen=True)
 class Curve:
-    """A quantity over an axis: x ascending and finite, ``limit`` is its value at x = inf."""
+    """A quantity over an axis: x ascending and finite, ``limit`` is its value at x = inf.
+
+    ``label`` names the other keys with their values, ``values`` are these values alone.
+    """
 
     label: str
     x: FloatArray
     y: FloatArray
     limit: float | None = None
+    values: str = ""
 
 
 @dataclass(frozen=True)
@@ -125,7 +130,7 @@ def trends(axis: Axis, rows: Iterable[Row]) -> list[Trend]:
     for row in rows:
         if row.get("converged") is True:
             groups.setdefault(tuple(shown(row.get(key)) for key in axis.others), []).append(row)
-    names = _short(axis.others)
+    names = titles(axis.others)
     labels = {
         group: ", ".join(f"{name} = {value}" for name, value in zip(names, group, strict=True))
         for group in groups
@@ -135,7 +140,7 @@ def trends(axis: Axis, rows: Iterable[Row]) -> list[Trend]:
         curves = [
             curve
             for group, members in groups.items()
-            if len((curve := _curve(axis.key, quantity, members, labels[group])).x)
+            if len((curve := _curve(axis.key, quantity, members, labels[group], group)).x)
         ]
         if any(len(np.unique(curve.y)) > 1 for curve in curves):
             found.append(_trend(quantity, axis, curves))
@@ -151,13 +156,9 @@ def value(quantity: Quantity, row: Row) -> float | None:
     return float(np.linalg.norm(present)) if present else None
 
 
-def _short(keys: Sequence[str]) -> list[str]:
-    """The last words of dotted keys if they are all different, else the whole keys."""
-    last = [key.rpartition(".")[2] for key in keys]
-    return last if len(set(last)) == len(keys) else list(keys)
-
-
-def _curve(key: str, quantity: Quantity, rows: Sequence[Row], label: str) -> Curve:
+def _curve(
+    key: str, quantity: Quantity, rows: Sequence[Row], label: str, group: Sequence[str]
+) -> Curve:
     pairs = {}
     for row in rows:
         x, y = number(row.get(key)), value(quantity, row)
@@ -166,7 +167,7 @@ def _curve(key: str, quantity: Quantity, rows: Sequence[Row], label: str) -> Cur
     limit = pairs.get(np.inf)
     finite = sorted((x, y) for x, y in pairs.items() if np.isfinite(x))
     array = np.array(finite).reshape(-1, 2)
-    return Curve(label, array[:, 0], array[:, 1], limit)
+    return Curve(label, array[:, 0], array[:, 1], limit, ", ".join(group))
 
 
 def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:

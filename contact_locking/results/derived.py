@@ -1,32 +1,26 @@
-"""Fields, contact points and summary of a solved displacement."""
+"""Contact fields of a solved displacement, and the multipliers of the penalty laws."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-import dolfinx
 import numpy as np
-import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import IntArray
 from contact_locking.laws.elasticity import strain
-from contact_locking.laws.locking import locking_stress
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
-from contact_locking.problem.coefficients import Material
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
-from contact_locking.problem.spaces import Element
+from contact_locking.problem.trace import make_nodal
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
-# A cell is locked if |eps| >= M (1 - 1e-6).
-_LOCKED_MARGIN = 1e-6
 # The regularised friction traction never reaches the bound: a point slips from 99 % of the bound
 # on.
 _SLIP_SHARE = 0.99
@@ -41,34 +35,6 @@ _SCALAR_FIELDS = {
 }
 
 
-class BodyFields:
-    """Fields of the body in the space of strains, with the values at the points of the strains."""
-
-    def __init__(
-        self,
-        domain: Domain,
-        u: fem.Function,
-        data: forms.ProblemData,
-        m: Material,
-        locking: fem.Function,
-    ) -> None:
-        eps, tensor = strain(u), (domain.dim, domain.dim)
-        stress = data.elastic_stress(eps)
-        norm = ufl.sqrt(ufl.inner(eps, eps))
-        self.strain_norm = _at_points(data.element, domain, norm, "strain_norm")
-        self.elastic_stress = _at_points(data.element, domain, stress, "elastic_stress", tensor)
-        self.locking_stress = locking
-        self.locking_limit = m.limit
-        self.locked = fem.Function(m.limit.function_space, name="locked")
-        threshold = m.limit.x.array * (1.0 - _LOCKED_MARGIN)
-        self.locked.x.array[:] = self.strain_norm.x.array >= threshold
-
-    def largest_overstrain(self, domain: Domain) -> float:
-        """``max |eps|/M - 1`` over the body; collective."""
-        ratio = self.strain_norm.x.array / self.locking_limit.x.array
-        return maximum(domain.comm, ratio) - 1.0
-
-
 class ContactFields:
     """The nodal fields of one contact, as arrays over its owned nodes."""
 
@@ -76,6 +42,9 @@ class ContactFields:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
         self.u_normal, self.u_tangent = contact.split(u)
+        # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
+        self.increment, self.slip = contact.increment(u), contact.slips(u)
+        self.old_place, self.old_slip = contact.memory.tangential, contact.memory.slip
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
@@ -127,15 +96,19 @@ class ContactFields:
 
 def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multipliers:
     """Locking stress (23), pressure (25) and friction (22) of u by the penalty laws; collective."""
-    stress = locking_stress(strain(u), data.inverse_limit, data.n)
-    tensor = (domain.dim, domain.dim)
-    locking = _at_points(data.element, domain, stress, "locking_stress", tensor)
     forces = []
     for contact in data.contacts:
-        pressure = contact.surface.average(forms.pressure(u, contact, data))()
-        friction = contact.surface.average(forms.friction(u, contact))()
+        limited = contact.limited(u)
+        pressure = contact.surface.average(forms.pressure(limited, contact, data))()
+        friction = contact.surface.average(forms.friction(limited, contact))()
         forces.append(ContactForces(pressure, friction, pressure > 0.0))
-    return Multipliers(locking, tuple(forces))
+    found = Multipliers.none(data, domain.mesh, tuple(forces))
+    for item, part in zip(data.sets, found.parts, strict=True):
+        law = item.multiplier(strain(u), data.n)
+        part.interpolate(_compat.interpolation_expression(law, part.function_space))
+        part.x.scatter_forward()
+    found.add_up(data)
+    return found
 
 
 def contact_summary(contacts: Sequence[ContactFields], dim: int) -> dict[str, Any]:
@@ -172,7 +145,8 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
     """The fields of all contacts as nodal functions, zero off Gamma_C; collective.
 
     At a node of several contacts the value is the mean, weighted by the nodal weights of the
-    contacts, so that the nodal forces add up; the state is the largest state.
+    contacts, so that the nodal forces add up; the state is the largest state.  Of control values
+    the field is the one with these control values: its integral is the force.
     """
     vectors = u.function_space
     scalars = _compat.collapse(vectors.sub(0))[0]
@@ -193,41 +167,13 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
                 values[nodes] += share * getattr(fields, attribute)
         tractions = found["tangential_traction"].x.array.reshape(-1, dim)
         tractions[fields.surface.blocks] += share[:, None] * fields.traction
-    for function in found.values():
+    for name, function in found.items():
         function.x.scatter_forward()
+        if name != "contact_state":
+            make_nodal(function, [fields.surface.limited for fields in contacts])
     return found
-
-
-def body_summary(
-    domain: Domain, u: fem.Function, data: forms.ProblemData, fields: BodyFields
-) -> dict[str, Any]:
-    """The keys of summary.json about the body: energies, strains and sizes; collective."""
-    dofmap = u.function_space.dofmap
-    owned = fields.strain_norm.function_space.dofmap.index_map.size_local
-    one = fem.Constant(domain.mesh, 1.0)
-    return {
-        "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
-        "cells": domain.num_cells,
-        "ranks": domain.comm.size,
-        "dolfinx": dolfinx.__version__,
-        "compliance": integral(domain, forms.external_work(u, data)),
-        "elastic_energy": integral(domain, 0.5 * forms.elastic_form(u, u, data)),
-        "strain_norm_max": maximum(domain.comm, fields.strain_norm.x.array[:owned]),
-        "locked_fraction": integral(domain, fields.locked * data.dx)
-        / integral(domain, one * data.dx),
-    }
 
 
 def integral(domain: Domain, form: Expr) -> float:
     """The value of a functional; collective."""
     return float(domain.comm.allreduce(fem.assemble_scalar(compiled.form(form))))
-
-
-def _at_points(
-    element: Element, domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()
-) -> fem.Function:
-    space = element.strain_space(domain.mesh, shape)
-    function = fem.Function(space, name=name)
-    function.interpolate(_compat.interpolation_expression(expr, space))
-    function.x.scatter_forward()
-    return function

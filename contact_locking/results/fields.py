@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import errno
 import os
 import re
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+import ufl
 from dolfinx import fem, io
 from mpi4py import MPI
 
+from contact_locking import _compat
+from contact_locking.arrays import FloatArray
+from contact_locking.laws.elasticity import strain
 from contact_locking.results.solution import Solution
 
 FIELD_NAMES = (
@@ -32,47 +39,103 @@ _NO_ROOM_BYTES = 65_536
 
 
 def discontinuous(solution: Solution) -> list[fem.Function]:
-    """All fields as discontinuous P1 functions.
+    """All fields as discontinuous functions of the displacement's degree.
 
-    All functions of a VTX file have one element, and discontinuous P1 contains P1 and P0.  The
-    values are copied at the corners and not interpolated, so that 0 and 1 stay 0 and 1.  Raises
-    InputError for an element of another degree than 1.
+    All functions of a VTX file have one element, and these functions contain the displacements and
+    the strains.  For degree 1 all values are copied.  For degree 2 the strain norm is |eps(u)| at
+    each node.  The other fields of the space of strains are extended to the nodes as the affine
+    functions that they are, except ``locked``: each corner has the value of the point beside the
+    corner, so that 0 and 1 stay 0 and 1, and the middle of an edge has the mean of its ends.
     """
-    solution.element.require_linear("fields in a VTX file")
+    degree, mesh = solution.element.degree, solution.domain.mesh
     spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
     copies = []
     for name in FIELD_NAMES:
         function = getattr(solution, name)
+        if function is None:
+            continue
         shape = function.ufl_shape
         if shape not in spaces:
-            element = ("DG", 1, shape) if shape else ("DG", 1)
-            spaces[shape] = fem.functionspace(solution.domain.mesh, element)
+            element = ("DG", degree, shape) if shape else ("DG", degree)
+            spaces[shape] = fem.functionspace(mesh, element)
         copy = fem.Function(spaces[shape], name=name)
-        given, wanted = function.function_space.dofmap, copy.function_space.dofmap
-        # A P0 function has one value in a cell, which every corner receives.
-        values = function.x.array.reshape(-1, given.bs)[given.list]
-        copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values
+        _fill(copy, function, name, solution)
         copies.append(copy)
     return copies
 
 
+def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solution) -> None:
+    """Give a discontinuous function the values of a field; collective."""
+    space = copy.function_space
+    given, wanted = function.function_space.dofmap, space.dofmap
+    values = function.x.array.reshape(-1, given.bs)[given.list]
+    number = wanted.list.shape[1]
+    if name == "strain_norm" and solution.element.degree > 1:
+        eps = strain(solution.displacement)
+        norm = ufl.sqrt(ufl.inner(eps, eps))
+        copy.interpolate(_compat.interpolation_expression(norm, space))
+    elif values.shape[1] in (1, number):
+        # A constant has one value in a cell, which every node receives.
+        copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values
+    elif name == "locked":
+        shares = _corner_shares(space)
+        copy.x.array.reshape(-1, wanted.bs)[wanted.list] = np.einsum("nc,kcb->knb", shares, values)
+    else:
+        copy.interpolate(function)
+
+
+def _corner_shares(space: fem.FunctionSpace) -> FloatArray:
+    """The barycentric coordinates (n, d + 1) of the nodes of a cell."""
+    points = space.element.basix_element.points
+    return np.column_stack([1.0 - points.sum(axis=1), points])
+
+
 def size(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
     """An upper bound of the bytes of the file: values, mesh, and ADIOS2's metadata of each rank."""
-    mesh = functions[0].function_space.mesh
+    space = functions[0].function_space
+    mesh, in_cell = space.mesh, space.dofmap.list.shape[1]
     cells = mesh.topology.index_map(mesh.topology.dim).size_global
-    corners = cells * (mesh.topology.dim + 1)
+    nodes = cells * in_cell
     # A vector has 3 and a tensor 9 components in the file; a point has 3, a number and a ghost
     # mark.
     components = sum({0: 1, 1: 3, 2: 9}[len(f.ufl_shape)] for f in functions) + 3 + 2
-    return int(8 * (components * corners + corners + cells) + 32_768 * (1 + comm.size))
+    return int(8 * (components * nodes + nodes + cells) + 32_768 * (1 + comm.size))
 
 
 def write(functions: list[fem.Function], path: Path, comm: MPI.Intracomm) -> None:
     """Write the functions to ``path``; collective.  Raises OSError where ADIOS2 fails."""
-    file = io.VTXWriter(comm, path, functions, engine="BP4")
+    file = Series(functions, path, comm)
+    file.add(0.0)
+    file.close()
+
+
+class Series:
+    """A file with the functions at several times; collective.
+
+    Before each call of :meth:`add` the functions get their values.  The methods raise OSError where
+    ADIOS2 fails.
+    """
+
+    def __init__(self, functions: list[fem.Function], path: Path, comm: MPI.Intracomm) -> None:
+        self.functions, self._path = functions, path
+        self._file = io.VTXWriter(comm, path, functions, engine="BP4")
+
+    def add(self, time: float) -> None:
+        """Write the present values for a time."""
+        with _explained(self._file, self._path):
+            self._file.write(time)
+
+    def close(self) -> None:
+        """Complete the file."""
+        with _explained(self._file, self._path):
+            self._file.close()
+
+
+@contextlib.contextmanager
+def _explained(file: io.VTXWriter, path: Path) -> Iterator[None]:
+    """Raise an OSError in place of the error of ADIOS2."""
     try:
-        file.write(0.0)
-        file.close()
+        yield
     except RuntimeError as error:
         # The destructor of ADIOS2 would write again, and an exception in a destructor ends the
         # process.  One more reference to the file prevents the call of the destructor.

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
+#: The fields for tools that do not read VTX: XDMF, and its data in HDF5.
+XDMF, XDMF_DATA = "fields.xdmf", "fields.h5"
+#: A row of numbers for each step of a process.
+HISTORY = "history.csv"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 #: The picture of a run, and the arrays that the picture shows.
 PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
+#: The meshes of a run with adapted meshes.
+MESHES = "meshes.npz"
 #: The table of a study, in CSV and in JSON lines.
 TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
 

@@ -33,7 +33,7 @@ def fixed_point(
     """
     settings, report, rubbing = task.settings, task.report, task.system.rubbing
     changes: list[float] = []
-    for update in range(1, settings.max_friction_updates + 1):
+    for _ in range(settings.max_friction_updates):
         solve()
         new = evaluate()
         size = max(joint_norm(rubbing, new), task.least_bound())
@@ -47,7 +47,7 @@ def fixed_point(
         report.friction_change = relative
         observed = contraction_factor(changes, settings.friction_tolerance)
         report.contraction = report.contraction if observed is None else observed
-        task.monitor.friction_update(update, relative, report.contraction)
+        task.monitor.friction_update(report.friction, relative, report.contraction)
         if relative <= settings.friction_tolerance:
             return
     factor = "" if report.contraction is None else f", contraction factor {report.contraction:.2f}"

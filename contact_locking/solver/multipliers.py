@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import dolfinx
 import numpy as np
 from dolfinx import fem
 
+from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.problem.forms import ProblemData
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,32 @@ class ContactForces:
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Z in the space of strains, and the forces on each part of Gamma_C."""
+    """Z in the space of strains, and the forces on each part of Gamma_C.
+
+    ``parts`` has the multiplier y of each set of strains, and Z is the sum of ``L^T y`` over them.
+    If the ball is the only set, its multiplier is Z itself, the same function.
+    """
 
     locking_stress: fem.Function
     contacts: tuple[ContactForces, ...]
+    parts: tuple[fem.Function, ...]
+
+    @classmethod
+    def none(
+        cls, data: ProblemData, mesh: dolfinx.mesh.Mesh, contacts: tuple[ContactForces, ...]
+    ) -> Multipliers:
+        """No stress, and the given forces on Gamma_C; collective."""
+        parts = tuple(fem.Function(item.multipliers(data.element, mesh)) for item in data.sets)
+        total = parts[0] if data.only_ball else fem.Function(parts[0].function_space)
+        total.name = "locking_stress"
+        return cls(total, contacts, parts)
+
+    def add_up(self, data: ProblemData) -> None:
+        """Make Z the sum of the shares of all sets of strains; collective."""
+        if data.only_ball:
+            return
+        space = self.locking_stress.function_space
+        shares = (item.stress(y) for item, y in zip(data.sets, self.parts, strict=True))
+        expression = _compat.interpolation_expression(sum(shares), space)
+        self.locking_stress.interpolate(expression)
+        self.locking_stress.x.scatter_forward()

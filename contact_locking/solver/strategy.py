@@ -191,4 +191,9 @@ def solve(method: str, task: Task, saved: SavedState | None = None) -> SolverRep
     """
     if method not in METHODS:
         raise InputError(f"no solver {method!r}; there are: {', '.join(METHODS)}", "solver.method")
-    return METHODS[method](task, saved)
+    report = METHODS[method](task, saved)
+    if len(report.stages) == 1:
+        # The steps by which Newton's method polishes belong to the only stage too.
+        report.stages[0]["tangents"] = report.tangents
+    task.monitor.counted(report.tangents, report.friction)
+    return report

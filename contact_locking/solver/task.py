@@ -46,6 +46,7 @@ class Task:
         """Report a stage of the solve that took so many tangents."""
         stage: dict[str, float | int] = {"n": penalty.n, "epsilon": penalty.epsilon}
         self.report.stages.append(stage | {"tangents": tangents})
+        self.monitor.counted(self.report.tangents, self.report.friction)
 
     def succeed(self) -> SolverReport:
         """The report of a solve whose criteria all hold."""

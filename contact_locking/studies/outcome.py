@@ -16,6 +16,7 @@ from typing import Any, Literal
 from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.files.atomic import remove_abandoned, write_text
+from contact_locking.results.in_words import weakest
 from contact_locking.results.names import PARAMETERS, SUMMARY
 from contact_locking.results.read import read_mapping
 
@@ -38,6 +39,12 @@ class Outcome:
     def finished(self) -> bool:
         """Whether the case needs no further solve."""
         return self.summary is not None
+
+    @property
+    def reservation(self) -> str:
+        """What makes a converged result a rough one; otherwise empty."""
+        weak = weakest(self.summary or {})
+        return f", but rough: {weak.words}" if weak is not None and weak.is_rough else ""
 
     @property
     def warnings(self) -> list[str]:

@@ -58,7 +58,7 @@ class View:
         self._states[outcome.state] += 1
         self._seconds += seconds
         width = len(str(self._total))
-        reason = "" if outcome.state == "converged" else f": {outcome.reason}"
+        reason = f": {outcome.reason}" if outcome.state != "converged" else outcome.reservation
         self.line(
             f"[{self._states.total():{width}}/{self._total}] {case.label}  "
             f"{outcome.state}{reason}  ({duration(seconds)})",

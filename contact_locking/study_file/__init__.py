@@ -2,11 +2,15 @@
 
 from .dump import dump
 from .fingerprint import file_digest, fingerprint, mesh_identity, problem_fingerprint
+from .listing import schema_text
 from .load import StudyFile, from_mapping, load
-from .schema import schema, schema_text
+from .schema import schema
+from .starter import names as demo_names
+from .starter import starter
 
 __all__ = [
     "StudyFile",
+    "demo_names",
     "dump",
     "file_digest",
     "fingerprint",
@@ -16,4 +20,5 @@ __all__ = [
     "problem_fingerprint",
     "schema",
     "schema_text",
+    "starter",
 ]

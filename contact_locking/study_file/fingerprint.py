@@ -13,7 +13,7 @@ from contact_locking.parameters import Parameters
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
 # The sections that define a solution, beside contact and friction.
-_PROBLEM = ("mesh", "material", "loads", "penalty")
+_PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "penalty")
 
 
 def file_digest(path: str) -> str:
@@ -31,7 +31,10 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
-    return _short({**data, **_contact(parameters), "mesh": mesh_identity(parameters, digest)})
+    if parameters.adapt is None:
+        # One mesh keeps the fingerprint that it had before there were adapted meshes.
+        del data["adapt"]
+    return _short(_normalised(data, parameters, digest))
 
 
 def problem_fingerprint(parameters: Parameters) -> str:
@@ -40,7 +43,24 @@ def problem_fingerprint(parameters: Parameters) -> str:
     The solver and the output do not count.
     """
     data = parameters.model_dump(by_alias=True, include=set(_PROBLEM))
-    return _short({**data, **_contact(parameters), "mesh": mesh_identity(parameters)})
+    return _short(_normalised(data, parameters, file_digest))
+
+
+def _normalised(
+    data: dict[str, Any], parameters: Parameters, digest: Callable[[str], str]
+) -> dict[str, Any]:
+    """The data with one form for what a study file may write in several ways."""
+    if parameters.discretisation.degree == 1:
+        # There the limit is the same at vertices and at Gauss points.
+        del data["discretisation"]
+    for section in (data["material"], *data["material"]["regions"].values()):
+        if not section["locking"]:
+            # A body with the ball alone keeps the fingerprint that it had before.
+            del section["locking"]
+    if parameters.steps is None:
+        # One static load keeps the fingerprint that it had before there were steps.
+        del data["steps"]
+    return {**data, **_contact(parameters), "mesh": mesh_identity(parameters, digest)}
 
 
 def _contact(parameters: Parameters) -> dict[str, Any]:

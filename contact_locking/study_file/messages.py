@@ -14,7 +14,7 @@ from contact_locking.parameters.values import CHOICES
 from contact_locking.parameters.wording import show, unknown_key, value_message
 from contact_locking.plain_text import nearest
 
-from .schema import rows
+from .listing import rows
 
 # The symbols of the formulas, which users may take for keys.
 _SYMBOLS = {

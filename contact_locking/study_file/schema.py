@@ -1,87 +1,64 @@
-"""Every key with its default, unit and description: as JSON schema and as a table."""
+"""The JSON schema of a study file, by which editors complete and check one."""
 
 from __future__ import annotations
 
+import copy
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
-from typing import Any, NamedTuple
+from typing import Any
 
 from pydantic import BaseModel, TypeAdapter
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.parameters import MeshParameters, Parameters
-from contact_locking.parameters.base import marks
-from contact_locking.parameters.keys import section_in, visible_fields
+from contact_locking.parameters.keys import may_be_list, section_in, visible_fields
 from contact_locking.parameters.mesh import builder_types
+from contact_locking.parameters.study import MAX_CASES
 from contact_locking.parameters.wording import show
 
-#: Marks of `contact_locking.parameters.base.entry` that are not part of the schema.
-_INTERNAL = ("scalar", "optional", "hidden")
+from .listing import rows
 
-
-class Row(NamedTuple):
-    """A key of the study file; INDEX and NAME stand for an entry of a list or a mapping."""
-
-    key: str
-    default: str
-    unit: str
-    description: str
-
-
-def rows(model: type[BaseModel] = Parameters, prefix: str = "") -> Iterator[Row]:
-    """All keys below a section; a section stands before its own keys."""
-    for name, field in visible_fields(model).items():
-        key = f"{prefix}{name}"
-        path, section = section_in(field.annotation)
-        default = "required" if field.is_required() else _shown(field.default)
-        yield Row(key, default, marks(field)["unit"], field.description or "")
-        if section is not None:
-            yield from rows(section, ".".join((key, *path, "")))
-    if model is MeshParameters:
-        yield from _builder_rows(prefix)
-
-
-def _builder_rows(prefix: str) -> Iterator[Row]:
-    """Parameters of the geometries. A parameter of several geometries is listed once."""
-    having: dict[Row, list[str]] = {}
-    for builder, cls in BUILDERS.items():
-        for entry in fields(cls):
-            default = "required" if entry.default is MISSING else _shown(entry.default)
-            about = entry.metadata
-            row = Row(f"{prefix}{entry.name}", default, about["unit"], about["description"])
-            having.setdefault(row, []).append(builder)
-    for row, builders in sorted(having.items(), key=lambda item: -len(item[1])):
-        yield row._replace(description=f"{row.description} ({', '.join(builders)})")
-
-
-def _shown(value: Any) -> str:
-    return "" if isinstance(value, BaseModel) else show(value)
-
-
-def schema_text() -> str:
-    """The table of all keys, for a terminal."""
-    table = [Row("key", "default", "unit", "description"), *rows()]
-    widths = [max(len(row[column]) for row in table) for column in range(3)]
-    lines = [
-        "  ".join([*(f"{cell:{width}}" for cell, width in zip(row, widths, strict=False)), row[3]])
-        for row in table
-    ]
-    return "\n".join(line.rstrip() for line in lines) + "\n"
+# The language servers of editors know this version best; nothing in the schema takes a later one.
+_VERSION = "http://json-schema.org/draft-07/schema#"
+#: Marks of `contact_locking.parameters.base.entry` that are not part of the schema, and the titles
+#: that pydantic makes from the names of keys.
+_INTERNAL = ("scalar", "optional", "hidden", "title")
+_PLACES = {"INDEX": r"\d+", "NAME": r"[^.]+"}
 
 
 def schema() -> dict[str, Any]:
     """The JSON schema of a study file; .inf is the text ".inf", as JSON has no infinity."""
-    result = Parameters.model_json_schema(by_alias=True)
-    result["$defs"]["MeshParameters"] = _mesh_schema()
-    return _json(result)
+    found = _json(Parameters.model_json_schema(by_alias=True))
+    sections = found["$defs"]
+    sections["MeshParameters"] = _json(_mesh_schema())
+    sections["StudyParameters"]["properties"] |= {
+        kind: {"$ref": "#/$defs/VariedKeys", "description": about["description"]}
+        for kind, about in sections["StudyParameters"]["properties"].items()
+    }
+    for section in sections.values():
+        _with_empty(section)
+    sections["VariedKeys"] = _varied_keys()
+    sections["VariedValues"] = _varied_values()
+    head = {"$schema": _VERSION, "title": "A study file of contact-locking"}
+    return head | found
+
+
+def _with_empty(section: dict[str, Any]) -> None:
+    """Let a section be empty, as YAML reads a key with nothing behind it, if it may have no key."""
+    if section.get("type") == "object" and not section.get("required"):
+        section["type"] = ["object", "null"]
 
 
 def _mesh_schema() -> dict[str, Any]:
-    about = {"type": "string", "description": visible_fields(MeshParameters)["file"].description}
-    kinds = [_object({"file": about}, required=["file"])]
+    about = visible_fields(MeshParameters)
+    file = {"type": "string", "description": about["file"].description}
+    kinds: list[dict[str, Any]] = [_object({"file": file}, required=["file"])]
     for name, cls in BUILDERS.items():
-        properties: dict[str, Any] = {"builder": {"const": name, "default": "block"}}
+        # An editor shows the description when it completes the name of the builder.
+        builder = {"const": name, "default": name, "description": _first_line(cls)}
+        properties: dict[str, Any] = {"builder": builder}
         types = builder_types(cls)
         for entry in fields(cls):
             kind = TypeAdapter(types[entry.name]).json_schema()
@@ -89,7 +66,62 @@ def _mesh_schema() -> dict[str, Any]:
             if entry.default is not MISSING:
                 properties[entry.name]["default"] = entry.default
         kinds.append(_object(properties, required=[] if name == "block" else ["builder"]))
-    return {"title": "MeshParameters", "description": MeshParameters.__doc__, "anyOf": kinds}
+    return {"description": MeshParameters.__doc__, "anyOf": [*kinds, {"type": "null"}]}
+
+
+def _first_line(builder: type) -> str:
+    return (builder.__doc__ or "").partition("\n")[0]
+
+
+def _varied_keys() -> dict[str, Any]:
+    """The keys that a study may vary, each with its values."""
+    values = {"$ref": "#/$defs/VariedValues"}
+    properties: dict[str, Any] = {}
+    patterns: dict[str, Any] = {}
+    for parts, description in _places(Parameters):
+        key = ".".join(parts)
+        if parts[0] == "study" or key == "output.directory":
+            continue
+        if _PLACES.keys().isdisjoint(parts):
+            properties[key] = {**values, "description": description}
+        else:
+            patterns[_pattern(parts)] = values
+    return {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": properties,
+        "patternProperties": patterns,
+    }
+
+
+def _places(
+    model: type[BaseModel], above: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], str]]:
+    """All keys and entries of lists and mappings below a section, with their descriptions."""
+    for name, field in visible_fields(model).items():
+        key, description = (*above, name), field.description or ""
+        path, section = section_in(field.annotation)
+        paths = [path, ("INDEX", *path)] if may_be_list(field.annotation) else [path]
+        yield key, description
+        for steps in paths:
+            yield from (((*key, *steps[: end + 1]), description) for end in range(len(steps)))
+            if section is not None:
+                yield from _places(section, (*key, *steps))
+    if model is MeshParameters:
+        yield from ((tuple(row.key.split(".")), row.description) for row in rows() if row.builders)
+
+
+def _pattern(parts: tuple[str, ...]) -> str:
+    return "^" + r"\.".join(_PLACES.get(part, re.escape(part)) for part in parts) + "$"
+
+
+def _varied_values() -> dict[str, Any]:
+    """A list of values, or a range as {geometric: [first, last, number of values]}."""
+    number = {"type": "number"}
+    count = {"type": "integer", "minimum": 2, "maximum": MAX_CASES}
+    limits = {"type": "array", "items": [number, number, count], "minItems": 3, "maxItems": 3}
+    ranges = [_object({kind: limits}, required=[kind]) for kind in ("geometric", "linear")]
+    return {"anyOf": [{"type": "array", "minItems": 1}, *ranges]}
 
 
 def _object(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:
@@ -97,12 +129,17 @@ def _object(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:
     return kind | {"required": required} if required else kind
 
 
-def _json(value: Any) -> Any:
+def _json(value: Any, names: bool = False) -> Any:
+    """Plain JSON without the internal marks; ``names`` says that the keys are names of keys."""
     match value:
         case dict():
-            return {key: _json(item) for key, item in value.items() if key not in _INTERNAL}
+            return {
+                key: _json(item, names=key == "properties" and not names)
+                for key, item in value.items()
+                if names or key not in _INTERNAL
+            }
         case list() | tuple():
             return [_json(item) for item in value]
         case float() if not math.isfinite(value):
             return show(value)
-    return value
+    return copy.copy(value)

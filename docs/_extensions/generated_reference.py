@@ -14,7 +14,7 @@ from typing import Any
 
 from contact_locking.command import arguments
 from contact_locking.expressions import CONSTANTS, FUNCTIONS
-from contact_locking.study_file.schema import Row, rows
+from contact_locking.study_file.listing import Row, rows
 
 
 def study_file_keys() -> str:

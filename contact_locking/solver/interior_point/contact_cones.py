@@ -8,15 +8,14 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.laws.convex import normal_part
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
-from contact_locking.solver.interior_point.family import Family, Step
+from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.multipliers import Multipliers
 
 
-class ContactCones(Family):
+class ContactCones(HalfLines):
     """``c = gap + eps p - u_nu >= 0``, ``p >= 0``, ``c p = 0``, node by node: ``x = c``, ``z = p``.
 
     ``compliance`` is the penalty parameter eps, 0 for the inequality itself, ``length`` the extent
@@ -37,8 +36,8 @@ class ContactCones(Family):
         self.nodes.add_pressure(reactions, forces)
 
     @property
-    def reactions(self) -> FloatArray:
-        return self.z
+    def limit(self) -> FloatArray:
+        return self.nodes.gap
 
     # The iterate.
 
@@ -46,25 +45,10 @@ class ContactCones(Family):
         self.x = np.maximum(self.nodes.gap - self.seen, least)
         self.z = np.asarray(level * self.scale / self.x)
 
-    def total(self, t: float = 0.0, step: Step | None = None) -> float:
-        x, z = self.x, self.z
-        if step is not None:
-            x, z = x + t * step.primal, z + t * step.dual
-        return float(self.weights @ (x * z))
-
-    def longest_step(self, step: Step) -> float:
-        speed = np.max([-step.primal / self.x, -step.dual / self.z], initial=0.0)
-        # NaN is no direction to go in.
-        return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
-
     def primal_residual(self, deformation: float) -> float:
         residual = self._primal_gap()
         size = np.full_like(residual, deformation)
         return relative_rms(self.comm, self.weights, residual, size)
-
-    def _primal_gap(self) -> FloatArray:
-        """``gap + eps p - u_nu - c``."""
-        return (self.nodes.gap - self.seen) + self.compliance * self.z - self.x
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         forces = multipliers.contacts[self.nodes.number]
@@ -75,43 +59,17 @@ class ContactCones(Family):
 
     # The Newton step.
 
-    def linearise(self) -> None:
-        self._gap = self._primal_gap()
-        self.stiffness = self.z / (self.x + self.compliance * self.z)
-
-    def hold(self, stiffness: float) -> None:
-        self.stiffness = np.full(len(self.weights), stiffness)
-
-    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
-        self._wanted = target - self.x * self.z
-        if correction is not None:
-            self._wanted -= correction
-        return self.z + self._dual_step(self._gap)
-
-    def step(self, seen: FloatArray) -> Step:
-        dz = self._dual_step(self._gap - seen)
-        return Step(self.compliance * dz - seen + self._gap, dz)
-
-    def _dual_step(self, d_rest: FloatArray) -> FloatArray:
-        return (self._wanted - self.z * d_rest) / (self.x + self.compliance * self.z)
-
     def response(self, seen: FloatArray) -> FloatArray:
         """The change of the pressure (k,) with the normal displacement."""
         return self.z * seen / (self.x + self.compliance * self.z)
-
-    def correction(self, step: Step) -> FloatArray:
-        return step.primal * step.dual
-
-    def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
-        products = (self.x + t * step.primal) * (self.z + t * step.dual)
-        return np.maximum(np.clip(products, *band) - products, -band[1])
 
     # The tangent.
 
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int k du_nu v_nu``."""
-        self._k, nu = self.nodes.scalar(), self.nodes.contact.normal
-        return self._k * normal_part(du, nu) * normal_part(v, nu) * self.nodes.ds
+        self._k, contact = self.nodes.scalar(), self.nodes.contact
+        normal, v_normal = (contact.parts(contact.limited(field))[0] for field in (du, v))
+        return self._k * normal * v_normal * self.nodes.ds
 
     def write_block(self) -> None:
         self.nodes.set_values(self._k, self.stiffness)
@@ -139,12 +97,3 @@ class ContactCones(Family):
 
     def penetration(self) -> float:
         return float(np.max(self.seen - self.nodes.gap, initial=0.0))
-
-    def largest_multiplier(self) -> float:
-        return float(self.z.max(initial=0.0))
-
-    def resistance(self, reactions: FloatArray) -> float:
-        """``int gap p`` for ``p >= 0``."""
-        if np.any(reactions < 0.0):
-            return np.inf
-        return float(self.weights @ (self.nodes.gap * reactions))

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.sparse import identity, kron
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.problem.contact import Contact
@@ -22,41 +23,54 @@ class ContactNodes:
 
     The nodes are the owned ones of ``contact`` whose normal displacement is free, as nothing is
     left to decide at the others.  ``number`` is the place of the contact among all contacts.
-    Vectors are (d, k), scalars (k,); ``gap`` (k,) and ``weights`` (k,) are those of the nodes.
+    Vectors are (d, k), scalars (k,); ``weights`` (k,) are those of the nodes.
     """
 
     def __init__(self, contact: Contact, number: int, system: PenalisedSystem) -> None:
         self.contact, self.number = contact, number
         self.comm, self.dim = system.comm, system.dim
-        space = system.u.function_space
-        self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         surface, self._active = contact.surface, contact.free
         self._normal = np.ascontiguousarray(contact.normals[self._active].T)
         self._nodes, self._blocks = surface.nodes[self._active], surface.blocks[self._active]
         self.weights = surface.weights[self._active]
-        self.gap = contact.gaps[self._active]
+        self._matrix = self._limited_values(system)
+        self._displacement, self._values = self._matrix.createVecs()
+
+    @property
+    def gap(self) -> FloatArray:
+        """The gap (k,)."""
+        return self.contact.gaps[self._active]
 
     def normal_displacements(self, displacement: FloatArray) -> FloatArray:
-        """``u_nu`` (k,) of a displacement (owned values)."""
-        return np.einsum("ik,ik->k", self._nodal(displacement), self._normal)
+        """``u_nu`` (k,) of a displacement (owned values); collective."""
+        return np.einsum("ik,ik->k", self._at_points(displacement), self._normal)
 
     def slips(self, displacement: FloatArray) -> FloatArray:
-        """``u_tau`` (d, k) of a displacement (owned values)."""
-        values = self._nodal(displacement)
+        """``u_tau`` (d, k) of a displacement (owned values); collective."""
+        return self._tangential(self._at_points(displacement))
+
+    def old_slips(self) -> FloatArray:
+        """``u_{k-1,tau}`` (d, k), where the nodes stood before the step."""
+        return self.contact.memory.tangential[self._active].T
+
+    def increments(self, displacement: FloatArray) -> FloatArray:
+        """The slips (d, k) of the step, ``u_tau - u_{k-1,tau}``, of a displacement; collective."""
+        return self._tangential(self._at_points(displacement) - self.old_slips())
+
+    def _tangential(self, values: FloatArray) -> FloatArray:
         # Once more, as rounding leaves a normal part that the stiffness of sticking enlarges.
         for _ in range(2):
             values = values - np.einsum("ik,ik->k", values, self._normal) * self._normal
         return values
 
     def add_pressure(self, pressure: FloatArray, forces: PETSc.Vec) -> None:
-        """``forces += int p (.)_nu``."""
+        """``forces += int p (.)_nu``; collective."""
         self.add_traction(pressure * self._normal, forces)
 
     def add_traction(self, traction: FloatArray, forces: PETSc.Vec) -> None:
-        """``forces += int traction . (.)``."""
-        # PETSc keeps the norm of a vector until the array is given back.
-        with forces as values:
-            values.reshape(-1, self.dim)[self._blocks] += (self.weights * traction).T
+        """``forces += int traction . (.)``; collective."""
+        self._values.array_w[:] = (self.weights * traction).T.reshape(-1)
+        self._matrix.multTransposeAdd(self._values, forces, forces)
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
         """The nodes, as blocks, that springs (k,) per area hold more stiffly than a material."""
@@ -97,5 +111,26 @@ class ContactNodes:
     def ds(self) -> ufl.Measure:
         return self.contact.surface.ds
 
-    def _nodal(self, displacement: FloatArray) -> FloatArray:
-        return displacement[: self._owned].reshape(-1, self.dim)[self._blocks].T
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        for item in (self._matrix, self._displacement, self._values):
+            item.destroy()
+
+    def _at_points(self, displacement: FloatArray) -> FloatArray:
+        """The limited values (d, k) of a displacement (owned values); collective."""
+        self._displacement.array_w[:] = displacement[: self._displacement.getLocalSize()]
+        self._matrix.mult(self._displacement, self._values)
+        return self._values.array_r.reshape(-1, self.dim).T
+
+    def _limited_values(self, system: PenalisedSystem) -> PETSc.Mat:
+        """The map from displacements to limited values, node by node; collective."""
+        dofmap = system.u.function_space.dofmap
+        by_node = self.contact.surface.limited.matrix[self._active]
+        local = kron(by_node, identity(self.dim), format="csr")
+        blocks, axes = np.divmod(local.indices, self.dim)
+        columns = self.dim * dofmap.index_map.local_to_global(blocks.astype(np.int32)) + axes
+        return PETSc.Mat().createAIJ(
+            ((local.shape[0], None), (self.dim * dofmap.index_map.size_local, None)),
+            csr=(local.indptr.astype(PETSc.IntType), columns.astype(PETSc.IntType), local.data),
+            comm=self.comm,
+        )

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from contact_locking.arrays import FloatArray
+from contact_locking.problem.strain_sets import NormSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
@@ -15,6 +13,7 @@ from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.lorentz import Lorentz
 from contact_locking.solver.interior_point.moving_bound import MovingBound
+from contact_locking.solver.interior_point.strain_half_lines import StrainHalfLines
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.target import Target
 
@@ -24,28 +23,41 @@ class Families:
     """All families of a system, and what ties friction to the pressure of its contact.
 
     A family of cones of another kind is one more entry of the list that :func:`families_of` makes.
+    ``strains`` has the operator of each set of strains.
     """
 
     every: list[Family]
     bounds: list[MovingBound]
-    strains: StrainOperator
+    strains: list[StrainOperator]
+    nodes: list[ContactNodes]
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
-        self.strains.destroy()
+        for operator in self.strains:
+            operator.destroy()
+        for item in self.nodes:
+            item.destroy()
 
 
 def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> Families:
-    """Locking, and for each part of Gamma_C contact and, where there is any, friction; collective.
+    """A family for each set of strains, and contact and friction for each part of Gamma_C.
 
-    ``least_bound`` is the share of the largest friction bound that no bound is smaller than.
+    Without friction on a part there is no family for it.  ``least_bound`` is the share of the
+    largest friction bound that no bound is smaller than.  Collective.
     """
     lorentz, penalty = Lorentz(system.comm), target.penalty
-    strains, limit = _strains(system)
-    families: list[Family] = [LockingCones(lorentz, strains, limit, penalty.compliance)]
-    bounds = []
+    data, space = system.data, system.u.function_space
+    strains = [StrainOperator(space, data, item) for item in data.sets]
+    families: list[Family] = []
+    for number, operator in enumerate(strains):
+        if isinstance(operator.law, NormSet):
+            families.append(LockingCones(lorentz, operator, penalty.compliance, number))
+        else:
+            families.append(StrainHalfLines(operator, penalty.compliance, number))
+    bounds, touching = [], []
     for number, contact in enumerate(system.contacts):
         nodes = ContactNodes(contact, number, system)
+        touching.append(nodes)
         pressing = ContactCones(nodes, penalty.epsilon, target.length)
         families.append(pressing)
         if not contact.friction.frictionless:
@@ -53,19 +65,4 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
             rubbing = FrictionCones(lorentz, nodes, regularisation, target.length)
             families.append(rubbing)
             bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound))
-    return Families(families, bounds, strains)
-
-
-def _strains(system: PenalisedSystem) -> tuple[StrainOperator, FloatArray]:
-    """The strains at the points that can lock, and M (k,) there; collective."""
-    data, space = system.data, system.u.function_space
-    topology = space.mesh.topology
-    owned = topology.index_map(topology.dim).size_local
-    # The degrees of freedom of the space of strains need not follow the numbers of the cells.
-    by_cell = data.inverse_limit.function_space.dofmap.list[:owned]
-    dofs = by_cell.reshape(-1)
-    cells = np.repeat(np.arange(owned, dtype=np.int32), by_cell.shape[1])
-    inverse_limit = data.inverse_limit.x.array[dofs]
-    locks = inverse_limit > 0.0
-    strains = StrainOperator(space, data, dofs[locks], cells[locks])
-    return strains, 1.0 / inverse_limit[locks]
+    return Families(families, bounds, strains, touching)

@@ -30,6 +30,13 @@ class Step:
     primal: FloatArray
     dual: FloatArray
 
+    def towards(self, other: Step, share: float) -> Step:
+        """``(1 - share)`` times this step plus ``share`` times the other."""
+        return Step(
+            self.primal + share * (other.primal - self.primal),
+            self.dual + share * (other.dual - self.dual),
+        )
+
 
 class Family(ABC):
     """Cones of one kind at k points with weights: everything that the method needs of them.
@@ -114,8 +121,8 @@ class Family(ABC):
         """Make the block D of the present points and of what was seen."""
 
     @abstractmethod
-    def hold(self, stiffness: float) -> None:
-        """Put springs ``D = stiffness`` in place of the cones' block."""
+    def hold(self, stiffness: float | FloatArray) -> None:
+        """Put springs ``D = stiffness``, a number or (k,), in place of the cones' block."""
 
     @abstractmethod
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
@@ -198,6 +205,13 @@ class Family(ABC):
         """
         return 0.0
 
+    def springs(self, stiffness: float, largest: float) -> float | FloatArray:
+        """Springs of this stiffness at most, whose forces may change the present reactions.
+
+        ``largest`` is the largest multiplier of all families.
+        """
+        return stiffness
+
     def describe_excess(self) -> str:
         """Where what was seen exceeds its limit the most, "" for no limit to name; collective."""
         return ""
@@ -209,6 +223,16 @@ class Direction:
 
     displacement: FloatArray
     steps: Mapping[Family, Step]
+
+    def towards(self, other: Direction, share: float) -> Direction:
+        """``(1 - share)`` times this direction plus ``share`` times the other."""
+        return Direction(
+            self.displacement + share * (other.displacement - self.displacement),
+            {
+                family: step.towards(other.steps[family], share)
+                for family, step in self.steps.items()
+            },
+        )
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.family import Reaction
+from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.target import Target
 
@@ -33,15 +33,16 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     that is zero where displacements are prescribed, then ``P = B(u)`` is the same for every field
     that follows u_D, and s P for those that follow s u_D; but it is ``R = int M |Z| + int p gap``
     at most where ``|eps| <= M`` and ``u_nu <= gap``.  So no admissible field on this mesh follows
-    s u_D with ``s > R/P``.
+    s u_D with ``s > R/P``.  With several sets of strains Z is the sum of ``L^T y`` over them, and
+    ``M |y|``, with ``y >= 0`` for a half space, takes the place of ``M |Z|``.
 
     The multipliers of ``iterate`` hardly balance each other.  With
 
         int (A + k) eps(rho) : eps(v) + int (k/L) rho_nu v_nu = B(v)
 
     ``Z - k eps(rho)`` and ``p - (k/L) rho_nu`` do, but for ``a(rho, v)``, which adds at most
-    ``int c |eps(rho)| (M + |eps(u)|)`` to R, c being the largest eigenvalue of A.  Where nothing
-    limits the strain 1 takes the place of M.
+    ``int c |eps(rho)| (M + |eps(u)|)`` to R, c being the largest eigenvalue of A.  Where no set
+    bounds the norm of the strain 1 takes the place of M.
 
     None without a proof that ``P > R``, and where friction alone holds the body, so that rho is not
     determined.  Infinite if R is negative: then the gap alone is in the way, and to scale u_D is
@@ -53,10 +54,12 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     reactions = Reaction.of(limits)
     if system.held_by_friction or not _resistance(iterate, reactions) < _power(iterate, reactions):
         return None
-    springs = dict.fromkeys(tangent.families, 0.0)
+    largest = iterate.largest_multiplier()
+    springs: dict[Family, float | FloatArray] = dict.fromkeys(tangent.families, 0.0)
     for family in limits:
         if system.held_by_contact or not family.stops_rigid_motions:
-            springs[family] = _STIFFER * target.stiffness / family.scale
+            most = _STIFFER * target.stiffness / family.scale
+            springs[family] = family.springs(most, largest)
     for family, stiffness in springs.items():
         family.hold(stiffness)
     tangent.refresh()
@@ -95,8 +98,8 @@ def _work_beyond(system: PenalisedSystem, displacement: FloatArray, unlimited: f
     v.x.array[: len(displacement)] = displacement
     v.x.scatter_forward()
     data = system.data
-    limit = 1.0 / ufl.max_value(data.inverse_limit, 1e-300)
-    limit = ufl.conditional(ufl.gt(data.inverse_limit, 0.0), limit, unlimited)
+    inverse = data.inverse_strain_bound
+    limit = ufl.conditional(ufl.gt(inverse, 0.0), 1.0 / ufl.max_value(inverse, 1e-300), unlimited)
     sizes = [ufl.sqrt(ufl.inner(strain(w), strain(w))) for w in (v, system.u)]
     form = data.largest_eigenvalue * sizes[0] * (limit + sizes[1]) * data.dx
     return float(system.comm.allreduce(fem.assemble_scalar(compiled.form(form))))

@@ -29,8 +29,9 @@ _LITTLE = 1e-3
 _HALVINGS = 4
 
 _INFEASIBLE_WAY_OUT = (
-    "Refine the mesh, lower the prescribed displacements, raise material.locking_limit or move the "
-    "foundation away; a soft penalty.n has a solution that exceeds the limit."
+    "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
+    "limits of material.locking), or move the foundation away; a soft penalty.n has a solution "
+    "that exceeds the limit."
 )
 _FRICTION_WAY_OUT = (
     "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "

@@ -8,7 +8,6 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.laws.convex import tangential_part
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, dot
@@ -17,11 +16,12 @@ from contact_locking.solver.multipliers import Multipliers
 
 
 class FrictionCones(LorentzCones):
-    """``x = (t, u_tau, eps) in L`` with cost ``G t``, node by node; ``z = (G, sigma_tau, .)``.
+    """``x = (t, slip, eps) in L`` with cost ``G t``, node by node; ``z = (G, sigma_tau, .)``.
 
-    The last entry of the primal point is the regularisation eps, absent where it is 0.  The bound G
-    follows the pressure outside of the cones; ``bound_step`` (k,) is how far a step is to move it.
-    ``length`` is the extent of the body.
+    The slip is that of the step, ``u_tau - u_{k-1,tau}``.  The last entry of the primal point is
+    the regularisation eps, absent where it is 0.  The bound G follows the pressure outside of the
+    cones; ``bound_step`` (k,) is how far a step is to move it.  ``length`` is the extent of the
+    body.
     """
 
     limits_displacement = False
@@ -40,6 +40,9 @@ class FrictionCones(LorentzCones):
 
     def see(self, displacement: FloatArray) -> FloatArray:
         return self.nodes.slips(displacement)
+
+    def look(self, displacement: FloatArray) -> None:
+        self.seen = self.nodes.increments(displacement)
 
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
         self.nodes.add_traction(reactions, forces)
@@ -70,7 +73,7 @@ class FrictionCones(LorentzCones):
         self.nodes.enter(self.reactions, multipliers.contacts[self.nodes.number].friction)
 
     def _fixed_rows(self) -> FloatArray:
-        """``(u_tau, eps)`` as seen."""
+        """``(slip, eps)`` as seen."""
         if self.regularisation == 0.0:
             return self.seen.copy()
         return np.vstack([self.seen, np.full(self.seen.shape[1], self.regularisation)])
@@ -118,13 +121,20 @@ class FrictionCones(LorentzCones):
         dz[1:] = self._aim[1:] - (d_rest + 2.0 * (w_rest - w_0 * d_t) * w_1) / square
         return Step(np.vstack([d_t, d_rest]), dz)
 
+    # The start.
+
+    def pull(self, stiffness: float) -> FloatArray:
+        """Springs rest where the nodes stood before the step."""
+        return -stiffness * self.nodes.old_slips()
+
     # The tangent.
 
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int a du_tau . v_tau + b (w . du_tau) (w . v_tau)``."""
         nodes = self.nodes
         self._a, self._b, self._w = nodes.scalar(), nodes.scalar(), nodes.vector()
-        slip, slip_v = (tangential_part(field, nodes.contact.normal) for field in (du, v))
+        contact = nodes.contact
+        slip, slip_v = (contact.parts(contact.limited(field))[1] for field in (du, v))
         along = self._b * ufl.inner(self._w, slip) * ufl.inner(self._w, slip_v)
         return self._a * ufl.inner(slip, slip_v) * nodes.ds + along * nodes.ds
 

@@ -1,11 +1,10 @@
-"""The cones of the locking limit."""
+"""The cones of a limited norm of the strain: of the ball, the deviator, or a weighted norm."""
 
 from __future__ import annotations
 
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
@@ -22,22 +21,24 @@ from contact_locking.solver.multipliers import Multipliers
 
 
 class LockingCones(LorentzCones):
-    """``x = (M + q, eps) in L`` with cost ``n q^2`` at every point; multiplier ``z = (z_0, -Z)``.
+    """``x = (M + q, L eps)`` in the cone with cost ``n q^2`` at every point; ``z = (z_0, -y)``.
 
-    ``q = z_0/(2n)`` holds throughout; ``compliance = 1/(2n)`` is 0 for n = inf.  Strains and the
-    locking stress Z are Mandel vectors (m, k) at the points of ``strains``, ``limit`` is M (k,).
+    ``L`` is the linear map of the ``law`` of ``strains``, ``limit`` is M (k,).
+    ``q = z_0/(2n)`` holds throughout; ``compliance = 1/(2n)`` is 0 for n = inf.  ``L eps`` and the
+    multipliers y are Mandel vectors (m, k) at the points of ``strains``, the family number
+    ``number`` of the sets of strains.
     """
 
     stops_rigid_motions = False
     scale = 1.0
 
     def __init__(
-        self, lorentz: Lorentz, strains: StrainOperator, limit: FloatArray, compliance: float
+        self, lorentz: Lorentz, strains: StrainOperator, compliance: float, number: int
     ) -> None:
-        self._lorentz, self._strains = lorentz, strains
+        self._lorentz, self._strains, self._number = lorentz, strains, number
         self.comm, self.weights = strains.comm, strains.weights
-        self.limit, self.compliance = limit, compliance
-        self.x, self.z = np.zeros((2, 1 + strains.rows, len(limit)))
+        self.limit, self.compliance = strains.limit, compliance
+        self.x, self.z = np.zeros((2, 1 + strains.rows, len(self.limit)))
 
     # The displacement and the forces.
 
@@ -62,14 +63,11 @@ class LockingCones(LorentzCones):
         return relative_rms(self.comm, self.weights, self._primal_gap(), self.x)
 
     def _primal_gap(self) -> FloatArray:
-        """``(M + q, eps) - x``."""
+        """``(M + q, L eps) - x``."""
         return np.vstack([self.limit + self.compliance * self.z[0], self.seen]) - self.x
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
-        stress = fem.Function(self._strains.tensors)
-        self._strains.set_tensors(stress, self.reactions)
-        # Several sets of strains add up.
-        multipliers.locking_stress.x.array[:] += stress.x.array
+        self._strains.set_tensors(multipliers.parts[self._number], self.reactions)
 
     # The Newton step.
 
@@ -90,7 +88,7 @@ class LockingCones(LorentzCones):
         return self._step(seen)
 
     def _step(self, seen: FloatArray | None) -> Step:
-        """The step for the step of the strain (m, k), None for none.
+        """The step for the step of ``L eps`` (m, k), None for none.
 
         ``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated.
         """
@@ -104,11 +102,11 @@ class LockingCones(LorentzCones):
     # The tangent.
 
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
-        """``int a eps(du) : eps(v) + b (W : eps(du)) (W : eps(v))``."""
-        places = self._strains
+        """``int a L eps(du) : L eps(v) + b (W : L eps(du)) (W : L eps(v))``."""
+        places, law = self._strains, self._strains.law
         self._a, self._b = fem.Function(places.scalars), fem.Function(places.scalars)
         self._w = fem.Function(places.tensors)
-        eps, eps_v = strain(du), strain(v)
+        eps, eps_v = law.measured(strain(du)), law.measured(strain(v))
         isotropic = self._a * ufl.inner(eps, eps_v) * places.dx
         along = self._b * ufl.inner(self._w, eps) * ufl.inner(self._w, eps_v)
         return isotropic + along * places.dx
@@ -125,9 +123,8 @@ class LockingCones(LorentzCones):
         return self._strains.nodes_at(self._relative_stiffness(material) > factor)
 
     def _write_stiffness(self, a: FloatArray, b: FloatArray) -> None:
-        for function, values in ((self._a, a), (self._b, b)):
-            function.x.array[self._strains.dofs] = values
-            function.x.scatter_forward()
+        self._strains.set_scalars(self._a, a)
+        self._strains.set_scalars(self._b, b)
 
     def _relative_stiffness(self, material: float) -> FloatArray:
         """How much stiffer points are than the material, and than the softest; collective."""
@@ -151,21 +148,10 @@ class LockingCones(LorentzCones):
         return float(self.z[0].max(initial=0.0))
 
     def resistance(self, reactions: FloatArray) -> float:
-        """``int M |Z|``."""
+        """``int M |y|``."""
         return float(self.weights @ (self.limit * np.linalg.norm(reactions, axis=0)))
 
     def describe_excess(self) -> str:
         ratio = np.linalg.norm(self.seen, axis=0) / self.limit
-        found: tuple[float, list[float]] = (0.0, [])
-        if len(ratio):
-            worst = int(np.argmax(ratio))
-            mesh = self._strains.space.mesh
-            dim = mesh.topology.dim
-            cell = self._strains.cells[worst : worst + 1]
-            place = dmesh.compute_midpoints(mesh, dim, cell)[0, :dim]
-            found = float(ratio[worst]), place.tolist()
-        largest, place = max(self.comm.allgather(found))
-        if largest <= 1.0:
-            return ""
-        at = ", ".join(f"{x:.3g}" for x in place)
-        return f"the strain is forced to {largest:.2g} times its limit near ({at})"
+        what = "the strain" if self._number == 0 else f"the strain of {self._strains.law.name}"
+        return self._strains.describe_excess(ratio, what)

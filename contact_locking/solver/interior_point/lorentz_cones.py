@@ -36,6 +36,6 @@ class LorentzCones(Family):
     def longest_step(self, step: Step) -> float:
         return self._scaling.longest_step(step.primal, step.dual)
 
-    def hold(self, stiffness: float) -> None:
+    def hold(self, stiffness: float | FloatArray) -> None:
         self.a = np.full(len(self.weights), stiffness)
         self.b, self.w = np.zeros_like(self.a), np.zeros_like(self.seen)

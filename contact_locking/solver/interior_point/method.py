@@ -28,7 +28,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from dolfinx import fem
 from petsc4py import PETSc
 
 from contact_locking.errors import Infeasible, NotConverged
@@ -78,15 +77,15 @@ class InteriorPoint:
     def multipliers(self) -> Multipliers:
         """Those of the present iterate; collective."""
         system = self._task.system
-        field = fem.Function(self._families.strains.tensors, name="locking_stress")
         contacts = (
             ContactForces.none(len(contact.surface.nodes), system.dim)
             for contact in system.contacts
         )
-        found = Multipliers(field, tuple(contacts))
+        found = Multipliers.none(system.data, system.u.function_space.mesh, tuple(contacts))
         if not self.is_elastic:
             for family in self._iterate.families:
                 family.write(found, self._task.target.young)
+            found.add_up(system.data)
         return found
 
     def require_feasible(self) -> None:

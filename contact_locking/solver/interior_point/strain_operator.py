@@ -1,10 +1,11 @@
-"""Strains of a displacement and forces of stresses, as one sparse matrix and its transpose."""
+"""What a set of strains measures, and forces of its multipliers: one matrix and its transpose."""
 
 from __future__ import annotations
 
 import numpy as np
 import ufl
 from dolfinx import fem, la
+from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
@@ -12,34 +13,31 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor, mandel_vector, strain
 from contact_locking.problem import compiled
 from contact_locking.problem.forms import ProblemData
+from contact_locking.problem.strain_sets import StrainSet
 
 
 class StrainOperator:
-    """``v -> eps(v)`` at points with weights, and ``Z -> int Z : eps(.)`` for Z at these points.
+    """``v -> L eps(v)`` at points with weights, and ``y -> int y : L eps(.)`` at these points.
 
-    Strains and stresses are Mandel vectors (m, k), m being ``rows``, at k points of cells of this
-    rank.  The points are the degrees of freedom ``dofs`` (k,) of the spaces of strains ``scalars``
-    and ``tensors``, and lie in the cells ``cells`` (k,).  ``weights`` (k,) are the weights of the
-    locking rule at the points, and ``dx`` is the measure with this rule.
+    L is the linear map of the set of strains ``law``.  Its values and its multipliers are Mandel
+    vectors (m, k), m being ``rows``, or with one row for a scalar L, at the k points of cells of
+    this rank that the set limits.  The points are the degrees of freedom ``dofs`` (k,) of the
+    spaces of strains ``scalars`` and ``tensors``, and lie in the cells ``cells`` (k,).  ``weights``
+    (k,) are the weights of the locking rule at the points, ``dx`` is the measure with this rule,
+    and ``limit`` (k,) is M.
     """
 
-    def __init__(
-        self,
-        space: fem.FunctionSpace,
-        data: ProblemData,
-        dofs: IndexArray,
-        cells: IndexArray,
-    ) -> None:
+    def __init__(self, space: fem.FunctionSpace, data: ProblemData, law: StrainSet) -> None:
         mesh, element, dx = space.mesh, data.element, data.locking_dx
-        self.space, self.dx, self.dofs, self.cells = space, dx, dofs, cells
         self.comm, self.dim = mesh.comm, mesh.topology.dim
-        self.rows = len(MANDEL_PAIRS[self.dim])
+        self.space, self.dx, self.law = space, dx, law
+        self.dofs, self.cells, self.limit = _limited_points(law.inverse_limit)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        measured = law.measured(strain(ufl.TrialFunction(space)))
+        vector = mandel_vector(measured) if measured.ufl_shape else ufl.as_vector([measured])
+        self.rows = vector.ufl_shape[0]
         vectors = element.strain_space(mesh, (self.rows,))
-        form = compiled.form(
-            ufl.inner(mandel_vector(strain(ufl.TrialFunction(space))), ufl.TestFunction(vectors))
-            * dx
-        )
+        form = compiled.form(ufl.inner(vector, ufl.TestFunction(vectors)) * dx)
         by_cell = petsc.create_matrix(form)
         # Half of the entries, at least, are zero: a normal strain knows one component only.
         by_cell.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)
@@ -51,18 +49,18 @@ class StrainOperator:
         self.tensors = element.strain_space(mesh, (self.dim, self.dim))
         self.weights: FloatArray = fem.assemble_vector(
             compiled.form(ufl.TestFunction(self.scalars) * dx)
-        ).array[dofs]
+        ).array[self.dofs]
         self._displacement, self._integrals = self._matrix.createVecs()
 
     def strains(self, displacement: FloatArray) -> FloatArray:
-        """The strains (m, k) of a displacement (owned values, others are ignored); collective."""
+        """``L eps`` (m, k) of a displacement (owned values, others are ignored); collective."""
         self._displacement.array_w[:] = displacement[: self._owned]
         self._matrix.mult(self._displacement, self._integrals)
         return self._integrals.array_r.reshape(self.rows, -1) / self.weights
 
-    def add_forces(self, stress: FloatArray, forces: PETSc.Vec) -> None:
-        """``forces += int Z : eps(.)``; collective."""
-        self._integrals.array_w[:] = stress.reshape(-1)
+    def add_forces(self, multipliers: FloatArray, forces: PETSc.Vec) -> None:
+        """``forces += int y : L eps(.)``; collective."""
+        self._integrals.array_w[:] = multipliers.reshape(-1)
         self._matrix.multTransposeAdd(self._integrals, forces, forces)
 
     def set_tensors(self, function: fem.Function, mandel: FloatArray) -> None:
@@ -71,6 +69,26 @@ class StrainOperator:
         for row, (i, j) in zip(mandel, MANDEL_PAIRS[self.dim], strict=True):
             tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
         function.x.scatter_forward()
+
+    def set_scalars(self, function: fem.Function, values: FloatArray) -> None:
+        """Give a function of ``scalars`` values (k,); collective."""
+        function.x.array[self.dofs] = values
+        function.x.scatter_forward()
+
+    def describe_excess(self, ratio: FloatArray, what: str) -> str:
+        """Where ``ratio`` (k,), a measure over its limit, is largest, "" below 1; collective."""
+        found: tuple[float, list[float]] = (0.0, [])
+        if len(ratio):
+            worst = int(np.argmax(ratio))
+            mesh = self.space.mesh
+            cell = self.cells[worst : worst + 1]
+            place = dmesh.compute_midpoints(mesh, self.dim, cell)[0, : self.dim]
+            found = float(ratio[worst]), place.tolist()
+        largest, place = max(self.comm.allgather(found))
+        if largest <= 1.0:
+            return ""
+        at = ", ".join(f"{x:.3g}" for x in place)
+        return f"{what} is forced to {largest:.2g} times its limit near ({at})"
 
     def nodes_at(self, points: BoolArray) -> IndexArray:
         """The owned nodes of the cells of marked points (k,), of all ranks; collective."""
@@ -98,3 +116,17 @@ class StrainOperator:
             csr=(np.append(0, ends).astype(PETSc.IntType), columns[taken], values[taken]),
             comm=by_cell.getComm(),
         )
+
+
+def _limited_points(inverse_limit: fem.Function) -> tuple[IndexArray, IndexArray, FloatArray]:
+    """The owned points with a limit, as degrees of freedom (k,), their cells, and M (k,)."""
+    space = inverse_limit.function_space
+    topology = space.mesh.topology
+    owned = topology.index_map(topology.dim).size_local
+    # The degrees of freedom of the space of strains need not follow the numbers of the cells.
+    by_cell = space.dofmap.list[:owned]
+    dofs = by_cell.reshape(-1)
+    cells = np.repeat(np.arange(owned, dtype=np.int32), by_cell.shape[1])
+    inverse = inverse_limit.x.array[dofs]
+    locks = inverse > 0.0
+    return dofs[locks], cells[locks], 1.0 / inverse[locks]

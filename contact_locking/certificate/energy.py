@@ -1,0 +1,203 @@
+"""The energy balance of a step: work of the loads, stored energy, and work lost in friction.
+
+With the external forces F_k at the nodes (loads and reactions) and ``d = u_k - u_{k-1}``, the loads
+and the moving foundations do the work
+
+    W_k = F_k . d - int p_k (g_k - g_{k-1}),
+
+the body stores ``E_k = a(u_k, u_k)/2 + n int ([|eps| - M]^+)^2 + int ([u_nu - g]^+)^2/(2 eps)``,
+and friction dissipates ``D_k = int t_k . d_tau >= 0`` with ``t = -sigma_tau``.  The rest,
+
+    N_k = W_k - (E_k - E_{k-1}) - D_k,
+
+is the numerical dissipation of the implicit Euler step.  Because ``E`` is convex in the strain and
+in the penetration ``u_nu - g``, equilibrium at ``t_k`` tested with d gives the lower bound, and
+equilibrium at ``t_{k-1}`` tested with d, where ``|t_{k-1}| <= G_{k-1}``, gives the upper bound of
+
+    a(d, d)/2 <= N_k <= W_k - V_k - a(d, d)/2 + int G_{k-1} |d_tau| - D_k,
+
+with ``V_k = F_{k-1} . d - int p_{k-1} (g_k - g_{k-1})``.  The bounds hold for the discrete problem
+on every mesh, for every n up to infinity, and for every size of the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from contact_locking.arrays import FloatArray
+from contact_locking.certificate.balances import nodal_forces
+from contact_locking.certificate.criteria import Criterion
+from contact_locking.certificate.laws import law_limit
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.laws.elasticity import strain
+from contact_locking.problem import forms
+from contact_locking.results.derived import ContactFields, integral
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A state in equilibrium at one time, for the energy balance with the next state.
+
+    ``displacement`` holds local values, ``forces`` the external forces at the owned dofs.  For each
+    contact there are the gap, the pressure and the friction bound (k,).  ``stored`` is the stored
+    energy, and ``work`` the work that defects are relative to.
+    """
+
+    displacement: FloatArray
+    forces: FloatArray
+    gaps: tuple[FloatArray, ...]
+    pressures: tuple[FloatArray, ...]
+    bounds: tuple[FloatArray, ...]
+    stored: float
+    work: float
+
+    @classmethod
+    def of(cls, state: SolvedState) -> Moment:
+        """The moment of a solved state; collective."""
+        return cls(
+            displacement=state.problem.u.x.array.copy(),
+            forces=_external_forces(state),
+            gaps=tuple(fields.gap for fields in state.contacts),
+            pressures=tuple(fields.pressure for fields in state.contacts),
+            bounds=tuple(fields.bound for fields in state.contacts),
+            stored=_stored(state),
+            work=state.work,
+        )
+
+    @classmethod
+    def at_rest(cls, state: SolvedState) -> Moment:
+        """The body at rest before the first step, without forces; collective.
+
+        A foundation that overlaps the body in the first state touches the body here.
+        """
+        u, data = state.problem.u, state.problem.data
+        rest = fem.Function(u.function_space)
+        forces: FloatArray = np.zeros(_owned(state))
+        stored = 0.0
+        if data.own_energy is not None:
+            v = ufl.TestFunction(u.function_space)
+            forces = nodal_forces(forms.own_forces(rest, v, data))[: len(forces)]
+            stored = integral(state.problem.domain, data.own_energy(rest))
+        nothing = tuple(np.zeros_like(fields.gap) for fields in state.contacts)
+        gaps = tuple(np.maximum(fields.gap, 0.0) for fields in state.contacts)
+        return cls(rest.x.array.copy(), forces, gaps, nothing, nothing, stored, 0.0)
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Work, energies and numerical dissipation of a step, and the bounds of the latter.
+
+    ``defect`` is how far the numerical dissipation lies outside of its bounds, relative to the work
+    of the states or of the nodal forces, whichever is largest.
+    """
+
+    work: float
+    stored: float
+    change: float
+    dissipated: float
+    numerical: float
+    defect: float
+
+    @classmethod
+    def of_row(cls, row: Mapping[str, float]) -> EnergyBalance:
+        """The balance that a row of history.csv has."""
+        change = row["work"] - row["dissipated"] - row["numerical"]
+        return cls(
+            work=row["work"],
+            stored=row["stored"],
+            change=change,
+            dissipated=row["dissipated"],
+            numerical=row["numerical"],
+            defect=row["energy_defect"],
+        )
+
+    def criterion(self, state: SolvedState) -> Criterion:
+        """The energy balance as a criterion of the certificate."""
+        return Criterion(self.defect, law_limit(state), "energy that a step creates or loses")
+
+
+def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, Moment]:
+    """The balance of the step from ``before`` to a solved state, and its moment; collective."""
+    after = Moment.of(state)
+    u, data = state.problem.u, state.problem.data
+    step = fem.Function(u.function_space)
+    step.x.array[:] = after.displacement - before.displacement
+    moved = step.x.array[: len(after.forces)]
+    quadratic = integral(state.problem.domain, 0.5 * forms.elastic_form(step, step, data))
+    dissipated = sum(_friction_work(state, fields) for fields in state.contacts)
+    resisted = sum(
+        state.sum(_weights(fields) * bound * np.linalg.norm(fields.increment, axis=1))
+        for fields, bound in zip(state.contacts, before.bounds, strict=True)
+    )
+
+    def work_of(moment: Moment) -> float:
+        total = state.sum(moment.forces * moved)
+        for fields, pressure, old, new in zip(
+            state.contacts, moment.pressures, before.gaps, after.gaps, strict=True
+        ):
+            total -= state.sum(_weights(fields) * pressure * (new - old))
+        return total
+
+    work, earlier = work_of(after), work_of(before)
+    change = after.stored - before.stored
+    numerical = work - change - dissipated
+    highest = work - earlier - quadratic + resisted - dissipated
+    outside = max(quadratic - numerical, numerical - highest, 0.0)
+    size = max(after.work, before.work, state.sum(np.abs(after.forces * moved)))
+    defect = outside / size if size > 0.0 else outside
+    return EnergyBalance(work, after.stored, change, dissipated, numerical, defect), after
+
+
+def _weights(fields: ContactFields) -> FloatArray:
+    return fields.surface.weights * fields.contact.free
+
+
+def _friction_work(state: SolvedState, fields: ContactFields) -> float:
+    """``int -sigma_tau . (u_tau - u_{k-1,tau})``; collective."""
+    return state.sum(_weights(fields) * -np.sum(fields.traction * fields.increment, axis=1))
+
+
+def _stored(state: SolvedState) -> float:
+    """``E``, with a user's own energy; collective."""
+    penalty, points = state.target.penalty, state.points
+    eps = strain(state.problem.u)
+    total = state.energy
+    if np.isfinite(penalty.n):
+        for item in points.sets:
+            excess = item.excess(item.measured(eps))
+            total += penalty.n * state.sum(points.weights * excess**2)
+    if penalty.epsilon > 0.0:
+        for fields in state.contacts:
+            entered = np.maximum(fields.u_normal - fields.gap, 0.0)
+            total += state.sum(_weights(fields) * entered**2) / (2.0 * penalty.epsilon)
+    if state.problem.data.own_energy is not None:
+        total += integral(state.problem.domain, state.problem.data.own_energy(state.problem.u))
+    return total
+
+
+def _external_forces(state: SolvedState) -> FloatArray:
+    """Loads and reactions at the owned dofs; collective."""
+    problem = state.problem
+    u, data, owned = problem.u, problem.data, _owned(state)
+    v = ufl.TestFunction(u.function_space)
+    load = nodal_forces(forms.external_work(v, data))
+    stress = ufl.inner(state.body.locking_stress, strain(v)) * data.locking_dx
+    inner = nodal_forces(forms.elastic_form(u, v, data)) + nodal_forces(stress)
+    if data.own_energy is not None:
+        inner += nodal_forces(forms.own_forces(u, v, data))
+    for fields in state.contacts:
+        forces = fields.pressure[:, None] * fields.normal - fields.traction
+        inner += fields.surface.nodal_forces(forces)
+    fixed = problem.constraints.dofs[problem.constraints.dofs < owned]
+    load[fixed] = inner[fixed]
+    return load[:owned].copy()
+
+
+def _owned(state: SolvedState) -> int:
+    dofmap = state.problem.u.function_space.dofmap
+    return int(dofmap.index_map.size_local * dofmap.index_map_bs)

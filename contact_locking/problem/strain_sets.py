@@ -1,0 +1,137 @@
+"""The sets of admissible strains; K, which the strain stays in, is the intersection of them all.
+
+A set is given by a linear map L of the strain: it is ``|L eps| <= M`` or, for a scalar ``L eps``,
+``L eps <= M``.  Its multiplier y is a tensor or a scalar ``y >= 0``, and its share of the locking
+stress is ``L^T y``.  So the work of the multiplier at a strain in the set is ``M |y|`` at most, and
+``sum M |y|`` over the sets is an upper bound of the support function of K at the locking stress.
+
+The maps have the norm 1, so that the penalty of a set does not depend on how the set is written:
+it is n times the squared distance of the strain to the set, in the norm ``|L eps|``.  That is the
+Frobenius norm for the ball, for half spaces and in three dimensions for the deviator.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import dolfinx
+import ufl
+from dolfinx import fem
+from ufl.core.expr import Expr
+
+from contact_locking.laws.locking import (
+    locking_energy,
+    locking_stress,
+    one_sided_energy,
+    one_sided_stress,
+)
+from contact_locking.problem.spaces import Element
+
+StrainMap = Callable[[Expr], Expr]
+
+
+def _identity(eps: Expr) -> Expr:
+    return eps
+
+
+class StrainSet(ABC):
+    """A closed convex set of strains with 0 in its inside; all functions take and return UFL.
+
+    ``name`` is the name of the set in results.  ``inverse_limit`` is 1/M in the space of strains,
+    and 0 where the set does not limit the strain.
+    """
+
+    name: str
+    inverse_limit: fem.Function
+
+    @abstractmethod
+    def measured(self, eps: Expr) -> Expr:
+        """``L eps``, a symmetric (d, d) tensor or a scalar."""
+
+    @abstractmethod
+    def stress(self, y: Expr) -> Expr:
+        """``L^T y``, the locking stress (d, d) of a multiplier of this set."""
+
+    @abstractmethod
+    def multiplier(self, eps: Expr, n: Expr) -> Expr:
+        """The multiplier y of the penalty law."""
+
+    @abstractmethod
+    def energy(self, eps: Expr, n: Expr) -> Expr:
+        """The density of the penalty."""
+
+    @abstractmethod
+    def utilisation(self, eps: Expr) -> Expr:
+        """``|L eps|/M`` or ``[L eps]^+/M``: 1 on the boundary of the set, 0 without a limit."""
+
+    @abstractmethod
+    def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
+        """The space of multipliers; collective."""
+
+    def virtual_work(self, eps: Expr, eps_v: Expr, n: Expr) -> Expr:
+        """``Z : eps(v)`` of the penalty's stress Z."""
+        return ufl.inner(self.multiplier(eps, n), self.measured(eps_v))
+
+
+@dataclass(frozen=True)
+class NormSet(StrainSet):
+    """``|L eps| <= M`` for a linear map L from symmetric tensors to symmetric tensors.
+
+    ``adjoint`` is ``L^T``.  ``least`` is a lower bound of ``|L eps|/|eps|``, 0 for a map with a
+    kernel.
+    """
+
+    name: str
+    inverse_limit: fem.Function
+    linear_map: StrainMap = _identity
+    adjoint: StrainMap = _identity
+    least: float = 1.0
+
+    def measured(self, eps: Expr) -> Expr:
+        return self.linear_map(eps)
+
+    def stress(self, y: Expr) -> Expr:
+        return self.adjoint(y)
+
+    def multiplier(self, eps: Expr, n: Expr) -> Expr:
+        return locking_stress(self.measured(eps), self.inverse_limit, n)
+
+    def energy(self, eps: Expr, n: Expr) -> Expr:
+        return locking_energy(self.measured(eps), self.inverse_limit, n)
+
+    def utilisation(self, eps: Expr) -> Expr:
+        measured = self.measured(eps)
+        return self.inverse_limit * ufl.sqrt(ufl.inner(measured, measured))
+
+    def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
+        dim = mesh.topology.dim
+        return element.strain_space(mesh, (dim, dim))
+
+
+@dataclass(frozen=True)
+class HalfSpaceSet(StrainSet):
+    """``N : eps <= M`` with a symmetric (d, d) tensor N of the norm 1."""
+
+    name: str
+    inverse_limit: fem.Function
+    normal: Expr
+
+    def measured(self, eps: Expr) -> Expr:
+        return ufl.inner(self.normal, eps)
+
+    def stress(self, y: Expr) -> Expr:
+        return y * self.normal
+
+    def multiplier(self, eps: Expr, n: Expr) -> Expr:
+        return one_sided_stress(self.measured(eps), self.inverse_limit, n)
+
+    def energy(self, eps: Expr, n: Expr) -> Expr:
+        return one_sided_energy(self.measured(eps), self.inverse_limit, n)
+
+    def utilisation(self, eps: Expr) -> Expr:
+        return ufl.max_value(self.inverse_limit * self.measured(eps), 0.0)
+
+    def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
+        return element.strain_space(mesh)

@@ -1,0 +1,73 @@
+"""history.csv: a row of numbers for each step of a process."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
+
+#: The columns of a step with their numbers; counts are integers.
+Row: TypeAlias = Mapping[str, float]
+
+
+@dataclass
+class History:
+    """The steps of a process in the order of their times, each with the same columns."""
+
+    rows: list[Row] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Row]:
+        return iter(self.rows)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of the columns; empty without a step."""
+        return tuple(self.rows[0]) if self.rows else ()
+
+    def column(self, name: str) -> FloatArray:
+        """The values of a column, one for each step.  Raises KeyError for an unknown name."""
+        if self.rows and name not in self.rows[0]:
+            raise KeyError(name)
+        return np.array([row[name] for row in self.rows], dtype=float)
+
+    def last(self, name: str) -> float:
+        """The value of a column in the last step, 0 before the first step."""
+        return self.rows[-1][name] if self.rows else 0.0
+
+    def text(self) -> str:
+        """The table as CSV, numbers with all their digits."""
+        stream = io.StringIO()
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(self.columns)
+        table.writerows([repr(value) for value in row.values()] for row in self.rows)
+        return stream.getvalue()
+
+
+def read_history(text: str, name: str) -> History:
+    """The history in the text of the file ``name``.  Raises InputError for another table."""
+    lines = list(csv.reader(io.StringIO(text)))
+    columns = lines[0] if lines else []
+    if columns[:2] != ["step", "t"] or len(set(columns)) != len(columns):
+        raise InputError(f"{name}:1: is damaged: the columns must begin with step, t")
+    rows: list[Row] = []
+    for number, cells in enumerate(lines[1:], start=2):
+        try:
+            rows.append({key: _number(cell) for key, cell in zip(columns, cells, strict=True)})
+        except ValueError:
+            message = f"is damaged: no row of {len(columns)} numbers"
+            raise InputError(f"{name}:{number}: {message}") from None
+    return History(rows)
+
+
+def _number(text: str) -> float:
+    return int(text) if text.lstrip("-").isdecimal() else float(text)

@@ -1,0 +1,233 @@
+"""The outcome of a run in words: what converged, is proved, is estimated, and is weak."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from contact_locking.plain_text import count, per_cent
+
+# A result whose weakest number is above this share of the solution is a rough one.
+ROUGH = 0.1
+
+_UNIQUENESS = {
+    "covered by theory": "proved: there is no other solution",
+    "covered for the discrete problem, by sampled constants": (
+        "to be expected on this mesh, by constants that are sampled and not proved"
+    ),
+    "not known": "not known, as usual with friction",
+}
+
+
+@dataclass(frozen=True)
+class Weakness:
+    """An error relative to the solution in the energy norm, and how the program knows the error.
+
+    ``words`` are a clause about the error, ``advice`` is what makes the error smaller.
+    """
+
+    share: float
+    words: str
+    advice: str
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether the error is so large that the result is a rough one."""
+        return self.share > ROUGH
+
+
+def weakest(summary: Mapping[str, Any]) -> Weakness | None:
+    """The largest of the errors that the certificate knows; None if it knows none."""
+    found = list(_weaknesses(summary))
+    return max(found, key=lambda weakness: weakness.share) if found else None
+
+
+def verdict(summary: Mapping[str, Any]) -> str:
+    """Whether the run converged, with a reservation if the result is rough."""
+    if not summary["converged"]:
+        return "no"
+    weak = weakest(summary)
+    return f"yes, but the result is rough: {weak.words}" if weak and weak.is_rough else "yes"
+
+
+def rows(summary: Mapping[str, Any], ratio: float | None) -> list[tuple[str, str]]:
+    """The outcome in rows of a name and words; ``ratio`` is the largest |eps|/M, None without M."""
+    iterations, certificate = summary["iterations"], summary["certificate"]
+    restart = summary.get("restart")
+    counts = [
+        count(iterations["tangents"], "tangent"),
+        count(iterations["linear"], "linear solve"),
+        count(iterations["friction"], "friction update"),
+    ]
+    sizes = [
+        count(summary["cells"], "cell"),
+        count(summary["dofs"], "unknown"),
+        count(summary["ranks"], "rank"),
+    ]
+    return [
+        ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
+        *([("restart", restart)] if restart else []),
+        ("size", f"{', '.join(sizes)}; elements of degree {summary['discretisation']['degree']}"),
+        ("iterations", ", ".join(counts)),
+        ("largest strain", _strain(summary, ratio)),
+        *([] if ratio is None else [("locked", _locked(summary["locked_fraction"]))]),
+        ("contact force", _vector(summary["contact_force"])),
+        ("friction force", _vector(summary["friction_force"])),
+        ("contact area", _areas(summary["contact_area"], summary["slip_area"])),
+        ("criteria", _criteria(certificate["criteria"])),
+        ("proved", _proved(summary["bounds"], certificate["errors"])),
+        *_not_bounded(certificate["errors"].get("guaranteed")),
+        *_limit_load(certificate.get("limit_load")),
+        ("estimated", _estimated(certificate["errors"])),
+        ("weakest number", _weakest(summary)),
+        ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"]["verdict"])),
+        ("time", f"{summary['wall_seconds']:.1f} s"),
+    ]
+
+
+def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
+    errors = _errors(summary)
+    if (mesh := _relative(errors, "mesh")) is not None:
+        words = f"the error of the mesh is about {_roughly(mesh)}, by an estimate"
+        yield Weakness(mesh, words, "a smaller mesh.h")
+    measured, bound = _relative(errors, "penalty_measured"), _relative(errors, "penalty")
+    if measured:
+        words = f"the penalty changes the solution by {per_cent(measured)}, as measured"
+        yield Weakness(measured, words, "a larger penalty.n, or none")
+    elif measured is None and bound:
+        words = f"the penalty changes the solution by at most {per_cent(bound)}, by a proved bound"
+        advice = "certificate.limit: true, which measures the change, or a larger penalty.n"
+        yield Weakness(bound, words, advice)
+
+
+def _errors(summary: Mapping[str, Any]) -> Mapping[str, Any]:
+    certificate = summary.get("certificate")
+    errors = certificate.get("errors") if isinstance(certificate, dict) else None
+    return errors if isinstance(errors, dict) else {}
+
+
+def _relative(errors: Mapping[str, Any], name: str) -> float | None:
+    entry = errors.get(name)
+    value = entry.get("relative") if isinstance(entry, dict) else None
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _strain(summary: Mapping[str, Any], ratio: float | None) -> str:
+    largest = summary["strain_norm_max"]
+    if ratio is None:
+        return f"{largest:.4g} (no strain limit is set)"
+    if summary["strain_sets"]:
+        # The strain that uses up most of a limit need not be the largest.
+        return f"{largest:.4g}, up to {per_cent(ratio)} of the limits"
+    if ratio > 1.0 + 1e-6:
+        at_points = f"{largest:.4g}, {per_cent(ratio - 1.0)} above the limit"
+    elif ratio >= 1.0 - 1e-6:
+        at_points = f"{largest:.4g}, the limit"
+    else:
+        at_points = f"{largest:.4g}, {per_cent(ratio)} of the limit"
+    return at_points + _between_points(summary)
+
+
+def _between_points(summary: Mapping[str, Any]) -> str:
+    """The largest strain where no limit holds, if this strain is larger than at the points."""
+    largest = summary["strain_norm_max_in_cells"]
+    if largest <= summary["strain_norm_max"] * (1.0 + 1e-6):
+        return ""
+    beyond = summary["overstrain_max"]
+    above = f", {per_cent(beyond)} above the limit" if beyond > 0.0 else ""
+    return f", at the Gauss points; {largest:.4g}{above}, between the points"
+
+
+def _locked(share: float) -> str:
+    return f"{per_cent(share)} of the body is at its strain limit"
+
+
+def _areas(touching: float, slipping: float) -> str:
+    return f"{touching:.4g}, of which {slipping:.4g} slips"
+
+
+def _vector(values: Iterable[float]) -> str:
+    """The vector, with zero for components that rounding alone keeps from zero."""
+    given = list(values)
+    least = 1e-12 * max(map(abs, given), default=0.0)
+    shown = [0.0 if abs(value) < least else value + 0.0 for value in given]
+    return "(" + ", ".join(f"{value:.4g}" for value in shown) + ")"
+
+
+def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
+    """The criteria that fail; if all hold, the one nearest to its limit."""
+    failed = [
+        f"{_spaced(name)} {entry['value']:.1e}, above {entry['limit']:g}"
+        for name, entry in criteria.items()
+        if not entry["holds"]
+    ]
+    if failed:
+        return f"{len(failed)} of {len(criteria)} fail: {'; '.join(failed)}"
+    name, entry = max(criteria.items(), key=lambda item: item[1]["value"] / item[1]["limit"])
+    share = per_cent(entry["value"] / entry["limit"])
+    return f"all {len(criteria)} hold; nearest to its limit: {_spaced(name)}, at {share} of it"
+
+
+def _proved(bounds: Mapping[str, Mapping[str, Any]], errors: Mapping[str, Any]) -> str:
+    broken = [_spaced(name) for name, entry in bounds.items() if entry["holds"] is False]
+    if broken:
+        return f"violated: {', '.join(broken)}"
+    held = sum(entry["holds"] is True for entry in bounds.values())
+    told = []
+    if (whole := _relative(errors, "guaranteed")) is not None:
+        told.append(f"the whole error is at most {per_cent(whole)}, for the friction bound reached")
+    if distance := _relative(errors, "penalty"):
+        of_what = "on this mesh, under the friction bound reached"
+        told.append(f"the penalty changes the solution by at most {per_cent(distance)} ({of_what})")
+    if held:
+        told.append(f"{count(held, 'bound')} of the theory, which the result keeps")
+    return "; ".join(told) or "no bound applies"
+
+
+def _not_bounded(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """Why the guaranteed bound that the study file asks for does not apply."""
+    if entry is None or entry["applicable"]:
+        return []
+    return [("guaranteed bound", entry["reason"])]
+
+
+def _limit_load(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """The limit load, if the study file asks for proofs and displacements move."""
+    if entry is None:
+        return []
+    if entry["load_factor"] is None:
+        return [("limit load", entry["reason"])]
+    confirmed, excluded = entry["load_factor"]
+    most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
+    shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
+    return [("limit load", f"of the prescribed displacements {shares}")]
+
+
+def _estimated(errors: Mapping[str, Any]) -> str:
+    mesh, measured = _relative(errors, "mesh"), _relative(errors, "penalty_measured")
+    told = [] if mesh is None else [f"the error of the mesh is about {_roughly(mesh)}"]
+    if measured is not None:
+        change = f"the penalty changes the solution on this mesh by {per_cent(measured)}"
+        told.append(f"measured: {change}")
+    return "; ".join(told) or "no estimate applies"
+
+
+def _roughly(share: float) -> str:
+    """An estimate, of which no third digit is known."""
+    return f"{100.0 * share:.2g} %" if share < 1.0 else per_cent(share)
+
+
+def _weakest(summary: Mapping[str, Any]) -> str:
+    weak = weakest(summary)
+    if weak is None:
+        return "not known"
+    return f"{weak.words}; it takes {weak.advice}" if weak.is_rough else weak.words
+
+
+def _uniqueness(verdict: str) -> str:
+    return _UNIQUENESS.get(verdict, verdict)
+
+
+def _spaced(name: str) -> str:
+    return name.replace("_", " ")

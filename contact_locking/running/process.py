@@ -1,0 +1,74 @@
+"""A run of a process: each step is saved when it is solved, the results are written at the end.
+
+A run that was killed goes on from its last complete step when it is started again with the same
+parameters.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from contact_locking import checkpoint, solving, study_file, writing
+from contact_locking.checkpoint import saved_steps
+from contact_locking.monitor import Monitor
+from contact_locking.parallel import on_root
+from contact_locking.parameters import Parameters
+from contact_locking.results.solution import Solution
+
+
+def run_steps(
+    parameters: Parameters,
+    directory: str | Path,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+    restart: str | Path | None = None,
+    save_state: bool = False,
+) -> tuple[Solution, list[str]]:
+    """The solution of the last step, its results in ``directory``, and the warnings of writing.
+
+    fields.bp has every step with its time, history.csv a row for each.  ``restart`` is the folder
+    of another process to go on from; without it the run goes on from what an earlier run with the
+    same parameters has left in ``directory``.  ``save_state`` adds the checkpoint of the last step.
+    Raises the errors of `solving.solve` and `writing.write`.  Collective.
+    """
+    target, monitor = Path(directory), monitor or Monitor()
+    found: list[Path] = []
+    keeps = checkpoint.unavailable() is None
+    if keeps:
+        name = on_root(comm, lambda: study_file.fingerprint(parameters))
+        found = writing.on_root_of(comm, target, lambda: saved_steps.unfinished(target, name))
+    if found and restart is None:
+        monitor.message(f"going on from step {int(found[-1].name)} of an earlier run")
+        restart = target
+    last: Solution | None = None
+    with contextlib.ExitStack() as stack:
+        series = None
+        if parameters.output.fields:
+            series = stack.enter_context(writing.FieldSeries(target, comm))
+        solutions = solving.solve_steps(parameters, comm, monitor, petsc_options, restart)
+        for solution in solutions:
+            last = solution
+            if series is not None:
+                series.add(solution)
+            if keeps and solution.converged and solution.summary["restart"] is None:
+                _save(solution, target, parameters)
+        assert last is not None
+        fields = None if series is None else series.finish()
+        warnings = writing.write(last, target, save_state, fields)
+    if last.converged:
+        on_root(comm, lambda: saved_steps.remove(target))
+    return last, warnings
+
+
+def _save(solution: Solution, target: Path, parameters: Parameters) -> None:
+    """Save a step; only the fields of all steps need the steps before it; collective."""
+    number = len(solution.history)
+    writing.save_at(solution, target, saved_steps.place(target, number))
+    if not parameters.output.fields:
+        on_root(solution.domain.comm, lambda: saved_steps.remove_before(target, number))

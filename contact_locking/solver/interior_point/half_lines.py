@@ -1,0 +1,88 @@
+"""What families of half lines share."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.solver.interior_point.family import Family, Step
+
+
+class HalfLines(Family):
+    """``x = limit + compliance z - lin(u) >= 0``, ``z >= 0``, ``x z = 0``, point by point.
+
+    What the family sees is a scalar (k,), and the reaction is z.
+    """
+
+    compliance: float
+    stiffness: FloatArray
+    _wanted: FloatArray
+    _gap: FloatArray
+
+    @property
+    @abstractmethod
+    def limit(self) -> FloatArray:
+        """The largest value (k,) of what is seen."""
+
+    @property
+    def reactions(self) -> FloatArray:
+        return self.z
+
+    # The iterate.
+
+    def total(self, t: float = 0.0, step: Step | None = None) -> float:
+        x, z = self.x, self.z
+        if step is not None:
+            x, z = x + t * step.primal, z + t * step.dual
+        return float(self.weights @ (x * z))
+
+    def longest_step(self, step: Step) -> float:
+        speed = np.max([-step.primal / self.x, -step.dual / self.z], initial=0.0)
+        # NaN is no direction to go in.
+        return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
+
+    def _primal_gap(self) -> FloatArray:
+        """``limit + compliance z - lin(u) - x``."""
+        return (self.limit - self.seen) + self.compliance * self.z - self.x
+
+    # The Newton step.
+
+    def linearise(self) -> None:
+        self._gap = self._primal_gap()
+        self.stiffness = self.z / (self.x + self.compliance * self.z)
+
+    def hold(self, stiffness: float | FloatArray) -> None:
+        self.stiffness = np.full(len(self.weights), stiffness)
+
+    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
+        self._wanted = target - self.x * self.z
+        if correction is not None:
+            self._wanted -= correction
+        return self.z + self._dual_step(self._gap)
+
+    def step(self, seen: FloatArray) -> Step:
+        dz = self._dual_step(self._gap - seen)
+        return Step(self.compliance * dz - seen + self._gap, dz)
+
+    def _dual_step(self, d_rest: FloatArray) -> FloatArray:
+        return (self._wanted - self.z * d_rest) / (self.x + self.compliance * self.z)
+
+    def correction(self, step: Step) -> FloatArray:
+        return step.primal * step.dual
+
+    def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
+        products = (self.x + t * step.primal) * (self.z + t * step.dual)
+        return np.maximum(np.clip(products, *band) - products, -band[1])
+
+    # Whether anything is admissible.
+
+    def largest_multiplier(self) -> float:
+        return float(self.z.max(initial=0.0))
+
+    def resistance(self, reactions: FloatArray) -> float:
+        """``int limit z`` for ``z >= 0``."""
+        if np.any(reactions < 0.0):
+            return np.inf
+        return float(self.weights @ (self.limit * reactions))

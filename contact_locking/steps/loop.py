@@ -1,0 +1,158 @@
+"""The steps of a process, one solution after the other.
+
+1. Put the problem to the next time: loads, prescribed displacements, gaps.
+2. Solve the problem of the step, from the state before if that helps.  If the solve fails, go back
+   to 1 with half the step, down to the least step.
+3. Judge the solution: the certificate, and the energy balance of the step.
+4. Add the row to the history and hand out the solution.
+5. Friction remembers the displacement and the slip.  Go on with 1.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from contact_locking.certificate import certify
+from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.monitor import Monitor
+from contact_locking.problem.assembly import Problem
+from contact_locking.results.history import History
+from contact_locking.results.solution import Solution
+from contact_locking.solver import SavedState, SolverReport
+from contact_locking.steps.account import row_of, totals
+from contact_locking.steps.increment import Increment, solution_of
+from contact_locking.steps.resume import restore
+from contact_locking.steps.timeline import Timeline
+
+CRITERION = "energy_balance"
+
+
+class Steps(Iterator[Solution]):
+    """The solutions of an assembled problem with steps, in the order of their times; collective.
+
+    ``problem`` may be changed between two steps; ``history`` has the numbers of the steps so far.
+    After a step that does not converge, whatever its length, the iteration ends with the state that
+    was reached.  ``saved`` are the checkpoints of steps that were solved earlier: they are read and
+    judged again, and the iteration goes on from the last of them.  Whoever stops earlier calls
+    :meth:`close`, on all ranks.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        monitor: Monitor | None = None,
+        petsc_options: Mapping[str, Any] | None = None,
+        saved: Sequence[Path] = (),
+    ) -> None:
+        given = problem.parameters.steps
+        assert given is not None
+        self.problem, self.history = problem, History()
+        self._monitor = monitor or Monitor()
+        self._increment = Increment(problem, self._monitor, petsc_options)
+        self._timeline = Timeline(given)
+        self._planned = self._timeline.left
+        self._halved: tuple[str, ...] = ()
+        self._saved = saved
+        self._solutions = self._solve()
+
+    def __next__(self) -> Solution:
+        return next(self._solutions)
+
+    def close(self) -> None:
+        """End the iteration and destroy the PETSc objects; collective."""
+        self._solutions.close()
+
+    def _solve(self) -> Generator[Solution]:
+        timeline = self._timeline
+        saved: SavedState | None = None
+        before: Moment | None = None
+        try:
+            for path in self._saved:
+                restored = restore(path, self._increment)
+                state, self._halved = restored.state, restored.step.halved
+                self.history = restored.step.history
+                solution = self._solution(state, restored.energy, restored.step.time)
+                solution.summary["restart"] = f"the step was read from {path}"
+                self._tell(solution)
+                yield solution
+                timeline.skip_to(restored.step.time)
+                saved, before = _saved(state), Moment.of(state)
+                self._remember()
+            self._began, self._to_solve = time.perf_counter(), timeline.left
+            while not timeline.is_over:
+                began = time.perf_counter()
+                at = timeline.target
+                report = self._solve_at(at, saved)
+                if not report.converged and self._halve(at, report.reason):
+                    continue
+                state = self._increment.state(report)
+                energy, before = energy_balance(before or Moment.at_rest(state), state)
+                solution = self._solution(state, energy, at)
+                seconds = time.perf_counter() - began
+                self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
+                self._tell(solution)
+                yield solution
+                if not solution.converged:
+                    return
+                timeline.succeed()
+                saved = _saved(state)
+                self._remember()
+        finally:
+            self.problem.close()
+
+    def _remember(self) -> None:
+        """End a step; collective."""
+        for contact in self.problem.contacts:
+            contact.remember(self.problem.u)
+
+    def _solve_at(self, at: float, saved: SavedState | None) -> SolverReport:
+        """Solve at a time; collective."""
+        self._monitor.step(len(self.history) + 1, self._timeline.left, at, self._seconds_left())
+        self._increment.advance(at)
+        return self._increment.solve(saved)
+
+    def _halve(self, at: float, reason: str) -> bool:
+        """Halve the step after a failure, if it may be halved, and say so."""
+        timeline = self._timeline
+        if not timeline.fail():
+            return False
+        text = f"the step to t = {at:.6g} did not converge ({reason}); it is halved"
+        self._halved = (*self._halved, text)
+        self._monitor.message(f"warning: {text}")
+        return True
+
+    def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> Solution:
+        """The solution of a step with its certificate; collective."""
+        certificate = certify(state)
+        criteria = {**certificate.criteria, CRITERION: energy.criterion(state)}
+        solution = solution_of(state, dataclasses.replace(certificate, criteria=criteria))
+        # The next step overwrites the displacement of the problem.
+        own = self.problem.u.copy()
+        own.name = self.problem.u.name
+        return dataclasses.replace(solution, displacement=own, time=at)
+
+    def _tell(self, solution: Solution) -> None:
+        """Add the history of the process to a solution."""
+        halved = len(self._halved)
+        solution.summary.setdefault("restart", None)
+        solution.history, solution.halved = History([*self.history.rows]), self._halved
+        solution.summary["steps"] = totals(self.history, halved, self._planned)
+        solution.summary["warnings"] += [*self._halved, *self._increment.unused_options()]
+
+    def _seconds_left(self) -> float | None:
+        """About how long the planned steps that are left will take; None before the first step."""
+        planned = self._to_solve - self._timeline.left
+        return (
+            self._timeline.left * (time.perf_counter() - self._began) / planned if planned else None
+        )
+
+
+def _saved(state: SolvedState) -> SavedState:
+    """The solved state for the solver to start the next step from."""
+    pressures = tuple(fields.pressure for fields in state.contacts)
+    return SavedState(state.problem.u.x.array.copy(), pressures, state.target.penalty)

@@ -1,0 +1,402 @@
+"""The keys of the element: quadratic displacements, with limits at vertices or at Gauss points."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+from pathlib import Path
+from typing import Any
+
+import basix
+import gmsh
+import numpy as np
+import pytest
+import ufl
+from manufactured import Manufactured
+from mpi4py import MPI
+from problems import block, with_changes
+from test_elements import LIMIT, benchmark, largest_strain
+from test_verification_manufactured import problem_of
+
+from contact_locking import checkpoint, solving, study_file, writing
+from contact_locking.errors import InputError
+from contact_locking.laws.elasticity import strain
+from contact_locking.parameters import Parameters
+from contact_locking.plotting.gather import gather
+from contact_locking.plotting.snapshot import Snapshot
+from contact_locking.problem import gauss_points
+from contact_locking.problem.assembly import assemble
+from contact_locking.problem.spaces import P1, P2, P2_GAUSS, element_of
+from contact_locking.results import fields
+from contact_locking.results.derived import integral
+from contact_locking.results.solution import Solution
+from contact_locking.study_file import from_mapping
+
+POINTS = pytest.mark.parametrize("limit_at", ["vertices", "gauss"])
+GAUSS = {"degree": 2, "limit_at": "gauss"}
+
+
+def quadratic(divisions: int, limit_at: str = "gauss", **changes: Any) -> Parameters:
+    given = {"discretisation__degree": 2, "discretisation__limit_at": limit_at}
+    return benchmark(divisions, **given, **changes)
+
+
+def cube(limit_at: str = "gauss", **changes: Any) -> Parameters:
+    """A cube without contact, clamped below and sheared, which locks in a part."""
+    loads = {
+        "tractions": [{"on": "top", "value": [-0.03, 0.01, -0.02]}],
+        "displacements": [{"on": "bottom", "value": [0.0, 0.0, 0.0]}],
+    }
+    data: dict[str, Any] = {
+        "mesh": {"builder": "block", "dim": 3, "h": 0.5, "structured": True},
+        "discretisation": {"degree": 2, "limit_at": limit_at},
+        "material": {"locking_limit": LIMIT},
+        "loads": loads,
+        "contact": {"on": []},
+    }
+    return with_changes(data, **changes)
+
+
+def solved(parameters: Parameters, comm: MPI.Intracomm) -> Solution:
+    solution = solving.solve(parameters, comm)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+@functools.cache
+def square(limit_at: str) -> Solution:
+    return solved(quadratic(4, limit_at), MPI.COMM_WORLD)
+
+
+@functools.cache
+def solved_cube() -> Solution:
+    return solved(cube(), MPI.COMM_WORLD)
+
+
+@pytest.mark.serial
+def test_the_keys_choose_the_element() -> None:
+    def chosen(**given: Any) -> Any:
+        return element_of(from_mapping({"discretisation": given}).discretisation)
+
+    assert chosen() is chosen(degree=1, limit_at="gauss") is P1
+    assert chosen(degree=2) is P2
+    assert chosen(degree=2, limit_at="gauss") is P2_GAUSS
+    for given, key in (({"degree": 3}, "degree"), ({"limit_at": "nodes"}, "limit_at")):
+        with pytest.raises(InputError, match=rf"^discretisation\.{key}: "):
+            chosen(**given)
+
+
+@pytest.mark.serial
+def test_studies_with_one_result_have_one_fingerprint() -> None:
+    plain, same = from_mapping({}), from_mapping({"discretisation": {"limit_at": "gauss"}})
+    other = [
+        from_mapping({"discretisation": {"degree": 2, **g}}) for g in ({}, {"limit_at": "gauss"})
+    ]
+    for digits in (study_file.fingerprint, study_file.problem_fingerprint):
+        assert digits(plain) == digits(same)
+        assert len({digits(parameters) for parameters in (plain, *other)}) == 3
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dim", [2, 3])
+def test_gauss_points_are_numbered_as_the_corners_and_integrate_quadratics(dim: int) -> None:
+    shares = gauss_points.shares(dim)
+    assert np.array_equal(np.argmax(shares, axis=1), np.arange(dim + 1))
+    assert shares.sum(axis=1) == pytest.approx(np.ones(dim + 1))
+    # int lambda_i lambda_j over a simplex of volume 1.
+    wanted = (1.0 + np.eye(dim + 1)) / ((dim + 1) * (dim + 2))
+    assert shares.T @ shares / (dim + 1) == pytest.approx(wanted)
+    element = gauss_points.affine(dim)
+    points, _ = basix.make_quadrature(gauss_points.SIMPLICES[dim], 2)
+    values = element.tabulate(0, points)[0]
+    assert np.sort(values.reshape(dim + 1, dim + 1), axis=1)[:, -1] == pytest.approx(1.0)
+    assert np.abs(values).sum() == pytest.approx(dim + 1.0)
+
+
+def test_limits_at_gauss_points_are_exceeded_between_the_points_as_the_summary_says() -> None:
+    solution = square("gauss")
+    summary = solution.summary
+    assert summary["discretisation"] == GAUSS
+    assert summary["strain_norm_max"] == pytest.approx(LIMIT, rel=1e-6)
+    everywhere = summary["strain_norm_max_in_cells"]
+    assert everywhere == pytest.approx(largest_strain(solution), rel=1e-9)
+    assert summary["overstrain_max"] == pytest.approx(everywhere / LIMIT - 1.0)
+    assert 0.1 < summary["overstrain_max"] < 0.5
+
+
+def test_limits_at_vertices_hold_in_the_cells() -> None:
+    summary = square("vertices").summary
+    assert summary["discretisation"] == {"degree": 2, "limit_at": "vertices"}
+    assert summary["strain_norm_max_in_cells"] == summary["strain_norm_max"]
+    assert summary["overstrain_max"] <= 1e-9
+
+
+def test_the_overstrain_is_relative_to_the_limit_at_the_vertex(comm: MPI.Intracomm) -> None:
+    # The strain of u = (x^2, x y)/100 at x = 1 is the largest, and there M is 1.
+    exact = ["0.01*x*x", "0.01*x*y"]
+    loads = {
+        "displacements": [{"on": ["left", "right", "top", "bottom"], "value": exact}],
+        "body_force": ["-0.032", "0"],
+    }
+    material = {"elasticity": {"young": 1.0, "poisson": 0.25}, "locking_limit": "0.02 + 0.98*x"}
+    given = {"degree": 2, "limit_at": "gauss"}
+    summary = solved(
+        block(2, 0.5, contact__on=[], loads=loads, material=material, discretisation=given), comm
+    ).summary
+    assert summary["strain_norm_max_in_cells"] == pytest.approx(
+        0.01 * np.sqrt(4 + 1 + 0.5), rel=1e-9
+    )
+    assert summary["overstrain_max"] == 0.0
+
+
+@POINTS
+@pytest.mark.parametrize("n", [1e3, np.inf])
+def test_the_stored_stresses_and_forces_do_the_work_of_the_loads(
+    limit_at: str, n: float, comm: MPI.Intracomm
+) -> None:
+    penalised = quadratic(4, limit_at, penalty__n=n)
+    solution = square(limit_at) if np.isinf(n) else solved(penalised, comm)
+    domain, u, element = solution.domain, solution.displacement, solution.element
+    dx = element.locking_dx(ufl.Measure("dx", domain=domain.mesh))
+    work = 2.0 * solution.summary["elastic_energy"]
+    work += integral(domain, ufl.inner(solution.locking_stress, strain(u)) * dx)
+    (contact,) = solution.contacts
+    forces = contact.traction - contact.pressure[:, None] * contact.normal
+    path = contact.u_tangent + contact.u_normal[:, None] * contact.normal
+    work -= float(contact.surface.integral(np.sum(forces * path, axis=1)))
+    assert work == pytest.approx(solution.summary["compliance"], rel=1e-8)
+
+
+def test_newton_and_the_interior_point_method_agree(comm: MPI.Intracomm) -> None:
+    found = [
+        solved(quadratic(4, penalty__n=1e3, solver__method=method), comm)
+        for method in ("newton", "interior_point")
+    ]
+    apart = found[0].displacement.x.array - found[1].displacement.x.array
+    assert np.abs(apart).max() <= 1e-7 * np.abs(found[0].displacement.x.array).max()
+
+
+@POINTS
+def test_a_stiffness_that_jumps_within_cells_stays_elliptic(
+    limit_at: str, comm: MPI.Intracomm
+) -> None:
+    # Through the values 1 and 1000 an affine function is negative beyond the points.
+    elasticity = {"young": "1000 if x < 0.45 else 1", "poisson": 0.3}
+    material = {"elasticity": elasticity, "locking_limit": LIMIT}
+    solved(quadratic(3, limit_at, material=material), comm)
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size == 1, reason="compares with one rank")
+@POINTS
+def test_results_do_not_depend_on_the_number_of_ranks(limit_at: str) -> None:
+    cases = [(quadratic(4, limit_at), square(limit_at))]
+    if limit_at == "gauss":
+        cases.append((cube(), solved_cube()))
+    for parameters, together in cases:
+        alone = solved(parameters, MPI.COMM_SELF)
+        for key in ("compliance", "strain_norm_max_in_cells", "locked_fraction", "contact_area"):
+            assert together.summary[key] == pytest.approx(alone.summary[key], rel=1e-8), key
+        errors = [s.summary["certificate"]["errors"]["mesh"] for s in (alone, together)]
+        assert errors[1] == pytest.approx(errors[0], rel=1e-6)
+        if together.contact_points is not None:
+            assert alone.contact_points is not None
+            for name in ("x", "pressure", "u_normal", "bound"):
+                found, wanted = (getattr(s.contact_points, name) for s in (together, alone))
+                assert found == pytest.approx(wanted, rel=1e-6, abs=1e-9), name
+
+
+def test_a_locking_cube_is_solved_by_a_direct_and_an_iterative_solver(
+    comm: MPI.Intracomm,
+) -> None:
+    direct, iterative = solved_cube(), solved(cube(solver__linear="iterative"), comm)
+    assert direct.summary["locked_fraction"] > 0.1 and direct.summary["overstrain_max"] > 0.0
+    assert direct.summary["iterations"]["tangents"] <= 20
+    found = iterative.summary["compliance"]
+    assert found == pytest.approx(direct.summary["compliance"], rel=1e-7)
+
+
+# Checkpoints.
+
+
+@pytest.mark.skipif(checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable()))
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_checkpoint_restarts_what_it_was_saved_from(
+    dim: int, comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    folder = comm.bcast(tmp_path)
+    saved = square("gauss") if dim == 2 else solved_cube()
+    writing.save(saved, folder)
+    # Any number of ranks can read it.
+    again = solving.solve(saved.parameters, MPI.COMM_SELF, restart=folder)
+    assert again.converged and again.summary["iterations"]["tangents"] == 0
+    assert again.summary["compliance"] == pytest.approx(saved.summary["compliance"], rel=1e-12)
+
+
+@pytest.mark.skipif(checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable()))
+def test_a_checkpoint_of_another_element_is_refused(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    folder = comm.bcast(tmp_path)
+    writing.save(square("gauss"), folder)
+    for parameters, key in ((quadratic(4, "vertices"), "limit_at"), (benchmark(4), "degree")):
+        with pytest.raises(InputError, match=f"restart with discretisation.{key}: ") as raised:
+            solving.solve(parameters, comm, restart=folder)
+        assert raised.value.key == f"discretisation.{key}"
+
+
+# Files and pictures.
+
+
+@POINTS
+def test_fields_for_paraview_are_quadratic_in_each_cell(limit_at: str) -> None:
+    solution = square(limit_at)
+    found = {f.name: f for f in fields.discontinuous(solution)}
+    assert set(found) == set(fields.FIELD_NAMES)
+    assert all(f.function_space.ufl_element().degree == 2 for f in found.values())
+    dx = ufl.Measure("dx", domain=solution.domain.mesh)
+    for name in ("displacement", "elastic_stress", "locking_stress", "contact_pressure"):
+        apart = found[name] - getattr(solution, name)
+        assert integral(solution.domain, ufl.inner(apart, apart) * dx) <= 1e-20
+    largest = solution.domain.comm.allreduce(found["strain_norm"].x.array.max(), op=MPI.MAX)
+    assert largest == pytest.approx(solution.summary["strain_norm_max_in_cells"])
+    assert set(np.unique(found["locked"].x.array)) == {0.0, 0.5, 1.0}
+    assert set(np.unique(found["contact_state"].x.array)) <= {0.0, 1.0, 2.0}
+
+
+def test_the_file_for_paraview_has_cells_of_higher_order(
+    comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    adios2 = pytest.importorskip("adios2")
+    path = comm.bcast(tmp_path) / "fields.bp"
+    functions = fields.discontinuous(square("gauss"))
+    fields.write(functions, path, comm)
+    if comm.rank == 0:
+        with adios2.FileReader(str(path)) as file:
+            # VTK's Lagrange triangle.
+            assert int(file.read("types")) == 69
+        size = sum(entry.stat().st_size for entry in path.rglob("*") if entry.is_file())
+        assert size <= fields.size(functions, comm)
+    else:
+        fields.size(functions, comm)
+
+
+def volume(x: Any, simplices: Any) -> float:
+    edges = x[simplices[:, 1:]] - x[simplices[:, :1]]
+    return float(np.abs(np.linalg.det(edges)).sum()) / (2.0 if x.shape[1] == 2 else 6.0)
+
+
+def test_a_picture_shows_cells_of_degree_two_in_pieces(comm: MPI.Intracomm) -> None:
+    cases = [(square("vertices"), 4 * 8), (square("gauss"), 4 * 8), (solved_cube(), 6 * 2 * 4 * 4)]
+    for solution, sides in cases:
+        body = gather(solution)
+        assert (body is None) == (comm.rank > 0)
+        if body is None:
+            continue
+        assert len(body.cells) == solution.domain.num_cells * 2**body.dim
+        assert volume(body.x, body.cells) == pytest.approx(1.0)
+        assert len(body.boundary) == sides
+        # Each face of the boundary is a face of its piece.
+        pieces = body.cells[body.boundary_cell]
+        assert all(
+            np.isin(face, piece).all() for face, piece in zip(body.boundary, pieces, strict=True)
+        )
+        assert_values(body, solution)
+
+
+def assert_values(body: Snapshot, solution: Solution) -> None:
+    assert body.strain_norm.max() <= solution.summary["strain_norm_max_in_cells"]
+    assert body.strain_norm.max() >= 0.95 * LIMIT
+    share = body.locked.mean()
+    assert share == pytest.approx(solution.summary["locked_fraction"], abs=0.1)
+    points = body.contact.points
+    assert body.x[body.contact.vertices] == pytest.approx(points.x)
+
+
+@pytest.mark.serial
+def test_a_run_writes_everything(tmp_path: Path) -> None:
+    solution = square("gauss")
+    assert writing.write(solution, tmp_path) == []
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["discretisation"] == GAUSS
+    assert (tmp_path / "picture.png").stat().st_size > 20_000
+    # The corners and the middles of the edges, and a line of names.
+    assert len((tmp_path / "contact.csv").read_text().splitlines()) == 9 + 1
+    assert study_file.load(tmp_path / "parameters.yaml").parameters == solution.parameters
+
+
+# Error estimates.
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@POINTS
+def test_the_indicator_vanishes_for_a_quadratic_solution(
+    limit_at: str, dim: int, comm: MPI.Intracomm
+) -> None:
+    sides = ["left", "right", "top", "bottom", *(["front", "back"] if dim == 3 else [])]
+    exact = ["0.01*x*x", "0.01*x*y", *(["0"] if dim == 3 else [])]
+    # lambda = mu = 0.4.
+    loads = {
+        "displacements": [{"on": sides, "value": exact}],
+        "body_force": ["-0.032", *["0"] * (dim - 1)],
+    }
+    elasticity = {"young": 1.0, "poisson": 0.25}
+    material = {"elasticity": elasticity, "locking_limit": float("inf")}
+    given = {"degree": 2, "limit_at": limit_at}
+    solution = solved(
+        block(dim, 0.5, contact__on=[], loads=loads, material=material, discretisation=given), comm
+    )
+    assert solution.error_indicator is not None
+    # At a corner with one cell the polynomial of the patch is affine.
+    relative = solution.summary["certificate"]["errors"]["mesh"]["relative"]
+    assert relative <= 1e-3
+
+
+@pytest.mark.serial
+@POINTS
+def test_the_indicator_is_near_the_error_of_a_smooth_solution(limit_at: str) -> None:
+    element = {"vertices": P2, "gauss": P2_GAUSS}[limit_at]
+    given: Manufactured = dataclasses.replace(problem_of("all together"), element=element)
+    solution = given.solved(1 / 8)
+    errors, estimate = given.errors(solution), solution.summary["certificate"]["errors"]["mesh"]
+    assert estimate["energy_norm"] / errors.energy == pytest.approx(1.0, abs=0.1)
+    assert estimate["with_locking"] / errors.with_locking == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.serial
+def test_no_bound_is_proved_from_a_strain_that_exceeds_the_limit_between_the_points() -> None:
+    for limit_at, applicable in (("vertices", True), ("gauss", False)):
+        summary = solved(
+            quadratic(2, limit_at, certificate__error_bound=True), MPI.COMM_SELF
+        ).summary
+        found = summary["certificate"]["errors"]["guaranteed"]
+        assert found["applicable"] is applicable
+    assert "take discretisation.limit_at: vertices" in found["reason"]
+
+
+# Meshes.
+
+
+@pytest.mark.serial
+def test_a_mesh_file_of_second_order_is_refused_with_the_way_out(tmp_path: Path) -> None:
+    path = tmp_path / "disk.msh"
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        disk = gmsh.model.occ.addDisk(0, 0, 0, 1, 1)
+        gmsh.model.occ.synchronize()
+        rim = [abs(tag) for _, tag in gmsh.model.getBoundary([(2, disk)])]
+        gmsh.model.addPhysicalGroup(2, [disk], name="body")
+        gmsh.model.addPhysicalGroup(1, rim, name="rim")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.6)
+        gmsh.model.mesh.generate(2)
+        gmsh.model.mesh.setOrder(2)
+        gmsh.write(str(path))
+        gmsh.model.mesh.setOrder(1)
+        gmsh.write(str(tmp_path / "straight.msh"))
+    finally:
+        gmsh.finalize()
+    loads = {"displacements": [{"on": "rim", "value": [0, 0]}], "body_force": [0, -0.01]}
+    data = {"discretisation": GAUSS, "contact": {"on": []}, "loads": loads}
+    with pytest.raises(InputError, match=r"curved.*setOrder\(1\).*discretisation.degree: 2"):
+        assemble(from_mapping(data | {"mesh": {"file": str(path)}}), MPI.COMM_SELF)
+    straight = from_mapping(data | {"mesh": {"file": str(tmp_path / "straight.msh")}})
+    assert solved(straight, MPI.COMM_SELF).summary["discretisation"]["degree"] == 2
