@@ -317,3 +317,16 @@ def test_the_limit_load_of_a_stretched_bar_is_exact() -> None:
 @pytest.mark.serial
 def test_a_body_that_is_only_loaded_has_no_limit_load() -> None:
     assert "limit_load" not in certificate(benchmark(4))
+
+
+@pytest.mark.serial
+def test_displacements_that_nothing_resists_have_no_excluded_load_factor() -> None:
+    shifted = block(
+        h=0.5,
+        loads={"displacements": [{"on": "left", "value": [0.001, 0.0]}]},
+        contact={"on": []},
+        penalty__n=math.inf,
+        certificate__error_bound=True,
+    )
+    found = certificate(shifted)["limit_load"]
+    assert found["load_factor"] == [1.0, None] and found["infeasible"] is False

@@ -84,10 +84,7 @@ def _excluded(state: SolvedState) -> float:
         raise NotApplicable("for linear elements")
     triangles, element = Triangles(problem.domain), macro_element(1)
     held = held_components(state, triangles)
-    contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
-    require_exact_gaps(state, triangles, contacts)
-    for contact in contacts:
-        contact.along = np.zeros_like(contact.along)
+    contacts = _pushing(state, triangles)
     parts = floating_parts(problem, triangles)
     nothing = np.zeros((*triangles.facets.shape, 2, 2))
     body = np.zeros((*triangles.facets.shape, 1, 2))
@@ -110,11 +107,35 @@ def _excluded(state: SolvedState) -> float:
     for _ in range(_STEPS):
         weights = limit / np.maximum(size, _LEAST * maximum(state.comm, size))
         stress, jump = system.solve(weights[:, None, None] * np.eye(3), strains, nothing)
+        if _is_rounding(state, stress, strains / weights[:, None, None, None]):
+            # Nothing resists the prescribed displacements.
+            break
         if jump > LARGEST_JUMP:
             raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
         best = min(best, _factor(state, triangles, stress, strains, limit, contacts))
         size = np.sqrt(np.mean(np.sum(stress**2, axis=3), axis=(1, 2)))
     return best
+
+
+def _is_rounding(state: SolvedState, stress: FloatArray, whole: FloatArray) -> bool:
+    """Whether a balanced stress is no more than rounding in the whole stress; collective."""
+    largest, most = (maximum(state.comm, np.abs(values)) for values in (stress, whole))
+    return largest <= _ROUNDING * most
+
+
+def _pushing(state: SolvedState, triangles: Triangles) -> list[ContactTractions]:
+    """Tractions without friction; none where no polynomial is admissible, which proves less.
+
+    Collective.
+    """
+    try:
+        found = [contact_tractions(fields, triangles) for fields in state.contacts]
+        require_exact_gaps(state, triangles, found)
+    except NotApplicable:
+        return []
+    for contact in found:
+        contact.along = np.zeros_like(contact.along)
+    return found
 
 
 def _first_sizes(state: SolvedState, triangles: Triangles) -> FloatArray:
@@ -132,7 +153,7 @@ def _factor(
     limit: FloatArray,
     contacts: list[ContactTractions],
 ) -> float:
-    """``(int M |s| + int p gap)/int s nu . u_D``; infinite if the divisor is not positive.
+    """``(int M |s| + int p gap)/int s nu . u_D``; infinite if the divisor is rounding.
 
     ``|s|`` is convex, so that the mean of its values at the corners of a part is an upper bound.
     """
@@ -147,4 +168,5 @@ def _factor(
         power += contact.lengths @ product_integral(contact.pressure, normal)
         resistance += contact.lengths @ product_integral(contact.pressure, contact.gap)
     power, resistance = (state.sum(np.asarray(value)) for value in (power, resistance))
-    return max(resistance, 0.0) / power if power > 0.0 else np.inf
+    resistance = max(resistance, 0.0)
+    return resistance / power if power > _ROUNDING * resistance else np.inf
