@@ -113,7 +113,7 @@ def test_a_solve_without_the_section_has_one_mesh_and_no_entry() -> None:
 
 
 def test_meshes_do_not_depend_on_the_ranks(comm: MPI.Intracomm) -> None:
-    given = adaptive(adapt={"tolerance": 0.15})
+    given = adaptive(adapt={"tolerance": 0.01, "max_meshes": 3})
     alone, together = solve(given, MPI.COMM_SELF), solve(given, comm)
     assert [m["dofs"] for m in meshes(alone)] == [m["dofs"] for m in meshes(together)]
     for one, other in zip(meshes(alone), meshes(together), strict=True):
@@ -171,12 +171,13 @@ def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
     comm: MPI.Intracomm, tmp_path: Path
 ) -> None:
     folder = comm.bcast(tmp_path)
-    first = solve(adaptive(adapt={"tolerance": 0.15}), comm)
+    two, three = ({"tolerance": 0.01, "max_meshes": number} for number in (2, 3))
+    first = solve(adaptive(adapt=two), comm)
     save(first, folder)
-    again = solve(adaptive(adapt={"tolerance": 0.1}), comm, restart=folder)
+    again = solve(adaptive(adapt=two), comm, restart=folder)
     assert meshes(again)[0]["tangents"] == 0
     assert meshes(again)[0]["dofs"] == first.summary["dofs"]
-    whole = solve(adaptive(adapt={"tolerance": 0.1}), comm)
+    whole = solve(adaptive(adapt=three), comm)
     assert [m["dofs"] for m in meshes(whole)][-len(meshes(again)) :] == [
         m["dofs"] for m in meshes(again)
     ]
