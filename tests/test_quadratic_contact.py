@@ -177,3 +177,20 @@ def test_newton_finds_the_solution_of_the_interior_point_method(
     ]
     assert convergence.distance(*found).v <= 1e-6
     assert found[0].summary["contact_area"] > 0.3
+
+
+def test_the_fields_of_two_contacts_with_a_common_edge_add_up(comm: MPI.Intracomm) -> None:
+    contact = [{"on": "bottom"}, {"on": "back", "friction": {"coefficient": 0.0}}]
+    loads = {
+        "tractions": [
+            {"on": "top", "value": [0.01, 0.0, -0.05]},
+            {"on": "front", "value": [0.0, 0.04, 0.0]},
+        ],
+        "displacements": [{"on": "left", "value": [0.0, 0.0, 0.0]}],
+    }
+    solution = solved(block(3, 0.5, penalty__n=np.inf, contact=contact, loads=loads), P2, comm)
+    sums = [float(one.surface.integral(one.pressure)) for one in solution.contacts]
+    assert min(sums) > 0.01
+    measure = solution.domain.ds(("bottom", "back"), None)
+    total = integral(solution.domain, solution.contact_pressure * measure)
+    assert total == pytest.approx(sum(sums), rel=1e-12)

@@ -77,9 +77,10 @@ def build_contacts(
     """
     u = fem.Function(space)
     free_dofs = constraints.free_dofs(u)
+    limited = element.trace.limited_space(space)
     found = []
     for given in parameters.contacts:
-        surface = ContactSurface(domain, space, given.on, f"{given.key}.on", element)
+        surface = ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
         gap, normals = _foundation_from(surface, given, clock.now)
         kind = "gap" if given.foundation is None else "foundation"
         warnings += about_the_gap(domain, gap, f"{given.key}.{kind}")

@@ -28,8 +28,10 @@ _PRESCRIBED = 1e-6
 class ContactSurface:
     """The nodes of Gamma_C in the element's spaces, with the weights of its rule.
 
-    ``space`` is the space of displacements.  ``nodes`` (k,) are the owned nodes as indices of the
-    scalar space, ``blocks`` (k,) the same nodes as blocks of the vector space, ``points`` (k, d)
+    ``space`` is the space of displacements, and ``limited`` the space of limited values that
+    several contacts share; by default the surface has its own.  ``nodes`` (k,) are the owned nodes
+    as indices of the scalar space, ``blocks`` (k,) the same nodes as blocks of the vector space,
+    ``points`` (k, d)
     the coordinates of the nodes, and ``weights`` (k,) their shares of the measure of Gamma_C.
     Raises InputError with the ``key`` for an element that has no contact.  The constructor is
     collective.
@@ -42,6 +44,7 @@ class ContactSurface:
         names: tuple[str, ...],
         key: str = "contact.on",
         element: Element = P1,
+        limited: fem.FunctionSpace | None = None,
     ) -> None:
         element.trace.check(domain.dim, element.degree, key)
         self._pieces = np.array(element.trace.pieces[domain.dim], dtype=np.int32)
@@ -60,9 +63,11 @@ class ContactSurface:
         self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
         # Every rule is exact for the gradients of affine fields.
         self._exact_ds = self.ds if element.degree == 1 else domain.ds(names, key)
+        if limited is None:
+            limited = element.trace.limited_space(space)
         #: The values of fields that contact and friction limit at the points.
         self.limited = PointValues(
-            element.trace, self.scalar_space, space, self.nodes, to_vector // domain.dim
+            element.trace, self.scalar_space, limited, self.nodes, to_vector // domain.dim
         )
 
     def is_of(self, dofs: BoolArray) -> BoolArray:

@@ -55,14 +55,23 @@ class Trace:
                 key,
             )
 
+    def limited_space(self, vectors: fem.FunctionSpace) -> fem.FunctionSpace:
+        """The space of fields with limited values at the nodes; collective.
+
+        A field has the degrees of freedom of the displacement in ``vectors`` whose limited values
+        are the values of the field at the nodes.  All contacts of a problem share this space, as
+        the arguments of a form have one space.
+        """
+        return _control_space(vectors) if self.controls else vectors
+
 
 class PointValues:
     """The linear map from nodal values on Gamma_C to the values that the laws limit.
 
-    ``scalars`` is the space of scalar fields of the displacement's degree, ``vectors`` the space of
-    displacements, and ``blocks`` (n,) are the n local nodes of ``scalars`` as blocks of
-    ``vectors``.  ``nodes`` (k,) are the owned nodes of ``scalars`` on Gamma_C.  ``matrix`` (k, n)
-    maps the values of a displacement at its local blocks.  The functions of ``space`` have the
+    ``scalars`` is the space of scalar fields of the displacement's degree, ``limited`` is
+    :meth:`Trace.limited_space` of displacements, and ``blocks`` (n,) are the n local nodes of
+    ``scalars`` as blocks of ``limited``.  ``nodes`` (k,) are the owned nodes of ``scalars`` on
+    Gamma_C.  ``matrix`` (k, n) maps the values of a displacement at its local blocks.  The functions of ``space`` have the
     degrees of freedom of displacements, and at the nodes of Gamma_C the limited values of the
     displacement with the same ones.  The constructor is collective.
     """
@@ -71,18 +80,17 @@ class PointValues:
         self,
         trace: Trace,
         scalars: fem.FunctionSpace,
-        vectors: fem.FunctionSpace,
+        limited: fem.FunctionSpace,
         nodes: IndexArray,
         blocks: IndexArray,
     ) -> None:
-        self._blocks, self.space = blocks, vectors
+        self._blocks, self.space = blocks, limited
         #: Whether the limited values are the nodal values.
         self.are_nodal = not trace.controls
         self._middles: IndexArray = np.empty(0, np.int32)
         self._ends: IndexArray = np.empty((0, 2), np.int32)
         if trace.controls:
             self._middles, self._ends = _edges(scalars, nodes)
-            self.space = _control_space(vectors)
         self.matrix = self._map(nodes, blocks, own=2.0, end=-0.5)
         self._of_scalars = self._map(nodes, np.arange(len(blocks)), own=2.0, end=-0.5)
 
