@@ -361,6 +361,17 @@ def test_the_indicator_is_near_the_error_of_a_smooth_solution(limit_at: str) -> 
     assert estimate["with_locking"] / errors.with_locking == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.serial
+def test_no_bound_is_proved_from_a_strain_that_exceeds_the_limit_between_the_points() -> None:
+    for limit_at, applicable in (("vertices", True), ("gauss", False)):
+        summary = solved(
+            quadratic(2, limit_at, certificate__error_bound=True), MPI.COMM_SELF
+        ).summary
+        found = summary["certificate"]["errors"]["guaranteed"]
+        assert found["applicable"] is applicable
+    assert "take discretisation.limit_at: vertices" in found["reason"]
+
+
 # Meshes.
 
 
