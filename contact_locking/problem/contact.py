@@ -143,9 +143,15 @@ class Contact:
         """The accumulated slip ``s_k = s_{k-1} + |u_tau - u_{k-1,tau}|`` (k,) at the nodes."""
         return self.memory.slip + np.linalg.norm(self.increment(u), axis=1)
 
-    def remember(self, u: fem.Function) -> None:
-        """End the step with the displacement u: the next step begins there; collective."""
-        self.memory.set(self.split(u)[1], self.slips(u))
+    def remember(self, u: fem.Function, sticks: BoolArray) -> None:
+        """End the step with the displacement u: the next step begins there; collective.
+
+        At nodes that stick (k,) without regularisation the slip is zero but for the tolerance of
+        the solver, which would add up over many steps: these nodes keep their place.
+        """
+        holds = sticks & (float(self.regularisation.value) == 0.0)
+        place = np.where(holds[:, None], self.memory.tangential, self.split(u)[1])
+        self.memory.set(place, np.where(holds, self.memory.slip, self.slips(u)))
 
     @property
     def bounds(self) -> FloatArray:

@@ -21,6 +21,7 @@ from contact_locking.certificate.energy import EnergyBalance, Moment, energy_bal
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
 from contact_locking.problem.assembly import Problem
+from contact_locking.results.contact_points import STICK
 from contact_locking.results.history import History
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState, SolverReport
@@ -82,7 +83,7 @@ class Steps(Iterator[Solution]):
                 yield solution
                 timeline.skip_to(restored.step.time)
                 saved, before = _saved(state), Moment.of(state)
-                self._remember()
+                self._remember(state)
             self._began, self._to_solve = time.perf_counter(), timeline.left
             while not timeline.is_over:
                 began = time.perf_counter()
@@ -101,14 +102,14 @@ class Steps(Iterator[Solution]):
                     return
                 timeline.succeed()
                 saved = _saved(state)
-                self._remember()
+                self._remember(state)
         finally:
             self.problem.close()
 
-    def _remember(self) -> None:
+    def _remember(self, state: SolvedState) -> None:
         """End a step; collective."""
-        for contact in self.problem.contacts:
-            contact.remember(self.problem.u)
+        for fields in state.contacts:
+            fields.contact.remember(self.problem.u, fields.state == STICK)
 
     def _solve_at(self, at: float, saved: SavedState | None) -> SolverReport:
         """Solve at a time; collective."""
