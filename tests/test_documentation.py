@@ -115,12 +115,12 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
             "mesh": {"builder": "block", "h": 0.5},
             "material": {"locking_limit": 0.05},
             "loads": {
-                "displacements": [{"on": "left", "value": [0, 0]}],
+                "displacements": [{"on": "left", "value": [0, 0.001]}],
                 "tractions": [{"on": "top", "value": [0, -0.05]}],
             },
             "friction": {"coefficient": 0.3, "smoothing": {"radius": 0.5}},
             "penalty": {"n": 1e4},
-            "certificate": {"limit": True},
+            "certificate": {"limit": True, "error_bound": True},
         }
     )
     summary = json.loads(summary_text(solve(parameters).summary | {"x": float("inf")}))

@@ -150,6 +150,7 @@ MEANINGS = {
     "friction_bound": "change of the friction bound in one more update",
     "smoothing_constants": "change of constants by R",
     "duality_gap": "sum of the complementarities over the energy",
+    "energy_balance": "energy that a step creates or loses beyond its bounds, over the work",
     "alpha": "smallest eigenvalue of the elasticity",
     "c_0": "trace constant of this mesh, |v| on Γ_C ≤ c_0 ‖v‖_V, from below",
     "friction_coefficient": "largest μ",

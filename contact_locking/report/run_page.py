@@ -15,6 +15,7 @@ from .adapt_charts import adapt_charts, adapted
 from .certificate import certificate
 from .charts import Chart
 from .contact_charts import contact_charts
+from .history_charts import history_charts
 from .pictures import picture
 from .quantities import MEANINGS, QUANTITIES, by_contact
 from .shown import shown
@@ -27,6 +28,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     """The HTML document of a run and its charts."""
     summary = run.summary
     charts, adapt = contact_charts(run), adapt_charts(run)
+    steps = history_charts(run.history)
     contact_names, contact_quantities = by_contact(summary)
     html = render(
         "run.html.j2",
@@ -38,6 +40,8 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         contact=run.contact,
         states=_states(run.contact),
         contact_charts=charts,
+        history_charts=steps,
+        steps=summary.get("steps"),
         adapted=adapted(summary),
         adapt=summary.get("adapt"),
         adapt_charts=adapt,
@@ -54,7 +58,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         **_picture(run),
         **_iterations(summary),
     )
-    return html, [*(chart for _, drawn in charts for chart in drawn), *adapt]
+    return html, [*(chart for _, drawn in charts for chart in drawn), *adapt, *steps]
 
 
 def _verdict(summary: Mapping[str, Any]) -> dict[str, Any]:

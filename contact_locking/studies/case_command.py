@@ -55,11 +55,15 @@ def environment(jobs: int, ranks: int) -> dict[str, str]:
     return defaults | os.environ
 
 
-def command(case: Case, program: Sequence[str], ranks: int) -> list[str]:
-    """The command that solves a case in its folder, once `outcome.begin` has prepared it."""
+def words(case: Case) -> list[str]:
+    """The arguments that solve a case in its folder, once `outcome.begin` has prepared it."""
     progress = str(case.folder / PROGRESS)
-    words = ["run", str(case.folder / PARAMETERS), "--progress", progress]
-    return [*launcher(ranks), *program, *words]
+    return ["run", str(case.folder / PARAMETERS), "--progress", progress]
+
+
+def command(case: Case, program: Sequence[str], ranks: int) -> list[str]:
+    """The command that solves a case in a process of its own, or in one for each rank."""
+    return [*launcher(ranks), *program, *words(case)]
 
 
 def explain(code: int, log: Path) -> str:

@@ -19,6 +19,11 @@ class Plan:
     executor: Literal["local", "slurm"] = "local"
     program: Sequence[str] = PROGRAM
 
+    @property
+    def shares_processes(self) -> bool:
+        """Whether processes that stay solve the cases, each several of them."""
+        return self.ranks == 1 and self.program == PROGRAM
+
 
 class Running(Protocol):
     """A started case."""

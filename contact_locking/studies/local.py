@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from contact_locking.errors import ContactLockingError
 
@@ -15,39 +14,56 @@ from .case_command import command, environment, explain
 from .cases import Case
 from .executor import Plan
 from .outcome import LOG, begin
+from .processes import tied
+from .workers import Worker, WorkerCase
 
 # mpirun has this time to end its ranks.
 _GRACE_SECONDS = 10.0
-_PR_SET_PDEATHSIG = 1
 
 
 class LocalExecutor:
-    """Runs J cases at a time.  On Linux they end with this process, in whatever way it ends."""
+    """Runs J cases at a time.  On Linux they end with this process, in whatever way it ends.
 
-    pause = 0.1
+    Cases of one rank share processes that stay, one case after the other.
+    """
+
+    pause = 0.05
 
     def __init__(self, cases: Sequence[Case], plan: Plan) -> None:
         self._plan = plan
         self._environment = environment(plan.jobs, plan.ranks)
         self._waiting = list(reversed(cases))
-        self.running: list[CaseProcess] = []
+        self._idle = [Worker(self._environment) for _ in range(plan.jobs * plan.shares_processes)]
+        self._working: dict[str, Worker] = {}
+        self.running: list[CaseProcess | WorkerCase] = []
 
     @property
     def busy(self) -> bool:
         return bool(self._waiting or self.running)
 
-    def poll(self) -> list[CaseProcess]:
+    def poll(self) -> list[CaseProcess | WorkerCase]:
         ended = [process for process in self.running if process.ended()]
         self.running = [process for process in self.running if process not in ended]
+        for process in ended:
+            if worker := self._working.pop(process.case.name, None):
+                self._idle.append(worker)
         while self._waiting and len(self.running) < self._plan.jobs:
             case = self._waiting.pop()
             begin(case)
-            words = command(case, self._plan.program, self._plan.ranks)
-            self.running.append(CaseProcess(case, words, self._environment, self._plan.ranks > 1))
+            self.running.append(self._start(case))
         return ended
 
     def stop(self) -> None:
         _stop(self.running)
+        for worker in self._idle:
+            worker.finish()
+
+    def _start(self, case: Case) -> CaseProcess | WorkerCase:
+        if self._idle:
+            worker = self._working[case.name] = self._idle.pop()
+            return worker.start(case)
+        words = command(case, self._plan.program, self._plan.ranks)
+        return CaseProcess(case, words, self._environment, self._plan.ranks > 1)
 
 
 class CaseProcess:
@@ -70,7 +86,7 @@ class CaseProcess:
                     env=environment,
                     # Ctrl-C on the terminal reaches this process only, which then stops the cases.
                     process_group=0,
-                    preexec_fn=_tie(end),
+                    preexec_fn=tied(end),
                 )
             except OSError as error:
                 message = f"a case cannot be started: {command[0]}: {error.strerror}"
@@ -96,7 +112,7 @@ class CaseProcess:
             return
 
 
-def _stop(processes: Iterable[CaseProcess]) -> None:
+def _stop(processes: Iterable[CaseProcess | WorkerCase]) -> None:
     """Ask processes to end, and kill those that do not end in time."""
     running = list(processes)
     for process in running:
@@ -109,18 +125,3 @@ def _stop(processes: Iterable[CaseProcess]) -> None:
         # Also if the wait was interrupted.
         for process in running:
             process.send(signal.SIGKILL)
-
-
-def _tie(end: signal.Signals) -> Callable[[], None] | None:
-    """Code for a child process: the system sends ``end`` to the child when this process ends."""
-    prctl = getattr(ctypes.CDLL(None), "prctl", None)
-    if prctl is None:
-        return None
-    parent = os.getpid()
-
-    def tie() -> None:
-        prctl(_PR_SET_PDEATHSIG, int(end))
-        if os.getppid() != parent:
-            os._exit(1)
-
-    return tie
