@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 from contact_locking._version import __version__
-from contact_locking.checkpoint.record import RECORD, locate
+from contact_locking.checkpoint.record import RECORD
 from contact_locking.files.atomic import write_text
 
 #: The folder of the saved steps in the folder of a run; it is removed when the run has ended.
@@ -24,7 +24,7 @@ def saved_steps(directory: Path) -> list[Path]:
     """The saved steps of a run in the order of their times; the saved state if there are none."""
     folder = directory / FOLDER
     found = sorted(path.parent for path in folder.glob(f"[0-9]*/{RECORD}"))
-    return found or [locate(directory)]
+    return found or [directory]
 
 
 def unfinished(directory: Path, fingerprint: str) -> list[Path]:
