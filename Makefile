@@ -42,8 +42,10 @@ parallel: ## the tests under mpirun -n 2 (RANKS=2)
 parallel-all:
 	./in-env $(PARALLEL) python3 -m pytest -p no:cacheprovider -m ""
 
-bench: ## measure tangents and times (minutes) and write benchmarks/results.md
+bench: ## measure tangents, times and errors (minutes) and write benchmarks/results.md and the figure of errors
 	./in-env python3 benchmarks/bench.py
+	./in-env python3 benchmarks/accuracy.py
+	./in-env python3 benchmarks/accuracy.py --figure docs/figures/error_over_time.svg
 
 SEEDS = 20
 FAMILIES =
@@ -64,6 +66,7 @@ studies: ## measure the convergence that the theory promises (ten minutes): docs
 	./in-env python3 demos/studies/theorem_4_10.py
 	./in-env python3 demos/studies/local_friction.py
 	./in-env python3 demos/studies/locking_stress.py
+	./in-env python3 demos/studies/error_bound.py
 	./in-env python3 demos/studies/figures.py docs/figures
 
 docs: ## build the documentation in docs/_build/html (two minutes: it runs the demos)

@@ -32,7 +32,6 @@ from petsc4py import PETSc
 
 from contact_locking import solving
 from contact_locking.files.atomic import write_text
-from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import assemble
@@ -45,27 +44,10 @@ sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
 from conic import block_problem
 from problems import block
 from ranked import on_ranks
+from stopwatch import Stopwatch
 
 PENALTIES = (1e2, 1e4, 1e6, 1e8, math.inf)
 RESULTS = Path(__file__).resolve().parent / "results.md"
-
-
-class Stopwatch(Monitor):
-    """Times the nonlinear solve alone, from its first stage to the fields derived from it."""
-
-    def __init__(self) -> None:
-        self._began = self._ended = math.nan
-
-    @property
-    def seconds(self) -> float:
-        return self._ended - self._began
-
-    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        if index == 1:
-            self._began = time.process_time()
-
-    def message(self, text: str) -> None:
-        self._ended = time.process_time()
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,13 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, expla
 from contact_locking.files import atomic
 from contact_locking.files.lock import locked, make_folders, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.results import contact_table, fields, xdmf
+from contact_locking.results import adapted_meshes, contact_table, fields, xdmf
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
     FIELDS,
     HISTORY,
+    MESHES,
     PARAMETERS,
     PICTURE,
     SNAPSHOT,
@@ -40,7 +41,7 @@ T = TypeVar("T")
 KEY = "output.directory"
 # The summary is the last file: a folder with a summary has all other files.
 _ORDER = (
-    *(PARAMETERS, CONTACT, FACETS, HISTORY, FIELDS, XDMF_DATA, XDMF),
+    *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
     *(SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY),
 )
 
@@ -127,12 +128,12 @@ def write(
 ) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
-    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv.  The section
-    ``output`` of the parameters adds fields.bp or fields.xdmf, and picture.png with snapshot.npz;
-    ``checkpoint`` adds the folder checkpoint.  A step of a process adds history.csv, and
-    ``series``, the file of a `FieldSeries`, is fields.bp in place of the fields of this step.  The
-    files are written into a staging folder and moved when all are complete.  No file of an earlier
-    run stays in the folder.
+    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv, and meshes.npz
+    for adapted meshes.  The section ``output`` of the parameters adds fields.bp or fields.xdmf, and
+    picture.png with snapshot.npz; ``checkpoint`` adds the folder checkpoint.  A step of a process
+    adds history.csv, and ``series``, the file of a `FieldSeries`, is fields.bp in place of the
+    fields of this step.  The files are written into a staging folder and moved when all are
+    complete.  No file of an earlier run stays in the folder.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
     InputError for a folder that cannot be written to, and ContactLockingError for a full disk; if
@@ -165,6 +166,7 @@ def write(
 
         def finish() -> None:
             _write_texts(solution, staging)
+            adapted_meshes.save(solution.meshes, staging / MESHES)
             report.discard(target)
             for name in _ORDER:
                 atomic.put_in_place(staging / name, target / name)

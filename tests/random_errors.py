@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 from problems import with_changes
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
+from contact_locking.convergence import on_mesh_of
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
 from contact_locking.problem.assembly import assemble
@@ -98,7 +98,7 @@ def compared(parameters: Parameters, refinement: int, element: Element = P1) -> 
     if not exact.converged:
         return None
     found = coarse.summary["certificate"]["errors"]["guaranteed"]
-    difference = on_finer_mesh(coarse, exact)
+    difference = on_mesh_of(coarse.displacement, exact.displacement)
     difference.x.array[:] -= exact.displacement.x.array
     square = integral(problem.domain, forms.elastic_form(difference, difference, problem.data))
     return Comparison(found, float(np.sqrt(square)))
@@ -119,14 +119,3 @@ def keep_friction_bound(contacts: Any, coarse: Solution) -> None:
 
         old = contact.friction
         contact.friction = Fixed(contact.surface, old.smoothing, old.law, old.frictionless)
-
-
-def on_finer_mesh(coarse: Solution, fine: Solution) -> fem.Function:
-    """The displacement of a solution on a finer mesh of the same body, with nested cells."""
-    space = fine.displacement.function_space
-    cells = np.arange(space.mesh.topology.index_map(2).size_local, dtype=np.int32)
-    source = coarse.displacement.function_space
-    data = fem.create_interpolation_data(space, source, cells, padding=1e-10)
-    found = fem.Function(space)
-    found.interpolate_nonmatching(coarse.displacement, cells, data)
-    return found

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block, column
+from problems import SMALL_BLOCK, block, column
 
-from contact_locking import checkpoint, save, solving, study_file, write
+from contact_locking import checkpoint, report, save, solving, studies, study_file, write
 from contact_locking.adaptivity import solve, solve_adaptively
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
 from contact_locking.parameters import Parameters
+from contact_locking.results import adapted_meshes
 from contact_locking.results.solution import Solution
 
 NO_CHECKPOINT = checkpoint.unavailable()
@@ -173,12 +174,49 @@ def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
 
 
 @pytest.mark.serial
-def test_files_of_an_adaptive_run_tell_the_sequence(tmp_path: Path) -> None:
-    solution = solve(adaptive(output={"fields": False, "picture": False}))
+@pytest.mark.parametrize("dim", [2, 3])
+def test_files_and_report_of_an_adaptive_run_tell_the_sequence(dim: int, tmp_path: Path) -> None:
+    limits = {"tolerance": 0.01, "max_meshes": 2}
+    quiet = {"fields": False, "picture": False}
+    solution = solve(adaptive(dim, h=0.5, adapt=limits, output=quiet))
     write(solution, tmp_path)
     summary = json.loads((tmp_path / "summary.json").read_text())
     names = {"dofs", "cells", "estimate", "bound", "tangents", "seconds"}
-    assert [set(entry) for entry in summary["adapt"]["meshes"]] == [names] * len(meshes(solution))
+    assert [set(entry) for entry in summary["adapt"]["meshes"]] == [names] * 2
+    first, last = adapted_meshes.load(tmp_path / "meshes.npz")
+    assert first.dim == last.dim == dim and first.marked.any() and not last.marked.any()
+    assert len(first.triangles) < len(last.triangles)
+    report.write(tmp_path)
+    assert {path.stem for path in (tmp_path / "report").iterdir()} >= {
+        "adapt-error",
+        "adapt-meshes",
+    }
+    page = (tmp_path / "report.html").read_text()
+    assert "Adapted meshes" in page and "adapt.max_meshes, 2, is reached" in page
+
+
+@pytest.mark.serial
+def test_a_damaged_file_of_meshes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "meshes.npz"
+    points, cells = np.eye(3)[:, :2], np.array([[0, 1, 2]])
+    adapted_meshes.save([adapted_meshes.AdaptedMesh.of(points, cells)], path)
+    assert len(adapted_meshes.load(path)) == 1
+    adapted_meshes.save([adapted_meshes.AdaptedMesh.of(points, cells + 1)], path)
+    with pytest.raises(InputError, match=r"damaged.*do not fit"):
+        adapted_meshes.load(path)
+    path.write_bytes(b"no archive")
+    with pytest.raises(InputError, match="damaged"):
+        adapted_meshes.load(path)
+
+
+@pytest.mark.serial
+def test_an_adaptive_case_is_one_case_of_a_study(tmp_path: Path) -> None:
+    text = SMALL_BLOCK + "adapt: {tolerance: 0.2, max_meshes: 3}\n"
+    text += "output: {directory: results, fields: false, picture: false}\n"
+    (tmp_path / "study.yml").write_text(text + "study: {vary: {adapt.share: [0.3, 0.6]}}\n")
+    file = study_file.load(tmp_path / "study.yml")
+    cases = [case.parameters.adapt for case in studies.Study.of(file).cases]
+    assert [given.share for given in cases if given is not None] == [0.3, 0.6]
 
 
 @pytest.mark.serial

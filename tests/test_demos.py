@@ -23,9 +23,12 @@ COARSE = {
     "hertz": ("mesh.h=2", "mesh.h_contact=0.05", *PLAIN),
     "slip_friction": ("mesh.h=0.1", *PLAIN),
     "anisotropic_regions": ("mesh.h=0.1", *PLAIN),
-    "fibres": ("mesh.h=0.07", *PLAIN),
+    "stiffening": ("mesh.h=0.1", *PLAIN),
+    "fabric": ("mesh.h=0.1", *PLAIN),
+    "adaptive": ("mesh.h=0.25", "adapt.max_meshes=2", *PLAIN),
     "two_foundations": ("mesh.h=0.1", *PLAIN),
     "ball_3d": ("mesh.h=0.5", "mesh.h_contact=0.06", *PLAIN),
+    "cyclic_slip": ("mesh.h=0.2", "mesh.h_contact=0.05", *PLAIN),
 }
 
 

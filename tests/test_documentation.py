@@ -115,12 +115,12 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
             "mesh": {"builder": "block", "h": 0.5},
             "material": {"locking_limit": 0.05},
             "loads": {
-                "displacements": [{"on": "left", "value": [0, 0]}],
+                "displacements": [{"on": "left", "value": [0, 0.001]}],
                 "tractions": [{"on": "top", "value": [0, -0.05]}],
             },
             "friction": {"coefficient": 0.3, "smoothing": {"radius": 0.5}},
             "penalty": {"n": 1e4},
-            "certificate": {"limit": True},
+            "certificate": {"limit": True, "error_bound": True},
         }
     )
     summary = json.loads(summary_text(solve(parameters).summary | {"x": float("inf")}))
@@ -166,7 +166,7 @@ def test_the_guide_to_meshes_makes_a_mesh_that_is_solved(
     assert 0.0 < summary["contact_area"] < 2.0
 
 
-def test_the_guide_to_laws_lets_grains_jam(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_guide_to_laws_stiffens_tissue(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     names: dict[str, Any] = {}
     exec(blocks("docs/guides/law.md", "python")[0], names)
@@ -175,9 +175,17 @@ def test_the_guide_to_laws_lets_grains_jam(monkeypatch: pytest.MonkeyPatch) -> N
     assert own < 0.95 * plain
 
 
-def test_the_guide_to_laws_caps_friction() -> None:
+def test_the_guide_to_laws_adds_sets_of_strains(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
     names: dict[str, Any] = {}
     exec(blocks("docs/guides/law.md", "python")[1], names)
+    used = [entry["utilisation_max"] for entry in names["solution"].summary["strain_sets"]]
+    assert len(used) == 2 and max(used) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_guide_to_laws_caps_friction() -> None:
+    names: dict[str, Any] = {}
+    exec(blocks("docs/guides/law.md", "python")[2], names)
     points = names["solution"].contact_points
     strength = names["CappedBound"].strength
     if MPI.COMM_WORLD.rank == 0:

@@ -80,6 +80,28 @@ def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(
     np.testing.assert_allclose(moved, resting + tangent, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("share", [0.15, 0.75])
+def test_a_share_of_a_recentring_is_that_share_of_the_way_to_its_step(
+    lorentz: Lorentz, share: float
+) -> None:
+    random = np.random.default_rng(7)
+    points = _points(weights=np.ones(6), rows=3, limit=np.full(6, 1.0))
+    locking = LockingCones(lorentz, points, 0.3, 0)
+    locking.x, locking.z = inside(random, 4, 6), inside(random, 4, 6)
+    locking.seen = 0.3 * random.standard_normal((3, 6))
+    locking.linearise()
+    correction, change = random.standard_normal((2, 4, 6))
+    plain_strain, full_strain = random.standard_normal((2, 3, 6))
+
+    def step(share: float) -> Step:
+        locking.aim(0.2, correction + share * change)
+        return locking.step(plain_strain + share * (full_strain - plain_strain))
+
+    expected, found = step(share), step(0.0).towards(step(1.0), share)
+    np.testing.assert_allclose(found.primal, expected.primal, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.dual, expected.dual, rtol=1e-9, atol=1e-9)
+
+
 def test_contact_step_satisfies_the_linearised_complementarity() -> None:
     contact = ContactCones(_points(weights=np.ones(2), gap=np.zeros(2)), 0.1, 1.0)
     contact.seen = -np.array([0.2, 0.5])

@@ -32,6 +32,10 @@ SIMPSON = dataclasses.replace(
 )
 
 
+#: The slope of the foundation of :func:`pressed`.
+SLOPE = 0.02
+
+
 def random_field(problem: Problem) -> fem.Function:
     """A field with the same random nodal values for every distribution."""
     field = fem.Function(problem.u.function_space)
@@ -64,7 +68,7 @@ def test_the_control_values_in_ufl_are_those_of_the_matrix(dim: int, comm: MPI.I
     (contact,) = problem.contacts
     field = random_field(problem)
     limited = contact.surface.limited
-    by_form = contact.surface.average(limited.of(field))()
+    by_form = contact.surface.average(contact.limited(field))()
     assert by_form == pytest.approx(limited.of_function(field), abs=1e-12)
     problem.close()
 
@@ -109,19 +113,21 @@ def test_friction_of_control_values_bounds_the_integral_from_above(
 
 
 def entered(solution: Solution) -> float:
-    """``max u_nu - gap`` over a fine lattice of the cells, on the flat bottom; collective."""
+    """``max u_nu - gap`` over a fine lattice of points of the flat bottom; collective."""
     u = solution.displacement
     mesh, dim = u.function_space.mesh, u.ufl_shape[0]
-    # The nodes of a higher degree; those of a degree of 12 on an edge are 1/12 apart.
+    # The nodes of a higher degree are a lattice.
     fine = fem.Function(fem.functionspace(mesh, ("P", 12 if dim == 2 else 6)))
-    fine.interpolate(_compat.interpolation_expression(-u[dim - 1], fine.function_space))
+    depth = -u[dim - 1] - SLOPE * ufl.SpatialCoordinate(mesh)[0]
+    fine.interpolate(_compat.interpolation_expression(depth, fine.function_space))
     bottom = fem.locate_dofs_geometrical(fine.function_space, lambda x: np.isclose(x[dim - 1], 0.0))
     return maximum(mesh.comm, fine.x.array[bottom])
 
 
 def pressed(dim: int, **changes: Any) -> Parameters:
-    """A block with a clamped side, pressed on top so that the bottom bends onto the ground."""
-    return block(dim, 0.25 if dim == 2 else 0.5, penalty__n=np.inf, **changes)
+    """A block with a clamped side, which the load on its top bends onto a tilted foundation."""
+    contact = {"on": "bottom", "gap": f"{SLOPE}*x"}
+    return block(dim, 0.25 if dim == 2 else 0.5, penalty__n=np.inf, contact=contact, **changes)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

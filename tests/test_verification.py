@@ -17,6 +17,7 @@ from contact_locking.meshes.block import Block
 from contact_locking.parameters import Parameters
 from contact_locking.problem.domain import Domain, from_geometry
 from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Identity, Smoothing
+from contact_locking.problem.spaces import P1, Element
 from contact_locking.problem.surface import ContactSurface
 from contact_locking.results.solution import Solution
 
@@ -124,11 +125,11 @@ def test_v14_any_number_of_ranks_gives_the_same_solution(dim: int, kernel: str) 
 class Foot:
     """Gamma_C of a block, with R of each kind on it."""
 
-    def __init__(self, dim: int, h: float) -> None:
+    def __init__(self, dim: int, h: float, element: Element = P1) -> None:
         geometry = Block(dim=dim, size=(1.0,) * dim, h=max(h, 0.1), h_contact=h)
         self.domain: Domain = from_geometry(geometry, MPI.COMM_WORLD)
-        space = fem.functionspace(self.domain.mesh, ("P", 1, (dim,)))
-        self.surface = ContactSurface(self.domain, space, ("bottom",))
+        space = element.displacement_space(self.domain.mesh)
+        self.surface = ContactSurface(self.domain, space, ("bottom",), element=element)
 
     def smoothing(self, kernel: str, radius: float) -> Smoothing:
         surface = self.surface

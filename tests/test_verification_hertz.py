@@ -56,7 +56,9 @@ def quarter(path: Path, size: float, h: float, finest: float) -> None:
         gmsh.finalize()
 
 
-def indented(folder: Path, size: float, h: float, finest: float) -> tuple[float, float, float]:
+def indented(
+    folder: Path, size: float, h: float, finest: float, **discretisation: Any
+) -> tuple[float, float, float]:
     """Force, half-width and peak pressure on the whole block."""
     file = folder / "quarter.msh"
     quarter(file, size, h, finest)
@@ -72,6 +74,7 @@ def indented(folder: Path, size: float, h: float, finest: float) -> tuple[float,
         },
         "contact": {"on": "bottom", "gap": f"(x*x + y*y)/(2*{RADIUS}) - {DEPTH}"},
         "penalty": {"n": 1e4, "epsilon": 1e-4},
+        "discretisation": discretisation,
     }
     solution = solving.solve(with_changes(data))
     assert solution.converged, solution.summary["reason"]

@@ -64,6 +64,7 @@ def require_solved(solution: Solution) -> dict[str, Any]:
     return summary
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("limit", "dim", "n", "method"),
     [

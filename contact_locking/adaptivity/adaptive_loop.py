@@ -31,6 +31,7 @@ from contact_locking.problem.assembly import mesh_of
 from contact_locking.problem.contact_boundary import default_radius
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
+from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import Solution
 
 
@@ -80,12 +81,13 @@ def solve_adaptively(
         solution = solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
         restart = None
         sequence.add(solution, measure)
-        finer = None if sequence.stopped else _refined(solution, measure, sequence)
+        finer = _refined(solution, measure, sequence)
         monitor.mesh(len(sequence.meshes), sequence.told())
         if sequence.stopped and not sequence.is_reached:
             _warn(solution, monitor, sequence)
         seconds = time.perf_counter() - began
         solution.summary |= {"adapt": sequence.summary(), "wall_seconds": seconds}
+        solution.meshes = tuple(sequence.pictures)
         yield solution
         if finer is None:
             return
@@ -95,9 +97,14 @@ def solve_adaptively(
 def _refined(solution: Solution, measure: ErrorMeasure, sequence: MeshSequence) -> Domain | None:
     """The next mesh; None, with the reason in ``sequence``, if there is none; collective."""
     domain, given = solution.domain, sequence.given
+    mesh = gather_mesh(domain)
+    if mesh is not None:
+        sequence.pictures.append(AdaptedMesh.of(mesh.data.points, mesh.data.cells.nodes))
+    if sequence.stopped:
+        return None
     squares = measure.squares(solution)
     assert squares is not None
-    mesh, found = gather_mesh(domain), gather_cells(domain, squares)
+    found = gather_cells(domain, squares)
     radii = domain.smoothing_radii or {
         one.contact.key: default_radius(one.surface) for one in solution.contacts
     }
@@ -106,6 +113,7 @@ def _refined(solution: Solution, measure: ErrorMeasure, sequence: MeshSequence) 
     def work() -> None:
         assert mesh is not None and found is not None
         marked = marked_cells(found, given.share)
+        sequence.pictures[-1] = sequence.pictures[-1].with_marks(mesh.data.cells.nodes, marked)
         held.append(replace(_finer(mesh, marked, solution.parameters), smoothing_radii=radii))
 
     try:

@@ -7,6 +7,7 @@ from typing import Any
 
 from contact_locking.adaptivity.measured_error import ErrorMeasure
 from contact_locking.parameters import AdaptParameters
+from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import Solution
 
 # The error has to fall below this share of itself in so many meshes.
@@ -16,13 +17,14 @@ _LEAST_FALL, _MESHES = 0.95, 4
 class MeshSequence:
     """The meshes of the loop with their errors, and the reason why the loop ends.
 
-    ``meshes`` has an entry for each mesh, as in summary.json.  ``stopped`` is empty as long as the
-    loop goes on.
+    ``meshes`` has an entry for each mesh, as in summary.json, and ``pictures`` has the meshes
+    themselves on rank 0.  ``stopped`` is empty as long as the loop goes on.
     """
 
     def __init__(self, given: AdaptParameters) -> None:
         self.given = given
         self.meshes: list[dict[str, Any]] = []
+        self.pictures: list[AdaptedMesh] = []
         self.stopped = ""
         self.is_reached = False
         self._began = time.perf_counter()

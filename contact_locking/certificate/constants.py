@@ -130,10 +130,8 @@ def trace_constant(state: SolvedState) -> float:
     space, data = state.problem.u.function_space, state.problem.data
     conditions = state.problem.constraints.conditions
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
-    traces = 0
-    for contact in data.contacts:
-        limited = [contact.surface.limited.of(field) for field in (w, v)]
-        traces += ufl.inner(*limited) * contact.surface.ds
+    v, w = data.limited(v), data.limited(w)
+    traces = sum(ufl.inner(w, v) * contact.surface.ds for contact in data.contacts)
     surface = petsc.assemble_matrix(compiled.form(traces))
     surface.assemble()
     with elliptic_problem(state, inner_product(space, data.dx), conditions) as problem:

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 import numpy as np
 import ufl
 from dolfinx import fem, la
-from dolfinx.fem import petsc
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
-from contact_locking.problem import compiled, forms
+from contact_locking.problem import forms
+from contact_locking.problem.joint_forms import JointForm, action
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
 
 # A prefix of its own: the options for the nonlinear solve do not concern these solves.
@@ -46,8 +46,9 @@ class EllipticProblem:
             dofs = condition.dof_indices()[0]
             fixed.x.array[dofs] = ones.x.array[dofs]
         self.fixed = fixed.x.array > 0.0
-        self.matrix = petsc.assemble_matrix(compiled.form(bilinear), bcs=conditions)
-        self.matrix.assemble()
+        form = JointForm(bilinear)
+        self.matrix = form.create_matrix()
+        form.assemble_matrix(self.matrix, conditions)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._nullspace = state.system.near_nullspace()
         self.matrix.setNearNullSpace(self._nullspace)
@@ -64,8 +65,9 @@ class EllipticProblem:
         solution = fem.Function(self._space)
         if values is not None:
             solution.x.array[self.fixed] = values.x.array[self.fixed]
-        form = -ufl.action(self._bilinear, solution)
-        vector = fem.assemble_vector(compiled.form(form if right is None else right + form))
+        form = -action(self._bilinear, solution)
+        vector = la.vector(self._space.dofmap.index_map, self._space.dofmap.index_map_bs)
+        JointForm(form if right is None else right + form).assemble_vector(vector.array)
         vector.scatter_reverse(la.InsertMode.add)
         b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
         b.array_w[:] = np.where(self.fixed, 0.0, vector.array)[: self._owned]

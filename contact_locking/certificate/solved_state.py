@@ -19,7 +19,8 @@ from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import Problem
 from contact_locking.problem.strain_sets import StrainSet
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.derived import BodyFields, ContactFields, integral, penalised
+from contact_locking.results.body_fields import BodyFields
+from contact_locking.results.derived import ContactFields, integral, penalised
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver.target import Target
 

@@ -11,7 +11,7 @@ from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
 from contact_locking.certificate.elliptic import NotApplicable
-from contact_locking.certificate.guaranteed import guaranteed_error
+from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
 from contact_locking.certificate.indicator import ErrorIndicator, error_indicator
 from contact_locking.certificate.laws import law_criteria
 from contact_locking.certificate.lifting import Lifting
@@ -23,7 +23,9 @@ from contact_locking.certificate.solved_state import SolvedState
 class Certificate:
     """Criteria, proved bounds, constants, resultants and error estimates, for summary.json.
 
-    ``indicator`` is None if the error indicator is not applicable.
+    ``indicator`` is None if the error indicator is not applicable.  ``limit_load`` tells which
+    multiples of the prescribed displacements the body can follow; None if nobody asks, or if no
+    prescribed displacement differs from zero.
     """
 
     criteria: dict[str, Criterion]
@@ -32,6 +34,7 @@ class Certificate:
     resultants: dict[str, Any]
     errors: dict[str, Any]
     indicator: ErrorIndicator | None
+    limit_load: dict[str, Any] | None
 
     @property
     def residual(self) -> float:
@@ -51,12 +54,14 @@ class Certificate:
 
     def summary(self) -> dict[str, Any]:
         """The key ``certificate`` of summary.json."""
+        body = {} if self.limit_load is None else {"limit_load": self.limit_load}
         return {
             "criteria": {name: item.summary() for name, item in self.criteria.items()},
             "bounds": self.bounds,
             "constants": self.constants,
             "resultants": self.resultants,
             "errors": self.errors,
+            **body,
         }
 
 
@@ -79,11 +84,11 @@ def certify(state: SolvedState) -> Certificate:
     """
     balance = equilibrium(state)
     mesh, indicator = _mesh_error(state)
-    lifting = Lifting(state)
+    lifting, wanted = Lifting(state), state.problem.parameters.certificate.error_bound
     with contextlib.closing(lifting):
         bounds = proved_bounds(state, lifting)
         errors = {"mesh": mesh, "penalty": penalty_error(state, lifting)}
-        if state.problem.parameters.certificate.error_bound:
+        if wanted:
             errors["guaranteed"] = guaranteed_error(state, lifting)
     return Certificate(
         criteria=balance.criteria(state.settings.tolerance) | law_criteria(state),
@@ -96,6 +101,7 @@ def certify(state: SolvedState) -> Certificate:
         },
         errors=errors,
         indicator=indicator,
+        limit_load=limit_load(state) if wanted else None,
     )
 
 

@@ -11,22 +11,21 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
+from contact_locking.checkpoint import mesh_match
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint import step as steps
 from contact_locking.checkpoint.record import Record
 from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
-from contact_locking.parallel import maximum, on_every_rank, on_root
+from contact_locking.parallel import on_root
 from contact_locking.problem.assembly import Problem
 from contact_locking.problem.whole_mesh import gather_mesh
 from contact_locking.results.contact_points import OPEN
@@ -35,9 +34,6 @@ from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
 _PLACES = "places"
-# The coordinates of the same mesh may differ by this share of the extent, because another machine
-# may have made the mesh.
-_SAME_PLACE = 1e-9
 # The bytes of the record and of the metadata of ADIOS2.
 _NOTES = 65_536
 
@@ -152,7 +148,7 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     expect(directory, comm)
     record, path = on_root(comm, lambda: records.load_fields(directory))
     identity = on_root(comm, lambda: study_file.mesh_identity(parameters))
-    difference = _difference_in_size(record, problem)
+    difference = mesh_match.difference_in_size(record, problem)
     _compat.prepare_communicator(comm)
 
     def load(name: str, into: fem.FunctionSpace) -> fem.Function:
@@ -162,10 +158,10 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
 
     # A mesh of another size cannot be compared node by node.
     space = problem.u.function_space
-    difference = difference or _difference_in_places(load(_PLACES, space))
+    difference = difference or mesh_match.difference_in_places(load(_PLACES, space))
     if difference:
         here = identity | ({"refined": True} if problem.domain.is_refined else {})
-        raise InputError(_another_mesh(directory, difference, record, here))
+        raise InputError(mesh_match.another_mesh(directory, difference, record, here))
     multipliers: Multipliers | None = None
     bounds: tuple[FloatArray, ...] = ()
     same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
@@ -220,7 +216,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
     """The stored fields by name; collective."""
     found = {"displacement": solution.displacement}
     found |= zip(_names_of_parts(len(solution.locking_parts)), solution.locking_parts, strict=True)
-    found[_PLACES] = _places(solution.displacement.function_space)
+    found[_PLACES] = mesh_match.places(solution.displacement.function_space)
     for number, contact in enumerate(solution.contacts):
         surface = contact.surface
         scalars = {
@@ -244,65 +240,3 @@ def _require_library() -> None:
     reason = unavailable()
     if reason is not None:
         raise ContactLockingError(reason)
-
-
-def _places(space: fem.FunctionSpace) -> fem.Function:
-    """The coordinates x as a function; collective."""
-    places = fem.Function(space)
-    dim = space.mesh.geometry.dim
-    places.interpolate(lambda x: x[:dim])
-    return places
-
-
-def _difference_in_size(record: Record, problem: Problem) -> str:
-    """The difference in size between the two meshes, in words; empty if there is none.
-
-    Raises InputError if the elements differ.
-    """
-    element = problem.element
-    if record.degree != element.degree:
-        raise InputError(
-            f"the checkpoint is of elements of degree {record.degree}, and the study has degree "
-            f"{element.degree}; restart with discretisation.degree: {record.degree}",
-            "discretisation.degree",
-        )
-    if record.limit_at != element.limit_at:
-        raise InputError(
-            f"the checkpoint has the locking limit at {record.limit_at}, and the study has the "
-            f"limit at {element.limit_at}; restart with discretisation.limit_at: {record.limit_at}",
-            "discretisation.limit_at",
-        )
-    nodes = int(problem.u.function_space.dofmap.index_map.size_global)
-    here = (problem.domain.dim, problem.domain.num_cells, nodes)
-    there = (record.dimension, record.cells, record.nodes)
-    text = "{}D with {} cells and {} nodes"
-    return "" if here == there else f"it is {text.format(*there)}, this one is {text.format(*here)}"
-
-
-def _difference_in_places(saved: fem.Function) -> str:
-    """The difference between the coordinates of the nodes, in words; collective."""
-    comm = saved.function_space.mesh.comm
-    expected = _places(saved.function_space).x.array
-    extent = maximum(comm, np.abs(expected))
-    same = np.abs(saved.x.array - expected) <= _SAME_PLACE * extent
-    return "" if on_every_rank(comm, same) else "its nodes lie elsewhere"
-
-
-def _another_mesh(
-    directory: str | Path, difference: str, record: Record, identity: dict[str, Any]
-) -> str:
-    """The message about a checkpoint of another mesh, with the parameters that differ."""
-    names = [name for name in {**record.mesh, **identity} if name != "content"]
-    changes = [
-        f"mesh.{name} was {record.mesh.get(name)}, is {identity.get(name)}"
-        for name in names
-        if record.mesh.get(name) != identity.get(name)
-    ]
-    if record.mesh.get("content") != identity.get("content"):
-        changes = ["the mesh file is another one or has changed"]
-    # Another version of Gmsh makes another mesh of the same parameters.
-    told = "; ".join(changes) or "perhaps another version of Gmsh; a mesh.file would not change"
-    return (
-        f"the checkpoint in {directory} is of another mesh: {difference} ({told}); "
-        "restart with the mesh of the checkpoint"
-    )

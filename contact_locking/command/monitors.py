@@ -62,6 +62,8 @@ class TerminalMonitor(Monitor):
         self.finish()
         about = "" if seconds_left is None else f", about {_duration(seconds_left)} left"
         self._step = f"step {number}  t = {time:.6g}  ({left} to do{about})  "
+        # The solve of each step counts from zero.
+        self._counts = self._before = (0, 0)
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         self.finish()
@@ -87,6 +89,8 @@ class TerminalMonitor(Monitor):
     def mesh(self, number: int, text: str) -> None:
         self.finish()
         self._line(f"mesh {number}: {text}")
+        # The solve on the next mesh counts from zero.
+        self._counts = self._before = (0, 0)
 
     def counted(self, tangents: int, friction_updates: int) -> None:
         self._counts = (tangents, friction_updates)

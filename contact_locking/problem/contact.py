@@ -118,9 +118,12 @@ class Contact:
         return self.split_nodal(self.surface.limited.of_function(u))
 
     def parts(self, v: Expr) -> tuple[Expr, Expr]:
-        """``v_nu`` and ``v_tau`` of the limited values at the nodes, in UFL."""
-        limited = self.surface.limited.of(v)
-        return normal_part(limited, self.normal), tangential_part(limited, self.normal)
+        """``v_nu`` and ``v_tau`` in UFL, of a field of the space of limited values."""
+        return normal_part(v, self.normal), tangential_part(v, self.normal)
+
+    def limited(self, v: Expr) -> Expr:
+        """The field of the space of limited values for a displacement or an argument."""
+        return self.surface.limited.of(v)
 
     def split_nodal(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The normal components (k,) and the tangential parts (k, d) of vectors (k, d)."""

@@ -46,6 +46,10 @@ class ProblemData:
     limits: tuple[StrainSet, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
 
+    def limited(self, v: Expr) -> Expr:
+        """The field of the space of limited values for a displacement or an argument."""
+        return self.contacts[0].limited(v) if self.contacts else v
+
     @property
     def sets(self) -> tuple[StrainSet, ...]:
         """All sets of strains, the ball first; K is their intersection."""
@@ -99,7 +103,7 @@ def external_work(v: Expr, data: ProblemData) -> Expr:
 
 
 def pressure(u: Expr, contact: Contact, data: ProblemData) -> Expr:
-    """The contact pressure ``p = -sigma_nu`` of the penalty law (25)."""
+    """The contact pressure ``p = -sigma_nu`` of the penalty law (25), for limited values u."""
     return contact_pressure(contact.parts(u)[0], contact.gap, data.epsilon)
 
 
@@ -109,7 +113,7 @@ def slip(u: Expr, contact: Contact) -> Expr:
 
 
 def friction(u: Expr, contact: Contact) -> Expr:
-    """The negative friction traction ``-sigma_tau`` of the regularised law (22)."""
+    """The negative friction traction ``-sigma_tau`` of (22), for limited values u."""
     return friction_traction(slip(u, contact), contact.bound, contact.regularisation)
 
 
@@ -120,23 +124,39 @@ def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
 
 
 def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
-    """The left side of (25) minus its right side."""
+    """The left side of (25) minus its right side; the arguments may differ (`JointForm`)."""
+    return _of_body(u, v, data) + _of_contacts(data.limited(u), data.limited(v), data)
+
+
+def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
+    """The Gateaux derivative of :func:`residual` at ``u`` in the direction ``du``."""
+    limited = data.limited(u)
+    if limited is u:
+        return ufl.derivative(residual(u, v, data), u, du)
+    touching = _of_contacts(limited, data.limited(v), data)
+    return ufl.derivative(_of_body(u, v, data), u, du) + ufl.derivative(
+        touching, limited, data.limited(du)
+    )
+
+
+def _of_body(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     form = elastic_form(u, v, data)
     for item in data.sets:
         form += item.virtual_work(strain(u), strain(v), data.n) * data.locking_dx
-    for contact in data.contacts:
-        v_normal, v_slip = contact.parts(v)
-        traction = pressure(u, contact, data) * v_normal
-        traction += ufl.inner(friction(u, contact), v_slip)
-        form += traction * contact.surface.ds
     if data.own_energy is not None:
         form += own_forces(u, v, data)
     return form - external_work(v, data)
 
 
-def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
-    """The Gateaux derivative of :func:`residual` at ``u`` in the direction ``du``."""
-    return ufl.derivative(residual(u, v, data), u, du)
+def _of_contacts(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
+    """The forces of contact and friction, for limited values u and v."""
+    form = ufl.Form([])
+    for contact in data.contacts:
+        v_normal, v_slip = contact.parts(v)
+        traction = pressure(u, contact, data) * v_normal
+        traction += ufl.inner(friction(u, contact), v_slip)
+        form += traction * contact.surface.ds
+    return form
 
 
 def energy(u: fem.Function, data: ProblemData) -> Expr:
@@ -145,15 +165,17 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     for item in data.sets:
         form += item.energy(strain(u), data.n) * data.locking_dx
     for contact in data.contacts:
-        density = contact_energy(contact.parts(u)[0], contact.gap, data.epsilon)
-        density += friction_energy(slip(u, contact), contact.bound, contact.regularisation)
+        limited = contact.limited(u)
+        density = contact_energy(contact.parts(limited)[0], contact.gap, data.epsilon)
+        density += friction_energy(slip(limited, contact), contact.bound, contact.regularisation)
         form += density * contact.surface.ds
     return form if data.own_energy is None else form + data.own_energy(u)
 
 
 def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[Contact], factor: Expr) -> Expr:
     """``factor int du_nu v_nu``: springs on Gamma_C along the contact normal."""
-    return sum(
-        factor * contact.parts(du)[0] * contact.parts(v)[0] * contact.surface.ds
-        for contact in contacts
-    )
+    form = ufl.Form([])
+    for contact in contacts:
+        normal, v_normal = (contact.parts(contact.limited(field))[0] for field in (du, v))
+        form += factor * normal * v_normal * contact.surface.ds
+    return form

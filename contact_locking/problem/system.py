@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 import ufl
 from dolfinx import fem, la
-from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
@@ -18,6 +17,7 @@ from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.conditions import Constraints, rigid_motions
 from contact_locking.problem.contact import Contact
+from contact_locking.problem.joint_forms import JointForm
 from contact_locking.problem.surface import NodalAverage
 
 # The rounding of a sum of products is a few times this share of the summands.
@@ -52,12 +52,12 @@ class PenalisedSystem:
         self._constraints = constraints
         constraints.apply(u)
         self.held_by_contact, self.held_by_friction = held_by_contact, held_by_friction
-        self._elastic = compiled.form(forms.elastic_form(u, v, data))
-        self._magnitudes = compiled.form(forms.force_magnitudes(u, v, data))
+        self._elastic = JointForm(forms.elastic_form(u, v, data))
+        self._magnitudes = JointForm(forms.force_magnitudes(u, v, data))
         self._elastic_energy = compiled.form(0.5 * forms.elastic_form(u, u, data))
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self._external = compiled.form(forms.external_work(v, data))
+        self._external = JointForm(forms.external_work(v, data))
         self.assemble_loads()
 
     def assemble_loads(self) -> None:
@@ -70,12 +70,12 @@ class PenalisedSystem:
     # The penalised forms are compiled at their first use.  The solver for n = inf never uses them.
 
     @cached_property
-    def _residual(self) -> fem.Form:
+    def _residual(self) -> JointForm:
         test = ufl.TestFunction(self.u.function_space)
-        return compiled.form(forms.residual(self.u, test, self.data))
+        return JointForm(forms.residual(self.u, test, self.data))
 
     @cached_property
-    def _tangent(self) -> fem.Form:
+    def _tangent(self) -> JointForm:
         space = self.u.function_space
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         tangent = forms.tangent(self.u, v, du, self.data)
@@ -83,12 +83,12 @@ class PenalisedSystem:
             factor = fem.Constant(space.mesh, self.CONTACT_FLOOR) / self.data.epsilon
             tangent += forms.contact_stiffness(v, du, self.contacts, factor)
         # With the flags of compiled.form GCC takes a minute in 3D, and the code is not faster.
-        return fem.form(tangent)
+        return JointForm(tangent, options={})
 
     @cached_property
     def _penalty_pressures(self) -> list[NodalAverage]:
         return [
-            contact.surface.average(forms.pressure(self.u, contact, self.data))
+            contact.surface.average(forms.pressure(contact.limited(self.u), contact, self.data))
             for contact in self.contacts
         ]
 
@@ -111,7 +111,7 @@ class PenalisedSystem:
 
     def create_matrix(self) -> PETSc.Mat:
         """A matrix with the tangent's sparsity and its near-nullspace; collective."""
-        matrix, near_nullspace = petsc.create_matrix(self._tangent), self.near_nullspace()
+        matrix, near_nullspace = self._tangent.create_matrix(), self.near_nullspace()
         matrix.setNearNullSpace(near_nullspace)
         near_nullspace.destroy()
         return matrix
@@ -143,9 +143,7 @@ class PenalisedSystem:
         property with new values, and MUMPS would then look for pivots.  Collective.
         """
         self.set_displacement(x)
-        matrix.zeroEntries()
-        petsc.assemble_matrix(matrix, self._tangent, bcs=self._constraints.conditions)
-        matrix.assemble()
+        self._tangent.assemble_matrix(matrix, self._constraints.conditions)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
 
     @property
@@ -156,7 +154,7 @@ class PenalisedSystem:
         """1 at free and 0 at constrained local dofs of ``u``, ghosts included."""
         return self._constraints.free_dofs(self.u)
 
-    def assemble_free(self, form: fem.Form, f: PETSc.Vec) -> None:
+    def assemble_free(self, form: JointForm, f: PETSc.Vec) -> None:
         """Assemble a linear form into ``f``, with zero at constrained dofs; collective."""
         self._assemble(form)
         self._work.x.array[self._constraints.dofs] = 0.0
@@ -276,7 +274,7 @@ class PenalisedSystem:
         """Copy the displacement into ``x``."""
         x.array_w[:] = self.u.x.array[: self._owned]
 
-    def _assemble(self, form: fem.Form) -> None:
+    def _assemble(self, form: JointForm) -> None:
         self._work.x.array[:] = 0.0
-        fem.assemble_vector(self._work.x.array, form)
+        form.assemble_vector(self._work.x.array)
         self._work.x.scatter_reverse(la.InsertMode.add)

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import basix
+import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -60,7 +62,9 @@ class PointValues:
     ``scalars`` is the space of scalar fields of the displacement's degree, ``vectors`` the space of
     displacements, and ``blocks`` (n,) are the n local nodes of ``scalars`` as blocks of
     ``vectors``.  ``nodes`` (k,) are the owned nodes of ``scalars`` on Gamma_C.  ``matrix`` (k, n)
-    maps the values of a displacement at its local blocks.  The constructor is collective.
+    maps the values of a displacement at its local blocks.  The functions of ``space`` have the
+    degrees of freedom of displacements, and at the nodes of Gamma_C the limited values of the
+    displacement with the same ones.  The constructor is collective.
     """
 
     def __init__(
@@ -71,35 +75,24 @@ class PointValues:
         nodes: IndexArray,
         blocks: IndexArray,
     ) -> None:
-        self._blocks = blocks
-        self._steps: fem.Function | None = None
+        self._blocks, self.space = blocks, vectors
+        #: Whether the limited values are the nodal values.
+        self.are_nodal = not trace.controls
         self._middles: IndexArray = np.empty(0, np.int32)
         self._ends: IndexArray = np.empty((0, 2), np.int32)
         if trace.controls:
             self._middles, self._ends = _edges(scalars, nodes)
-            self._steps = fem.Function(vectors, name="edges")
-            dim = scalars.mesh.topology.dim
-            along = np.diff(scalars.tabulate_dof_coordinates()[self._ends, :dim], axis=1)[:, 0]
-            self._steps.x.array.reshape(-1, dim)[blocks[self._middles]] = along
-            self._steps.x.scatter_forward()
+            self.space = _control_space(vectors)
         self.matrix = self._map(nodes, blocks, own=2.0, end=-0.5)
         self._of_scalars = self._map(nodes, np.arange(len(blocks)), own=2.0, end=-0.5)
 
-    @property
-    def are_nodal(self) -> bool:
-        """Whether the limited values are the nodal values."""
-        return self._steps is None
-
     def of(self, v: Expr) -> Expr:
-        """The UFL expression whose values at the points are the limited values of ``v``.
-
-        ``v`` is a field of the displacement's degree.  As the second derivative of a quadratic
-        field along an edge e is constant, ``2 v_m - (v_1 + v_2)/2 = v_m - (e . grad)^2 v/8``.
-        """
-        if self._steps is None:
+        """A function or an argument of ``space`` with the degrees of freedom of ``v``."""
+        if self.space is v.ufl_function_space():
             return v
-        second = ufl.grad(ufl.grad(v))
-        return v - ufl.dot(ufl.dot(second, self._steps), self._steps) / 8.0
+        if isinstance(v, fem.Function):
+            return fem.Function(self.space, x=v.x, name=v.name)
+        return ufl.Argument(self.space, v.number(), v.part())
 
     def of_function(self, function: fem.Function) -> FloatArray:
         """The limited values (k,) of a scalar or (k, d) of a vector function."""
@@ -143,6 +136,47 @@ def make_nodal(function: fem.Function, places: Sequence[PointValues]) -> None:
         middles, ends = place.edges(function)
         values[middles] = 0.5 * limited[middles] + 0.25 * np.sum(limited[ends], axis=1)
     function.x.scatter_forward()
+
+
+def _control_space(vectors: fem.FunctionSpace) -> fem.FunctionSpace:
+    """The space in which nodal values u belong to the field with the control values at the nodes.
+
+    At a midpoint this field has the value ``2 u_m - (u_1 + u_2)/2``.  The degrees of freedom of a
+    field v are therefore ``v_m/2 + (v_1 + v_2)/4``, and ``v_1`` at a corner; collective.
+    """
+    mesh = vectors.mesh
+    dim = mesh.topology.dim
+    cell = basix.CellType.triangle if dim == 2 else basix.CellType.tetrahedron
+    corners, topology = basix.geometry(cell), basix.topology(cell)
+    points: list[list[FloatArray]] = [[] for _ in range(4)]
+    shares: list[list[FloatArray]] = [[] for _ in range(4)]
+
+    def add(entity: int, places: FloatArray, *weights: float) -> None:
+        points[entity].append(places)
+        dofs = 1 if weights else 0
+        shares[entity].append(np.array(weights).reshape(dofs, 1, len(places), 1))
+
+    for (corner,) in topology[0]:
+        add(0, corners[[corner]], 1.0)
+    for ends in topology[1]:
+        add(1, np.vstack([corners[ends].mean(axis=0), corners[ends]]), 0.5, 0.25, 0.25)
+    for entity in range(2, dim + 1):
+        for _ in topology[entity]:
+            add(entity, np.empty((0, dim)))
+    element = basix.ufl.custom_element(
+        cell,
+        [],
+        np.eye((dim + 1) * (dim + 2) // 2),
+        points,
+        shares,
+        0,
+        basix.MapType.identity,
+        basix.SobolevSpace.H1,
+        discontinuous=False,
+        embedded_subdegree=2,
+        embedded_superdegree=2,
+    )
+    return fem.functionspace(mesh, basix.ufl.blocked_element(element, shape=(dim,)))
 
 
 def _edges(scalars: fem.FunctionSpace, nodes: IndexArray) -> tuple[IndexArray, IndexArray]:

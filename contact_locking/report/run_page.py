@@ -11,9 +11,11 @@ from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 from contact_locking.results.in_words import weakest
 from contact_locking.results.read import RunResults
 
+from .adapt_charts import adapt_charts, adapted
 from .certificate import certificate
 from .charts import Chart
 from .contact_charts import contact_charts
+from .history_charts import history_charts
 from .pictures import picture
 from .quantities import MEANINGS, QUANTITIES, by_contact
 from .shown import shown
@@ -25,7 +27,8 @@ _INFEASIBLE = "infeasible: "
 def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     """The HTML document of a run and its charts."""
     summary = run.summary
-    charts = contact_charts(run)
+    charts, adapt = contact_charts(run), adapt_charts(run)
+    steps = history_charts(run.history)
     contact_names, contact_quantities = by_contact(summary)
     html = render(
         "run.html.j2",
@@ -37,6 +40,11 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         contact=run.contact,
         states=_states(run.contact),
         contact_charts=charts,
+        history_charts=steps,
+        steps=summary.get("steps"),
+        adapted=adapted(summary),
+        adapt=summary.get("adapt"),
+        adapt_charts=adapt,
         certificate=certificate(summary),
         meanings=MEANINGS,
         restart=summary.get("restart"),
@@ -50,7 +58,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         **_picture(run),
         **_iterations(summary),
     )
-    return html, [chart for _, drawn in charts for chart in drawn]
+    return html, [*(chart for _, drawn in charts for chart in drawn), *adapt, *steps]
 
 
 def _verdict(summary: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,13 +1,11 @@
-"""Fields, contact points and summary of a solved displacement."""
+"""Contact fields of a solved displacement, and the multipliers of the penalty laws."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-import dolfinx
 import numpy as np
-import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
@@ -16,17 +14,13 @@ from contact_locking.arrays import IntArray
 from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
-from contact_locking.problem.coefficients import Material
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
-from contact_locking.problem.spaces import Element
 from contact_locking.problem.trace import make_nodal
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 
-# A cell is locked if |eps| >= M (1 - 1e-6).
-_LOCKED_MARGIN = 1e-6
 # The regularised friction traction never reaches the bound: a point slips from 99 % of the bound
 # on.
 _SLIP_SHARE = 0.99
@@ -39,73 +33,6 @@ _SCALAR_FIELDS = {
     "contact_state": "state",
     "friction_bound": "bound",
 }
-
-
-class BodyFields:
-    """Fields of the body in the space of strains, with the values at the points of the strains.
-
-    ``locking_limit`` is M of the ball.  With other sets of strains it is the largest ``|eps|`` in K
-    along the strain eps(u), so that ``|eps|`` over it is the utilisation of K: the largest of all
-    sets.  Cells are locked that use up their limit.
-    """
-
-    def __init__(
-        self,
-        domain: Domain,
-        u: fem.Function,
-        data: forms.ProblemData,
-        m: Material,
-        found: Multipliers,
-    ) -> None:
-        eps, tensor = strain(u), (domain.dim, domain.dim)
-        stress = data.elastic_stress(eps)
-        norm = ufl.sqrt(ufl.inner(eps, eps))
-        self.strain_norm = _at_points(data.element, domain, norm, "strain_norm")
-        self.elastic_stress = _at_points(data.element, domain, stress, "elastic_stress", tensor)
-        self.locking_stress, self.locking_parts = found.locking_stress, found.parts
-        limits = [(item, item.utilisation(eps)) for item in data.limits]
-        #: The utilisation of each set of strains but the ball.
-        self.utilisations = [
-            _at_points(data.element, domain, share, item.name) for item, share in limits
-        ]
-        self.locking_limit = m.limit if data.only_ball else self._limit_along_strain(m.limit)
-        self.locked = fem.Function(m.limit.function_space, name="locked")
-        threshold = self.locking_limit.x.array * (1.0 - _LOCKED_MARGIN)
-        self.locked.x.array[:] = self.strain_norm.x.array >= threshold
-        at_peaks = data.element.at_peaks
-        self._peaks = self.strain_norm
-        if at_peaks is not data.element:
-            self._peaks = _at_points(at_peaks, domain, norm, "strain_norm")
-        self._limit_at_peaks = m.limit_at_peaks
-        self._utilisations_at_peaks = [
-            _at_points(at_peaks, domain, share, item.name) for item, share in limits
-        ]
-
-    def _limit_along_strain(self, ball: fem.Function) -> fem.Function:
-        """The largest ``|eps|`` in K along the present strain, inf where nothing limits that."""
-        limit = ball.copy()
-        used = np.max([item.x.array for item in self.utilisations], axis=0)
-        where = used > 0.0
-        along = np.full_like(used, np.inf)
-        along[where] = self.strain_norm.x.array[where] / used[where]
-        limit.x.array[:] = np.minimum(limit.x.array, along)
-        return limit
-
-    def largest_overstrain(self, domain: Domain) -> float:
-        """``max |eps|/M - 1`` over the points of the strains; collective."""
-        return _largest(domain, self.strain_norm, self.locking_limit) - 1.0
-
-    def peaks(self, domain: Domain) -> tuple[float, float]:
-        """``max |eps|`` and ``max |eps|/M - 1`` over the whole of every cell; collective."""
-        used = [_largest(domain, share) for share in self._utilisations_at_peaks]
-        used.append(_largest(domain, self._peaks, self._limit_at_peaks))
-        return _largest(domain, self._peaks), max(used) - 1.0
-
-
-def _largest(domain: Domain, values: fem.Function, over: fem.Function | None = None) -> float:
-    """The largest value at the points of the strains, as a multiple of ``over``; collective."""
-    ratio = values.x.array if over is None else values.x.array / over.x.array
-    return maximum(domain.comm, ratio)
 
 
 class ContactFields:
@@ -171,8 +98,9 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
     """Locking stress (23), pressure (25) and friction (22) of u by the penalty laws; collective."""
     forces = []
     for contact in data.contacts:
-        pressure = contact.surface.average(forms.pressure(u, contact, data))()
-        friction = contact.surface.average(forms.friction(u, contact))()
+        limited = contact.limited(u)
+        pressure = contact.surface.average(forms.pressure(limited, contact, data))()
+        friction = contact.surface.average(forms.friction(limited, contact))()
         forces.append(ContactForces(pressure, friction, pressure > 0.0))
     found = Multipliers.none(data, domain.mesh, tuple(forces))
     for item, part in zip(data.sets, found.parts, strict=True):
@@ -246,55 +174,6 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
     return found
 
 
-def body_summary(
-    domain: Domain, u: fem.Function, data: forms.ProblemData, fields: BodyFields
-) -> dict[str, Any]:
-    """The keys of summary.json about the body: energies, strains and sizes; collective."""
-    dofmap = u.function_space.dofmap
-    owned = fields.strain_norm.function_space.dofmap.index_map.size_local
-    one = fem.Constant(domain.mesh, 1.0)
-    largest, overstrain = fields.peaks(domain)
-    volume = integral(domain, one * data.dx)
-    return {
-        "discretisation": data.element.facts(),
-        "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
-        "cells": domain.num_cells,
-        "ranks": domain.comm.size,
-        "dolfinx": dolfinx.__version__,
-        "compliance": integral(domain, forms.external_work(u, data)),
-        "elastic_energy": integral(domain, 0.5 * forms.elastic_form(u, u, data)),
-        "strain_norm_max": maximum(domain.comm, fields.strain_norm.x.array[:owned]),
-        "strain_norm_max_in_cells": largest,
-        "overstrain_max": max(overstrain, 0.0),
-        "locked_fraction": integral(domain, fields.locked * data.dx) / volume,
-        "strain_sets": [_about_set(domain, share, data) for share in fields.utilisations],
-    }
-
-
-def _about_set(
-    domain: Domain, utilisation: fem.Function, data: forms.ProblemData
-) -> dict[str, Any]:
-    """The entry of summary.json about one set of strains beside the ball; collective."""
-    used_up = utilisation.copy()
-    used_up.x.array[:] = utilisation.x.array >= 1.0 - _LOCKED_MARGIN
-    one = fem.Constant(domain.mesh, 1.0)
-    return {
-        "name": utilisation.name,
-        "utilisation_max": _largest(domain, utilisation),
-        "locked_fraction": integral(domain, used_up * data.dx) / integral(domain, one * data.dx),
-    }
-
-
 def integral(domain: Domain, form: Expr) -> float:
     """The value of a functional; collective."""
     return float(domain.comm.allreduce(fem.assemble_scalar(compiled.form(form))))
-
-
-def _at_points(
-    element: Element, domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()
-) -> fem.Function:
-    space = element.strain_space(domain.mesh, shape)
-    function = fem.Function(space, name=name)
-    function.interpolate(_compat.interpolation_expression(expr, space))
-    function.x.scatter_forward()
-    return function

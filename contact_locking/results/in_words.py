@@ -78,6 +78,7 @@ def rows(summary: Mapping[str, Any], ratio: float | None) -> list[tuple[str, str
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary["bounds"], certificate["errors"])),
         *_not_bounded(certificate["errors"].get("guaranteed")),
+        *_limit_load(certificate.get("limit_load")),
         ("estimated", _estimated(certificate["errors"])),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"]["verdict"])),
@@ -189,6 +190,18 @@ def _not_bounded(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     if entry is None or entry["applicable"]:
         return []
     return [("guaranteed bound", entry["reason"])]
+
+
+def _limit_load(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """The limit load, if the study file asks for proofs and displacements move."""
+    if entry is None:
+        return []
+    if entry["load_factor"] is None:
+        return [("limit load", entry["reason"])]
+    confirmed, excluded = entry["load_factor"]
+    most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
+    shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
+    return [("limit load", f"of the prescribed displacements {shares}")]
 
 
 def _estimated(errors: Mapping[str, Any]) -> str:

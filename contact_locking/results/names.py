@@ -10,6 +10,8 @@ HISTORY = "history.csv"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 #: The picture of a run, and the arrays that the picture shows.
 PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
+#: The meshes of a run with adapted meshes.
+MESHES = "meshes.npz"
 #: The table of a study, in CSV and in JSON lines.
 TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
 

@@ -14,9 +14,12 @@ from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.results import contact_table
 from contact_locking.results.contact_points import ContactPoints
+from contact_locking.results.history import History, read_history
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
+    HISTORY,
+    MESHES,
     PARAMETERS,
     PICTURE,
     SUMMARY,
@@ -31,7 +34,10 @@ _NAME = re.compile(r"[0-9a-f]{16}")
 
 @dataclass(frozen=True)
 class RunResults:
-    """The results of a run; ``facets`` (m, d) number the points of ``contact``."""
+    """The results of a run; ``facets`` (m, d) number the points of ``contact``.
+
+    ``history`` has the steps of a process, and is empty without steps.
+    """
 
     folder: Path
     summary: dict[str, Any]
@@ -39,6 +45,8 @@ class RunResults:
     contact: ContactPoints
     facets: IntArray
     picture: Path | None
+    history: History
+    meshes: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -102,8 +110,8 @@ def _run(folder: Path) -> RunResults:
         raise InputError(f"{path}: is damaged: it does not say whether the run converged")
     for key, text in dict(_dict(summary.pop("not_finite", None))).items():
         _restore(summary, key.split("."), text)
-    picture = folder / PICTURE
-    contact, facets = folder / CONTACT, folder / FACETS
+    picture, meshes = folder / PICTURE, folder / MESHES
+    contact, facets, history = folder / CONTACT, folder / FACETS, folder / HISTORY
     points = contact_table.read_points(_text(contact), str(contact))
     return RunResults(
         folder,
@@ -112,6 +120,8 @@ def _run(folder: Path) -> RunResults:
         points,
         contact_table.read_facets(_text(facets), str(facets), points),
         picture if picture.is_file() else None,
+        read_history(_text(history), str(history)) if history.is_file() else History(),
+        meshes if meshes.is_file() else None,
     )
 
 

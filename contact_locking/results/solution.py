@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from contact_locking.arrays import IntArray
+from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History
 
@@ -38,7 +39,7 @@ class Solution:
     elastic_stress: fem.Function  # P0, (d, d): A eps(u)
     locking_stress: fem.Function  # P0, (d, d): Z
     locking_parts: tuple[fem.Function, ...]  # P0, the multiplier of each set of strains
-    error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery, for P1 alone
+    error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery
     elastic_error_indicator: fem.Function | None  # P0, the same for the elastic stress
     contact_pressure: fem.Function  # P1, -sigma_nu >= 0
     smoothed_stress: fem.Function  # P1, R sigma_nu
@@ -49,6 +50,7 @@ class Solution:
     contact_points: ContactPoints | None  # None on the ranks other than 0
     contact_facets: IntArray | None  # (m, d), corners as numbers of the points; None likewise
     summary: dict[str, Any] = field(default_factory=dict)
+    meshes: tuple[AdaptedMesh, ...] = ()  # the adapted meshes up to this one, on rank 0
     time: float = 0.0  # the time of the step, 0 without steps
     history: History = field(default_factory=History)  # the steps up to this one, none without
     halved: tuple[str, ...] = ()  # which steps were halved, in words

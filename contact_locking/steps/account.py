@@ -9,6 +9,7 @@ import numpy as np
 from contact_locking.arrays import AXES
 from contact_locking.certificate.energy import EnergyBalance
 from contact_locking.parallel import maximum
+from contact_locking.results.contact_points import OPEN
 from contact_locking.results.history import History, Row
 from contact_locking.results.solution import Solution
 
@@ -33,8 +34,10 @@ def row_of(
     for number, entry in enumerate(several, start=1):
         for name in ("contact_force", "friction_force"):
             row |= _vector(f"{name}_{number}", entry[name])
-    slips = [fields.slip for fields in solution.contacts]
-    steps = [np.linalg.norm(fields.increment, axis=1) for fields in solution.contacts]
+    touching = [fields.state != OPEN for fields in solution.contacts]
+    pairs = list(zip(solution.contacts, touching, strict=True))
+    slips = [fields.slip[where] for fields, where in pairs]
+    steps = [np.linalg.norm(fields.increment[where], axis=1) for fields, where in pairs]
     row |= {
         "contact_area": summary["contact_area"],
         "slip_area": summary["slip_area"],

@@ -1,5 +1,6 @@
-"""A guaranteed bound of the error by an exactly equilibrated stress, in two dimensions."""
+"""Proofs by exactly equilibrated stresses in 2D: a bound of the error, and of the limit load."""
 
 from contact_locking.certificate.guaranteed.energy_bound import guaranteed_error
+from contact_locking.certificate.guaranteed.limit_load import limit_load
 
-__all__ = ["guaranteed_error"]
+__all__ = ["guaranteed_error", "limit_load"]

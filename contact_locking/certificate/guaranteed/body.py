@@ -12,7 +12,11 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
-from contact_locking.certificate.guaranteed.hybrid_system import Boundary, HybridSystem
+from contact_locking.certificate.guaranteed.hybrid_system import (
+    LARGEST_JUMP,
+    Boundary,
+    HybridSystem,
+)
 from contact_locking.certificate.guaranteed.macro_element import MacroElement, lagrange_gradients
 from contact_locking.certificate.guaranteed.stiffening import (
     Elasticity,
@@ -31,8 +35,6 @@ from contact_locking.parallel import maximum, on_any_rank
 
 # Values at the points of a cell that differ by more, relatively, do so by more than rounding.
 _ROUNDING = 1e-10
-# The largest relative jump of the tractions of a stress that counts as continuous.
-_LARGEST_JUMP = 1e-8
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ class Body:
         found, jump = system.solve(
             compliance, target, system.moments(moments.reshape(size, *element.moments.shape[1:]))
         )
-        if jump > _LARGEST_JUMP:
+        if jump > LARGEST_JUMP:
             raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
         return np.asarray(lifted + found)
 

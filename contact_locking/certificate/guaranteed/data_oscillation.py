@@ -8,7 +8,7 @@ doi:10.1007/BF00252910), Korn's inequality on K and a trace inequality say
     C^2 = 1 + 2/beta^2,   beta = sin(theta/2)/2,   t^2 = |F|/|K| (1/pi^2 + 1/pi),
 
 where h is the longest edge and theta the smallest angle of K.  beta bounds the inf-sup constant of
-the divergence on K from below (Costabel and Dauge, doi:10.1007/s00205-015-0845-2): the centre of
+the divergence on K from below (Costabel and Dauge, arXiv:1303.6141): the centre of
 the inscribed circle, with radius rho, is at most ``rho/sin(theta/2)`` away from the corners.  With
 the rotation ``w = (d_1 v_2 - d_2 v_1)/2``, whose gradient is made of derivatives of eps(v), the
 norm of w minus its mean is at most ``|eps(v)|/beta``, and ``|grad v|^2 = |eps(v)|^2 + 2 |w|^2``.

@@ -26,8 +26,8 @@ from contact_locking.solver.linear.ksp import create_ksp, default_options, destr
 # A prefix of its own: the options for the nonlinear solve do not concern these solves.
 _PREFIX = "contact_locking_stress_"
 _RTOL = 1e-12
-# The largest relative jump of tractions that counts as rounding.
-_ROUNDING = 1e-9
+#: The largest relative jump of tractions that counts as rounding.
+LARGEST_JUMP = 1e-8
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,8 @@ class ContactCones(HalfLines):
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
         """``int k du_nu v_nu``."""
         self._k, contact = self.nodes.scalar(), self.nodes.contact
-        return self._k * contact.parts(du)[0] * contact.parts(v)[0] * self.nodes.ds
+        normal, v_normal = (contact.parts(contact.limited(field))[0] for field in (du, v))
+        return self._k * normal * v_normal * self.nodes.ds
 
     def write_block(self) -> None:
         self.nodes.set_values(self._k, self.stiffness)

@@ -30,6 +30,13 @@ class Step:
     primal: FloatArray
     dual: FloatArray
 
+    def towards(self, other: Step, share: float) -> Step:
+        """``(1 - share)`` times this step plus ``share`` times the other."""
+        return Step(
+            self.primal + share * (other.primal - self.primal),
+            self.dual + share * (other.dual - self.dual),
+        )
+
 
 class Family(ABC):
     """Cones of one kind at k points with weights: everything that the method needs of them.
@@ -198,10 +205,10 @@ class Family(ABC):
         """
         return 0.0
 
-    def springs(self, stiffness: float) -> float | FloatArray:
-        """Springs of about this stiffness whose forces may change the present reactions.
+    def springs(self, stiffness: float, largest: float) -> float | FloatArray:
+        """Springs of this stiffness at most, whose forces may change the present reactions.
 
-        Collective.
+        ``largest`` is the largest multiplier of all families.
         """
         return stiffness
 
@@ -216,6 +223,16 @@ class Direction:
 
     displacement: FloatArray
     steps: Mapping[Family, Step]
+
+    def towards(self, other: Direction, share: float) -> Direction:
+        """``(1 - share)`` times this direction plus ``share`` times the other."""
+        return Direction(
+            self.displacement + share * (other.displacement - self.displacement),
+            {
+                family: step.towards(other.steps[family], share)
+                for family, step in self.steps.items()
+            },
+        )
 
 
 @dataclass(frozen=True)

@@ -54,10 +54,12 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     reactions = Reaction.of(limits)
     if system.held_by_friction or not _resistance(iterate, reactions) < _power(iterate, reactions):
         return None
+    largest = iterate.largest_multiplier()
     springs: dict[Family, float | FloatArray] = dict.fromkeys(tangent.families, 0.0)
     for family in limits:
         if system.held_by_contact or not family.stops_rigid_motions:
-            springs[family] = family.springs(_STIFFER * target.stiffness / family.scale)
+            most = _STIFFER * target.stiffness / family.scale
+            springs[family] = family.springs(most, largest)
     for family, stiffness in springs.items():
         family.hold(stiffness)
     tangent.refresh()

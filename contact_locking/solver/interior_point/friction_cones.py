@@ -133,7 +133,8 @@ class FrictionCones(LorentzCones):
         """``int a du_tau . v_tau + b (w . du_tau) (w . v_tau)``."""
         nodes = self.nodes
         self._a, self._b, self._w = nodes.scalar(), nodes.scalar(), nodes.vector()
-        slip, slip_v = (nodes.contact.parts(field)[1] for field in (du, v))
+        contact = nodes.contact
+        slip, slip_v = (contact.parts(contact.limited(field))[1] for field in (du, v))
         along = self._b * ufl.inner(self._w, slip) * ufl.inner(self._w, slip_v)
         return self._a * ufl.inner(slip, slip_v) * nodes.ds + along * nodes.ds
 

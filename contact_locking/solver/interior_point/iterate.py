@@ -16,6 +16,11 @@ Corrections = Mapping[Family, FloatArray]
 _NONE: Corrections = {}
 
 
+def added(corrections: Corrections, changes: Corrections, share: float = 1.0) -> Corrections:
+    """Corrections with a share of the changes added."""
+    return {family: values + share * changes[family] for family, values in corrections.items()}
+
+
 class Iterate:
     """The system's displacement, and the points of the families that take part, together.
 
@@ -73,17 +78,14 @@ class Iterate:
         steps = direction.steps
         return {family: weight * family.correction(steps[family]) for family in self.families}
 
-    def recentred(
-        self, corrections: Corrections, reach: float, direction: Direction, target: float
-    ) -> Corrections:
-        """The corrections that lead products after a step of ``reach`` nearer to ``target``."""
+    def recentring(self, reach: float, direction: Direction, target: float) -> Corrections:
+        """What leads products after a step of ``reach`` nearer to ``target``, as corrections."""
         low, high = self._band
         changed = {}
         for family in self.families:
             scaled = target * family.scale
             band = low * scaled, high * scaled
-            change = family.recentring(reach, direction.steps[family], band)
-            changed[family] = corrections[family] - change
+            changed[family] = -family.recentring(reach, direction.steps[family], band)
         return changed
 
     def longest_step(self, direction: Direction) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from contact_locking.solver.interior_point.bound_step import BoundStep
 from contact_locking.solver.interior_point.family import Direction
-from contact_locking.solver.interior_point.iterate import Corrections, Iterate
+from contact_locking.solver.interior_point.iterate import Corrections, Iterate, added
 from contact_locking.solver.interior_point.measures import Measures
 from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -51,16 +51,33 @@ class Search:
         for _ in range(tuning.recentrings):
             if t >= tuning.long_enough:
                 break
-            trial = iterate.recentred(corrections, min(1.0, t + tuning.reach), best, target)
-            candidate = iterate.direction(target, self._accuracy, trial)
-            longer = self._length(candidate)
+            change = iterate.recentring(min(1.0, t + tuning.reach), best, target)
+            recentred = iterate.direction(target, self._accuracy, added(corrections, change))
+            candidate, share, longer = self._longest_towards(recentred, best)
             if longer < tuning.gain * t:
                 break
-            best, corrections, t = candidate, trial, longer
+            best, corrections, t = candidate, added(corrections, change, share), longer
         if self._bounds and bound_step.misses(best) > tuning.bound_missed:
             best = self._adapted(bound_step, best, target, corrections)
             t = self._length(best)
         return best, t
+
+    def _longest_towards(
+        self, recentred: Direction, direction: Direction
+    ) -> tuple[Direction, float, float]:
+        """The direction with the longest step on the way to the recentred one; collective.
+
+        Its share of the way, and the length of the step.  Directions are linear in corrections, so
+        that a share of the way needs no solve.
+        """
+        candidate, share, length = recentred, 1.0, self._length(recentred)
+        for smaller in self._tuning.recentring_shares:
+            trial = direction.towards(recentred, smaller)
+            longer = self._length(trial)
+            if not longer > length:
+                break
+            candidate, share, length = trial, smaller, longer
+        return candidate, share, length
 
     def _adapted(
         self, bound_step: BoundStep, direction: Direction, target: float, corrections: Corrections

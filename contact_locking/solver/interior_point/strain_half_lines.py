@@ -10,7 +10,6 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.laws.elasticity import strain
-from contact_locking.parallel import maximum
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.measures import relative_rms
@@ -91,9 +90,8 @@ class StrainHalfLines(HalfLines):
     def body_work(self) -> float:
         return self.power(self.reactions, self.seen)
 
-    def springs(self, stiffness: float) -> FloatArray:
-        """Springs in proportion to the multipliers: their forces leave multipliers >= 0."""
-        largest = maximum(self.comm, self.z)
+    def springs(self, stiffness: float, largest: float) -> FloatArray:
+        """Springs in proportion to the multipliers, so that small forces leave these positive."""
         return np.asarray(self.z * (stiffness / largest if largest > 0.0 else 0.0))
 
     def describe_excess(self) -> str:

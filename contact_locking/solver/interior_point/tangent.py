@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
+from contact_locking.problem.joint_forms import JointForm
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
@@ -41,8 +42,8 @@ class Tangent:
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         elastic = forms.elastic_form(du, v, data)
         terms = [family.tangent_term(v, du) for family in families]
-        self._form = compiled.form(sum(terms, start=elastic))
-        self.matrix = petsc.create_matrix(self._form, IN_BLOCKS)
+        self._form = JointForm(sum(terms, start=elastic))
+        self.matrix = self._form.create_matrix(IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
         self._elasticity = petsc.assemble_matrix(compiled.form(elastic))
@@ -158,9 +159,7 @@ class Tangent:
             item.destroy()
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
-        matrix.zeroEntries()
-        petsc.assemble_matrix(matrix, self._form, bcs=self.system.conditions)
-        matrix.assemble()
+        self._form.assemble_matrix(matrix, self.system.conditions)
 
     def _stiff_part(self) -> StiffPart:
         """What the filter of the multigrid takes; collective."""

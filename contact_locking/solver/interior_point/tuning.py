@@ -111,6 +111,9 @@ class Tuning:
     long_enough: float = 0.95
     #: How much farther than the present step a recentring looks, in (0, 1].
     reach: float = 0.4
+    #: Where less of a recentring makes the step longer, so much of it is taken: falling, in (0, 1).
+    #: In full it may miss its aim where the products are far outside of their band.
+    recentring_shares: tuple[float, ...] = (0.75, 0.5, 0.3, 0.15)
     #: A recentring that makes the step longer by this factor, > 1, is kept, else it is the last.
     gain: float = 1.01
     #: Products between these multiples of the target, below and above 1, are left alone.

@@ -1,0 +1,150 @@
+"""A proof that no displacement of the body follows the prescribed values, on no mesh.
+
+Let s be a symmetric stress with ``div s = 0``, ``s nu = 0`` on Gamma_N, and ``s nu = -p nu`` with
+``p >= 0`` on Gamma_C.  Every field v with the values f u_D on Gamma_D, ``v_nu <= gap`` and
+``|eps(v)| <= M`` has
+
+    f int s nu . u_D = int s : eps(v) + int p v_nu <= int M |s| + int p gap,
+
+so that no such field exists for ``f > (int M |s| + int p gap)/int s nu . u_D``.  The stress comes
+from reweighted least squares: ``int (M/|s_old|) |s|^2/2 - int s nu . u_D`` is minimal.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.guaranteed.body import Body
+from contact_locking.certificate.guaranteed.boundary_conditions import (
+    held_components,
+    require_exact_gaps,
+)
+from contact_locking.certificate.guaranteed.contact_tractions import (
+    ContactTractions,
+    contact_tractions,
+)
+from contact_locking.certificate.guaranteed.facet_polynomials import product_integral
+from contact_locking.certificate.guaranteed.floating import balance, floating_parts, springs
+from contact_locking.certificate.guaranteed.hybrid_system import (
+    LARGEST_JUMP,
+    Boundary,
+    HybridSystem,
+)
+from contact_locking.certificate.guaranteed.macro_element import macro_element
+from contact_locking.certificate.guaranteed.triangles import Triangles
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.parallel import maximum, on_any_rank
+
+# Reweighted steps, and the least weight over the largest.
+_STEPS, _LEAST = 8, 1e-4
+# Rounding in the factor.
+_ROUNDING = 1e-8
+_PROVED = "proved for every displacement of the polygon of the mesh, up to rounding"
+
+
+def limit_load(state: SolvedState) -> dict[str, Any] | None:
+    """``load_factor`` is [confirmed, excluded], and ``infeasible`` says whether excluded < 1.
+
+    The multiples of the prescribed displacements up to ``confirmed`` have an admissible field (on
+    this mesh, and therefore in the body), and those above ``excluded`` have none in the body.
+    ``excluded`` is None if no stress was found that excludes anything.  Returns None where no
+    displacement is prescribed that is not zero.  Takes about 8 solves with the
+    hybrid system.  Collective.
+    """
+    values = [condition.g.x.array for condition in state.problem.constraints.conditions]
+    if maximum(state.comm, max((np.abs(v).max(initial=0.0) for v in values), default=0.0)) == 0.0:
+        return None
+    try:
+        excluded = _excluded(state)
+    except NotApplicable as failure:
+        reason = f"not applicable: {failure}"
+        return {"infeasible": None, "load_factor": None, "reason": reason}
+    confirmed = 0.0
+    if state.report.converged and state.target.penalty.is_inequality:
+        confirmed = 1.0
+    elif state.report.admissible_factor is not None:
+        confirmed = state.report.admissible_factor[0]
+    return {
+        "infeasible": bool(excluded * (1.0 + _ROUNDING) < 1.0),
+        "load_factor": [confirmed, excluded if np.isfinite(excluded) else None],
+        "reason": _PROVED,
+    }
+
+
+def _excluded(state: SolvedState) -> float:
+    """The least factor on u_D that a stress excludes, infinite if no stress excludes any."""
+    problem = state.problem
+    if state.dim != 2:
+        raise NotApplicable("there are no equilibrated stresses in three dimensions here")
+    if problem.element.degree != 1:
+        raise NotApplicable("for linear elements")
+    triangles, element = Triangles(problem.domain), macro_element(1)
+    held = held_components(state, triangles)
+    contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
+    require_exact_gaps(state, triangles, contacts)
+    for contact in contacts:
+        contact.along = np.zeros_like(contact.along)
+    parts = floating_parts(problem, triangles)
+    nothing = np.zeros((*triangles.facets.shape, 2, 2))
+    body = np.zeros((*triangles.facets.shape, 1, 2))
+    balance(parts, triangles, element, body, nothing, contacts)
+    moments = nothing.copy()
+    for contact in contacts:
+        np.add.at(moments, (contact.cells, contact.sides), contact.moments(1))
+    moments *= triangles.signs[:, :, None, None] ** np.arange(2)[:, None]
+    blocks = springs(parts, triangles, element, contacts, problem.material.stiffness)
+    system = HybridSystem(
+        triangles, element, Boundary(held, moments, blocks), state.settings.linear
+    )
+    material = Body(state, triangles, element)
+    strains = material.strains(problem.u, element)
+    limit = material.limit
+    if on_any_rank(state.comm, ~np.isfinite(limit)):
+        raise NotApplicable("nothing limits the strain in a part of the body")
+    size = _first_sizes(state, triangles)
+    best = np.inf
+    for _ in range(_STEPS):
+        weights = limit / np.maximum(size, _LEAST * maximum(state.comm, size))
+        stress, jump = system.solve(weights[:, None, None] * np.eye(3), strains, nothing)
+        if jump > LARGEST_JUMP:
+            raise NotApplicable(f"rounding leaves jumps of {jump:.1e} in the tractions")
+        best = min(best, _factor(state, triangles, stress, strains, limit, contacts))
+        size = np.sqrt(np.mean(np.sum(stress**2, axis=3), axis=(1, 2)))
+    return best
+
+
+def _first_sizes(state: SolvedState, triangles: Triangles) -> FloatArray:
+    """``|Z|`` of the last iterate, raised by a share of its mean."""
+    sizes = np.linalg.norm(state.points.locking_stress, axis=(1, 2))
+    mean = state.sum(sizes * triangles.areas) / state.points.volume
+    return np.asarray(sizes + (mean or 1.0))
+
+
+def _factor(
+    state: SolvedState,
+    triangles: Triangles,
+    stress: FloatArray,
+    strains: FloatArray,
+    limit: FloatArray,
+    contacts: list[ContactTractions],
+) -> float:
+    """``(int M |s| + int p gap)/int s nu . u_D``; infinite if the divisor is not positive.
+
+    ``|s|`` is convex, so that the mean of its values at the corners of a part is an upper bound.
+    """
+    areas = triangles.areas[:, None] / 3.0
+    mass = macro_element(1).mass
+    power = np.sum(np.sum(stress * (mass @ strains), axis=(2, 3)) * areas)
+    sizes = np.linalg.norm(stress, axis=3).mean(axis=2)
+    resistance = np.sum(limit[:, None] * sizes * areas)
+    nodal = state.problem.u.x.array.reshape(-1, 2)
+    for contact in contacts:
+        normal, _ = contact.split(nodal)
+        power += contact.lengths @ product_integral(contact.pressure, normal)
+        resistance += contact.lengths @ product_integral(contact.pressure, contact.gap)
+    power, resistance = (state.sum(np.asarray(value)) for value in (power, resistance))
+    return max(resistance, 0.0) / power if power > 0.0 else np.inf

@@ -1,0 +1,81 @@
+"""Forms whose integrals have arguments in different spaces with the same degrees of freedom.
+
+The body's integrals have displacements as arguments.  Those over Gamma_C have fields of the limited
+space, whose degrees of freedom are those of the displacement (`PointValues`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc
+from petsc4py import PETSc
+
+from contact_locking.arrays import FloatArray
+from contact_locking.problem import compiled
+
+
+def by_space(form: ufl.Form) -> list[ufl.Form]:
+    """The integrals of a form, one form for each space of the arguments."""
+    groups: dict[Any, list[Any]] = {}
+    for integral in form.integrals():
+        arguments = ufl.algorithms.extract_arguments(integral.integrand())
+        groups.setdefault(arguments[0].ufl_element(), []).append(integral)
+    return [ufl.Form(integrals) for integrals in groups.values()]
+
+
+def action(bilinear: ufl.Form, u: fem.Function) -> ufl.Form:
+    """``b(u, .)``, each part with the function that has the degrees of freedom of u."""
+    form = ufl.Form([])
+    for part in by_space(bilinear):
+        space = part.arguments()[1].ufl_function_space()
+        form += ufl.action(part, u if space is u.function_space else fem.Function(space, x=u.x))
+    return form
+
+
+class JointForm:
+    """A compiled form of :func:`by_space`; all local arrays have the displacement's dofs.
+
+    The integrals with displacements as arguments come first.  ``options`` are those of the form
+    compiler.
+    """
+
+    def __init__(self, form: ufl.Form, options: Mapping[str, Any] | None = None) -> None:
+        options = compiled.options() if options is None else options
+        self._parts = by_space(form)
+        self._forms = [fem.form(part, jit_options=dict(options)) for part in self._parts]
+
+    def create_matrix(self, kind: str | None = None) -> PETSc.Mat:
+        """A matrix with the sparsity of the first part, the cells' integrals; collective."""
+        return petsc.create_matrix(self._forms[0], kind)
+
+    def assemble_vector(self, values: FloatArray) -> None:
+        """Add the linear form to the local values, without those of other ranks."""
+        for form in self._forms:
+            fem.assemble_vector(values, form)
+
+    def assemble_matrix(self, matrix: PETSc.Mat, conditions: Sequence[fem.DirichletBC]) -> None:
+        """Set a matrix, with the identity at the conditions of displacements; collective."""
+        matrix.zeroEntries()
+        for number, (part, form) in enumerate(zip(self._parts, self._forms, strict=True)):
+            fixed = list(conditions)
+            if number > 0:
+                fixed = _fixed(part.arguments()[0].ufl_function_space(), conditions)
+                # The identity was inserted last, and now values are added.
+                matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
+            petsc.assemble_matrix(matrix, form, bcs=fixed)
+        matrix.assemble()
+
+
+def _fixed(
+    space: fem.FunctionSpace, conditions: Sequence[fem.DirichletBC]
+) -> list[fem.DirichletBC]:
+    """Conditions that fix the same degrees of freedom of another space."""
+    every = [np.empty(0, dtype=np.int32), *(item.dof_indices()[0] for item in conditions)]
+    dofs, zero, dim = np.unique(np.concatenate(every)), fem.Function(space), space.dofmap.bs
+    parts = [dofs[dofs % dim == i] for i in range(dim)]
+    return [fem.dirichletbc(zero, [part, part], space.sub(i)) for i, part in enumerate(parts)]
