@@ -12,7 +12,7 @@ from mpi4py import MPI
 from problems import SMALL_BLOCK, block, column
 
 from contact_locking import checkpoint, report, save, solving, studies, study_file, write
-from contact_locking.adaptivity import solve, solve_adaptively
+from contact_locking.adaptivity import mesh_sequence, solve, solve_adaptively
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
@@ -80,6 +80,17 @@ def test_an_early_end_is_said_in_the_summary_and_in_a_warning(
     assert not found["reached"] and told in found["stopped"]
     assert any(told in warning for warning in solution.summary["warnings"])
     assert solution.converged and solution.summary["dofs"] <= adapt.get("max_dofs", 10**6)
+
+
+@pytest.mark.serial
+def test_an_error_that_does_not_fall_ends_the_loop_where_the_cells_are_smallest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mesh_sequence, "_LEAST_FALL", 0.0)  # no fall is enough
+    solution = solve(adaptive(adapt={"tolerance": 0.001}))
+    assert len(meshes(solution)) == 4 and not solution.summary["adapt"]["reached"]
+    assert "hardly fallen" in solution.summary["adapt"]["stopped"]
+    assert "the smallest cells, of size 0." in solution.summary["adapt"]["stopped"]
 
 
 @pytest.mark.serial
@@ -220,10 +231,31 @@ def test_an_adaptive_case_is_one_case_of_a_study(tmp_path: Path) -> None:
 
 
 @pytest.mark.serial
-def test_bound_is_refused_until_it_has_contributions_of_cells() -> None:
-    with pytest.raises(InputError, match="contributions of cells") as caught:
-        solve(adaptive(adapt={"by": "bound"}))
-    assert caught.value.key == "adapt.by"
+def test_loop_by_the_bound_ends_below_the_tolerance_of_the_bound() -> None:
+    limits = {"tolerance": 0.2, "by": "bound"}
+    given = adaptive(h=0.2, adapt=limits, certificate={"error_bound": True})
+    solution = solve(given)
+    bounds = [entry["bound"] for entry in meshes(solution)]
+    assert solution.summary["adapt"]["reached"] and bounds[-1] <= 0.2 < min(bounds[:-1])
+    # The bound is of all of the error: the estimate is below it on each mesh.
+    assert all(entry["estimate"] < entry["bound"] for entry in meshes(solution))
+
+
+@pytest.mark.serial
+def test_contributions_of_the_cells_add_up_to_the_bound() -> None:
+    given = block(2, 0.25, **LIMITLESS, certificate={"error_bound": True})
+    solution = solving.solve(given)
+    entry, field = solution.summary["certificate"]["errors"]["guaranteed"], solution.error_bound
+    assert field is not None
+    # Loads that the stress balances have no oscillation; sharpening makes the bound smaller.
+    whole = float(np.sqrt(2.0 * np.sum(field.x.array**2)))
+    assert 0.8 * whole <= entry["energy_norm"] <= whole * (1.0 + 1e-9)
+
+
+@pytest.mark.serial
+def test_the_bound_drives_the_loop_only_where_it_is_asked_for() -> None:
+    with pytest.raises(ValueError, match=r"certificate\.error_bound: true"):
+        adaptive(adapt={"by": "bound"})
 
 
 @pytest.mark.serial

@@ -19,9 +19,9 @@ from mpi4py import MPI
 from contact_locking import checkpoint, solving
 from contact_locking.adaptivity import curvature
 from contact_locking.adaptivity.marking import marked_cells
-from contact_locking.adaptivity.measured_error import ErrorMeasure, measure_by
+from contact_locking.adaptivity.measured_error import MEASURES, ErrorMeasure
 from contact_locking.adaptivity.mesh_sequence import MeshSequence
-from contact_locking.adaptivity.refinement import refined
+from contact_locking.adaptivity.refinement import refined, singular_place
 from contact_locking.arrays import BoolArray
 from contact_locking.errors import NotRefined
 from contact_locking.monitor import Attentive, Monitor
@@ -67,12 +67,12 @@ def solve_adaptively(
     ``adapt.stopped`` is the reason why there is no further mesh.  ``restart`` is the folder of a
     run with a checkpoint, on the first mesh or on a refined mesh, from which the loop goes on.
 
-    Raises InputError for data that cannot be used, and for an error measure that the problem does
-    not have.
+    The loop ends where the error measure is not known.  Raises InputError for data that cannot be
+    used.
     """
     monitor = Attentive(monitor or Monitor())
     given = parameters.adapt or AdaptParameters()
-    measure = measure_by(given.by)
+    measure = MEASURES[given.by]
     sequence = MeshSequence(given)
     began = time.perf_counter()
     domain = None if restart is None else checkpoint.refined_mesh(restart, comm)
@@ -108,10 +108,17 @@ def _refined(solution: Solution, measure: ErrorMeasure, sequence: MeshSequence) 
     radii = domain.smoothing_radii or {
         one.contact.key: default_radius(one.surface) for one in solution.contacts
     }
+    smoothing = [
+        one.friction.smoothing.radius or radii[one.key]
+        for one in solution.parameters.contacts
+        if one.friction.coefficient != 0 and one.friction.smoothing.kernel != "none"
+    ]
     held: list[WholeMesh] = []
 
     def work() -> None:
         assert mesh is not None and found is not None
+        if sequence.stagnates:
+            raise NotRefined(singular_place(mesh.data, smoothing))
         marked = marked_cells(found, given.share)
         sequence.pictures[-1] = sequence.pictures[-1].with_marks(mesh.data.cells.nodes, marked)
         held.append(replace(_finer(mesh, marked, solution.parameters), smoothing_radii=radii))

@@ -58,11 +58,6 @@ class MeshSequence:
             self.stop(f"the {self.given.by} is below the tolerance")
         elif len(self.meshes) >= self.given.max_meshes:
             self.stop(f"adapt.max_meshes, {self.given.max_meshes}, is reached")
-        elif self._stagnates():
-            self.stop(
-                f"the {self.given.by} has hardly fallen over the last {_MESHES} meshes, while the "
-                f"refinement goes on where the smallest cells are"
-            )
 
     def stop(self, reason: str) -> None:
         """End the loop."""
@@ -88,7 +83,9 @@ class MeshSequence:
             f"{last['seconds']:.1f} s"
         )
 
-    def _stagnates(self) -> bool:
+    @property
+    def stagnates(self) -> bool:
+        """Whether the error has hardly fallen over the last meshes."""
         errors = [entry[self.given.by] for entry in self.meshes[-_MESHES:]]
         return len(errors) == _MESHES and errors[-1] > _LEAST_FALL * errors[0]
 

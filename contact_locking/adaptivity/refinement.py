@@ -8,6 +8,7 @@ again, and the mesh does not depend on the number of ranks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -18,6 +19,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import NotRefined
+from contact_locking.mesh_file import places
 from contact_locking.mesh_file.data import MeshData, Simplices
 from contact_locking.mesh_file.diagnosis import Diagnosis
 from contact_locking.mesh_file.topology import longest_edges, signed_measures
@@ -27,6 +29,8 @@ from contact_locking.problem.whole_mesh import WholeMesh, simplices
 
 # A node that moves onto a curved side may take at most this share of the volume of a cell.
 _LARGEST_LOSS = 0.9
+# Cells that are smaller than this share of the smoothing radius no longer change what R smooths.
+_SMOOTHED = 0.05
 # Cells that are smaller than this share of the body are near the rounding of the coordinates.
 _SMALLEST_SHARE = 1e-9
 
@@ -100,3 +104,24 @@ def _nodes_of(data: MeshData, name: str) -> BoolArray:
         if name in group.names:
             mask[group.nodes[group.groups == group.names[name]]] = True
     return mask
+
+
+def singular_place(data: MeshData, radii: Sequence[float]) -> str:
+    """Why an error that hardly falls ends the loop: where the smallest cells are, in words.
+
+    ``radii`` are the smoothing radii of the contacts.
+    """
+    sizes = longest_edges(data.points, data.cells.nodes)
+    least = int(np.argmin(sizes))
+    place = places.at(data.points[data.cells.nodes[least]].mean(axis=0))
+    told = (
+        "the error has hardly fallen over the last meshes; the smallest cells, of size "
+        f"{sizes[least]:.2g}, are at {place}, where the solution may be singular"
+    )
+    radius = min(radii, default=0.0)
+    if sizes[least] < _SMOOTHED * radius:
+        told += (
+            f"; R smooths the pressure over {radius:g}, so that finer cells do not change friction "
+            "there"
+        )
+    return told

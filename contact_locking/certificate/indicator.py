@@ -63,14 +63,14 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
 
     square, elastic_square = work(defect[:, :, :m]), work(defect[:, :, m : 2 * m])
     return ErrorIndicator(
-        _field(state, "error_indicator", square),
+        cell_field(state, "error_indicator", square),
         float(np.sqrt(state.sum(square))),
-        _field(state, "elastic_error_indicator", elastic_square),
+        cell_field(state, "elastic_error_indicator", elastic_square),
         float(np.sqrt(state.sum(elastic_square))),
     )
 
 
-def _field(state: SolvedState, name: str, square: FloatArray) -> fem.Function:
+def cell_field(state: SolvedState, name: str, square: FloatArray) -> fem.Function:
     """The roots of values (k,) of the owned cells as a function; collective."""
     space = fem.functionspace(state.problem.domain.mesh, ("DG", 0))
     field = fem.Function(space, name=name)

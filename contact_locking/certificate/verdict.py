@@ -6,13 +6,15 @@ import contextlib
 from dataclasses import dataclass
 from typing import Any
 
+from dolfinx import fem
+
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
-from contact_locking.certificate.indicator import ErrorIndicator, error_indicator
+from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
 from contact_locking.certificate.laws import law_criteria
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.penalty_error import penalty_error
@@ -23,9 +25,10 @@ from contact_locking.certificate.solved_state import SolvedState
 class Certificate:
     """Criteria, proved bounds, constants, resultants and error estimates, for summary.json.
 
-    ``indicator`` is None if the error indicator is not applicable.  ``limit_load`` tells which
-    multiples of the prescribed displacements the body can follow; None if nobody asks, or if no
-    prescribed displacement differs from zero.
+    ``indicator`` is None if the error indicator is not applicable.  ``error_bound`` has the roots
+    of the contributions of the cells to the guaranteed bound, and is None without this bound.
+    ``limit_load`` tells which multiples of the prescribed displacements the body can follow; None
+    if nobody asks, or if no prescribed displacement differs from zero.
     """
 
     criteria: dict[str, Criterion]
@@ -34,6 +37,7 @@ class Certificate:
     resultants: dict[str, Any]
     errors: dict[str, Any]
     indicator: ErrorIndicator | None
+    error_bound: fem.Function | None
     limit_load: dict[str, Any] | None
 
     @property
@@ -87,9 +91,11 @@ def certify(state: SolvedState) -> Certificate:
     lifting, wanted = Lifting(state), state.problem.parameters.certificate.error_bound
     with contextlib.closing(lifting):
         bounds = proved_bounds(state, lifting)
+        shares: fem.Function | None = None
         errors = {"mesh": mesh, "penalty": penalty_error(state, lifting)}
         if wanted:
-            errors["guaranteed"] = guaranteed_error(state, lifting)
+            errors["guaranteed"], squares = guaranteed_error(state, lifting)
+            shares = None if squares is None else cell_field(state, "error_bound", squares)
     return Certificate(
         criteria=balance.criteria(state.settings.tolerance) | law_criteria(state),
         bounds=bounds,
@@ -101,6 +107,7 @@ def certify(state: SolvedState) -> Certificate:
         },
         errors=errors,
         indicator=indicator,
+        error_bound=shares,
         limit_load=limit_load(state) if wanted else None,
     )
 

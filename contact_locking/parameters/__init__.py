@@ -160,6 +160,12 @@ class Parameters(Section):
                     f"'{both[0]}' is in {keys[both[0]]}.on as well; "
                     "Gamma_D and Gamma_C must not overlap",
                 )
+        if self.adapt is not None and self.adapt.by == "bound" and not self.certificate.error_bound:
+            yield Fault(
+                ("adapt", "by"),
+                "bound needs the guaranteed bound of each mesh; add certificate.error_bound: true, "
+                "or take estimate",
+            )
         if self.adapt is not None and self.steps is not None:
             yield Fault(
                 ("adapt",),

@@ -41,6 +41,7 @@ class Solution:
     locking_parts: tuple[fem.Function, ...]  # P0, the multiplier of each set of strains
     error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery
     elastic_error_indicator: fem.Function | None  # P0, the same for the elastic stress
+    error_bound: fem.Function | None  # P0, the cells' shares in the guaranteed bound, if any
     contact_pressure: fem.Function  # P1, -sigma_nu >= 0
     smoothed_stress: fem.Function  # P1, R sigma_nu
     tangential_traction: fem.Function  # P1, vector, sigma_tau

@@ -140,6 +140,7 @@ def solution_of(state: SolvedState, certificate: Certificate) -> Solution:
         locking_parts=body.locking_parts,
         error_indicator=indicator and indicator.field,
         elastic_error_indicator=indicator and indicator.elastic_field,
+        error_bound=certificate.error_bound,
         contacts=state.contacts,
         contact_points=points,
         contact_facets=facets,

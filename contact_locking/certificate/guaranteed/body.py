@@ -39,14 +39,14 @@ _ROUNDING = 1e-10
 
 @dataclass(frozen=True)
 class Gap:
-    """``value`` is the gap of the cells of this rank.
+    """``values`` (n,) are the gaps of the cells of this rank.
 
     ``apart`` (n, 3, 3) are the squares of ``eps(w) - (A + zeta)^-1 s``, integrated over each part,
     along the eigenvectors of A; ``elastic`` (n, 3, 3) are the eigenvalues of A, and ``stiffened``
     (n, 3, 3) those of A + zeta.
     """
 
-    value: float
+    values: FloatArray
     apart: FloatArray
     elastic: FloatArray
     stiffened: FloatArray
@@ -142,8 +142,8 @@ class Body:
         rest = modes - shifted[:, :, None, :] * eps
         apart = squares(rest) / shifted**2
         slack = np.where(zeta > 0.0, most - size, 0.0)
-        total = 0.5 * (np.sum(apart * shifted) + np.sum(zeta * slack))
-        return Gap(float(total), apart, eigenvalues, shifted)
+        values = 0.5 * (np.sum(apart * shifted, axis=(1, 2)) + np.sum(zeta * slack, axis=1))
+        return Gap(values, apart, eigenvalues, shifted)
 
     def _stiffness(self, size: int) -> FloatArray:
         """A as Mandel matrices (n, points, 3, 3)."""

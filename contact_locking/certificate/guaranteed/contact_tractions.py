@@ -68,14 +68,14 @@ class ContactTractions:
         """The moments (m, k + 1, 2) of the traction along the facets of the cells."""
         return self.lengths[:, None, None] * legendre_moments(self.vectors(), degree)
 
-    def work(self, normal: FloatArray, tangent: FloatArray, gap: FloatArray) -> float:
-        """``int p (g - w_nu) + G |w_tau| + q . w_tau`` over the facets of this rank.
+    def work(self, normal: FloatArray, tangent: FloatArray, gap: FloatArray) -> FloatArray:
+        """``int p (g - w_nu) + G |w_tau| + q . w_tau`` over each facet (m,) of this rank.
 
         All arguments are control values.  Every term is non-negative for an admissible w.
         """
         opening = product_integral(self.pressure, gap - normal)
         friction = absolute_integral(self.bound, tangent) + product_integral(self.along, tangent)
-        return float(self.lengths @ (opening + friction))
+        return np.asarray(self.lengths * (opening + friction))
 
 
 def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTractions:

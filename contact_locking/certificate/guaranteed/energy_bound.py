@@ -22,6 +22,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.optimize import minimize_scalar
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.body import Body, Gap
 from contact_locking.certificate.guaranteed.boundary_conditions import (
@@ -55,29 +56,34 @@ _THREE_DIMENSIONS = (
 )
 
 
-def guaranteed_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
+def guaranteed_error(
+    state: SolvedState, lifting: Lifting
+) -> tuple[dict[str, Any], FloatArray | None]:
     """``energy_norm``, a bound of ``sqrt(a(u - u_h, u - u_h))``, and ``relative``; collective.
 
     ``relative`` is the bound over the energy norm of u_h.  ``applicable`` says whether the bound is
     proved, and ``reason`` says of which problem; without a bound, both numbers are None and
-    ``reason`` says why.  Takes one linear solve with about six times the unknowns of the
-    displacement, and for a finite penalty the lift of ``penalty_error``.
+    ``reason`` says why.  The second value has for each owned cell (n,) the gap of the cell and of
+    its facets on Gamma_C, with the oscillation of the loads; None without a bound.  Takes one
+    linear solve with about six times the unknowns of the displacement, and for a finite penalty the
+    lift of ``penalty_error``.
     """
     try:
-        found = _bound(state, lifting)
+        found, squares = _bound(state, lifting)
     except NotApplicable as failure:
         none = dict.fromkeys(("relative", "energy_norm"))
-        return {**none, "applicable": False, "reason": f"not applicable: {failure}"}
+        return {**none, "applicable": False, "reason": f"not applicable: {failure}"}, None
     size = np.sqrt(2.0 * state.energy)
     return {
         "relative": float(found / size) if size > 0.0 else None,
         "energy_norm": found,
         "applicable": True,
         "reason": _PROVED,
-    }
+    }, squares
 
 
-def _bound(state: SolvedState, lifting: Lifting) -> float:
+def _bound(state: SolvedState, lifting: Lifting) -> tuple[float, FloatArray]:
+    """The bound, and the contributions (n,) of the owned cells; collective."""
     _require_applicable(state)
     problem = state.problem
     triangles = Triangles(problem.domain)
@@ -102,18 +108,20 @@ def _bound(state: SolvedState, lifting: Lifting) -> float:
         loads = finer
     w, apart = _admissible(state, lifting, body, contacts)
     gap = body.gap(stress, w, element)
-    square = gap.value
+    squares = gap.values.copy()
     nodal = w.x.array.reshape(-1, 2)
     for contact in contacts:
         normal, tangent = contact.split(nodal)
-        square += contact.work(normal, tangent, np.maximum(contact.gap, normal))
-    square = max(float(state.comm.allreduce(square)), 0.0)
+        work = contact.work(normal, tangent, np.maximum(contact.gap, normal))
+        np.add.at(squares, contact.cells, work)
+    square = max(state.sum(squares), 0.0)
     share, most = _sharpened(state, gap, square)
     # The load of a component that is prescribed does no work.
     loads.rest[held.all(axis=2)] = 0.0
     oscillation = loads.oscillation(triangles) ** 2 / body.elasticity.eigenvalues[:, 0]
     rough = np.sqrt(state.sum(oscillation))
-    return float(share * rough + np.sqrt((share * rough) ** 2 + most) + apart)
+    bound = share * rough + np.sqrt((share * rough) ** 2 + most) + apart
+    return float(bound), np.maximum(squares, 0.0) + oscillation
 
 
 def _sharpened(state: SolvedState, gap: Gap, square: float) -> tuple[float, float]:
