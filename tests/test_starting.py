@@ -17,6 +17,8 @@ from contact_locking.study_file import demo_names, load, schema, schema_text, st
 from contact_locking.study_file.listing import rows
 from contact_locking.study_file.source import read
 
+pytestmark = pytest.mark.serial
+
 DEMOS = Path(__file__).parents[1] / "demos"
 
 
