@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,23 +12,15 @@ import ufl
 from certified import certificate
 from dolfinx import fem
 from manufactured import Manufactured, X, Y
-from mpi4py import MPI
 from problems import block, column, with_changes
 from random_errors import compared, random_block
 from test_verification_annulus import LAME_LAMBDA, LAME_MU, annulus, radial
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate import verdict
-from contact_locking.certificate.elliptic import elasticity, elliptic_problem
-from contact_locking.certificate.guaranteed import guaranteed_error
 from contact_locking.certificate.guaranteed.macro_element import macro_element
-from contact_locking.certificate.lifting import Lifting
-from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parameters import Parameters
 from contact_locking.plain_text import per_cent
-from contact_locking.problem import forms
-from contact_locking.problem.assembly import assemble
 from contact_locking.results import in_words
 from contact_locking.results.solution import Solution
 
@@ -173,35 +163,6 @@ def test_the_bound_includes_the_distance_to_the_solution_without_penalties() -> 
 def test_the_bound_is_the_same_on_every_number_of_ranks() -> None:
     # Computed on one rank.
     assert bound(benchmark(6))["energy_norm"] == pytest.approx(0.0207347254, rel=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-def test_the_bound_costs_at_most_ten_elastic_solves(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[SolvedState] = []
-
-    def keep(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
-        seen.append(state)
-        return guaranteed_error(state, lifting)
-
-    monkeypatch.setattr(verdict, "guaranteed_error", keep)
-    solving.solve_assembled(assemble(benchmark(64), MPI.COMM_WORLD))
-    (state,) = seen
-
-    def elastic() -> None:
-        conditions = state.problem.constraints.conditions
-        with elliptic_problem(state, elasticity(state), conditions) as solver:
-            v = ufl.TestFunction(state.problem.u.function_space)
-            solver.solve(forms.external_work(v, state.problem.data))
-
-    def seconds(work: Callable[[], Any]) -> float:
-        start = time.process_time()
-        work()
-        return time.process_time() - start
-
-    once = min(seconds(elastic) for _ in range(5))
-    bound_once = min(seconds(lambda: guaranteed_error(state, Lifting(state))) for _ in range(5))
-    assert bound_once <= 10.0 * once
 
 
 # Not applicable -----------------------------------------------------------------------------------

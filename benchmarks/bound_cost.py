@@ -1,0 +1,99 @@
+"""The time of the guaranteed error bound beside one linear elastic solve, for docs/certificate.md.
+
+    ./in-env python3 benchmarks/bound_cost.py    a minute
+
+The case is the unit block of the tests on a regular grid, mu = 0.3, M = 0.05 and n = inf.  Times
+are CPU seconds of this process on one rank, the least of five; nothing is timed before its forms
+are compiled.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import ufl
+from mpi4py import MPI
+
+from contact_locking import solving
+from contact_locking.certificate import verdict
+from contact_locking.certificate.elliptic import elasticity, elliptic_problem
+from contact_locking.certificate.guaranteed import guaranteed_error
+from contact_locking.certificate.lifting import Lifting
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.parameters import Parameters
+from contact_locking.problem import forms
+from contact_locking.problem.assembly import assemble
+
+# The reference problem belongs to the tests.
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+from problems import block
+
+
+def case(divisions: int) -> Parameters:
+    """The block on a regular grid, with a guaranteed bound."""
+    loads = {
+        "tractions": [{"on": "top", "value": [-0.03, -0.05]}],
+        "displacements": [{"on": "right", "value": [0.0, 0.0]}],
+    }
+    return block(
+        2,
+        1.0 / divisions,
+        mesh__structured=True,
+        material__locking_limit=0.05,
+        penalty__n=math.inf,
+        loads=loads,
+        certificate__error_bound=True,
+    )
+
+
+def solved_state(divisions: int) -> SolvedState:
+    """The state that the certificate is given at the end of a solve."""
+    seen: list[SolvedState] = []
+
+    def keep(state: SolvedState, lifting: Lifting) -> Any:
+        seen.append(state)
+        return guaranteed_error(state, lifting)
+
+    verdict.guaranteed_error = keep
+    try:
+        solving.solve_assembled(assemble(case(divisions), MPI.COMM_WORLD))
+    finally:
+        verdict.guaranteed_error = guaranteed_error
+    return seen[0]
+
+
+def elastic_solve(state: SolvedState) -> None:
+    """Assembly, factorisation and solution of linear elasticity on the mesh of the state."""
+    with elliptic_problem(state, elasticity(state), state.problem.constraints.conditions) as solver:
+        v = ufl.TestFunction(state.problem.u.function_space)
+        solver.solve(forms.external_work(v, state.problem.data))
+
+
+def least_seconds(work: Callable[[], Any], repeats: int = 5) -> float:
+    """The least CPU time of the work."""
+
+    def once() -> float:
+        start = time.process_time()
+        work()
+        return time.process_time() - start
+
+    return min(once() for _ in range(repeats))
+
+
+def main() -> None:
+    """Print a row for each mesh."""
+    print("squares a side   elastic s   bound s   bound / elastic")
+    for divisions in (32, 64, 128):
+        state = solved_state(divisions)
+        elastic = least_seconds(lambda state=state: elastic_solve(state))
+        bound = least_seconds(lambda state=state: guaranteed_error(state, Lifting(state)))
+        print(f"{divisions:14d} {elastic:11.3f} {bound:9.3f} {bound / elastic:17.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
