@@ -71,9 +71,8 @@ class PointValues:
     ``scalars`` is the space of scalar fields of the displacement's degree, ``limited`` is
     :meth:`Trace.limited_space` of displacements, and ``blocks`` (n,) are the n local nodes of
     ``scalars`` as blocks of ``limited``.  ``nodes`` (k,) are the owned nodes of ``scalars`` on
-    Gamma_C.  ``matrix`` (k, n) maps the values of a displacement at its local blocks.  The functions of ``space`` have the
-    degrees of freedom of displacements, and at the nodes of Gamma_C the limited values of the
-    displacement with the same ones.  The constructor is collective.
+    Gamma_C.  ``matrix`` (k, n) maps the values of a displacement at its local blocks.  ``space`` is
+    ``limited``.  The constructor is collective.
     """
 
     def __init__(
