@@ -319,6 +319,18 @@ def test_a_form_that_a_killed_process_left_unfinished_is_removed(tmp_path: Path)
     assert ready.exists() and not any(path.exists() for path in (old, young, lonely))
 
 
+def test_a_form_that_a_process_compiles_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "libffcx_forms_slow.c"
+    path.touch()
+    os.utime(path, (0, 0))
+    with subprocess.Popen(["tail", "-f", str(path)]) as compiler:
+        compiled_forms.clear(tmp_path, 0.3)
+        assert path.exists()
+        compiler.terminate()
+    compiled_forms.clear(tmp_path, 0.3)
+    assert not path.exists()
+
+
 def solved(folder: Folder, *words: str) -> list[dict[str, str]]:
     """The table of a study with real cases, without the times."""
     assert cli.main(["study", str(folder.file), "--output", str(folder.output), *words]) == 0

@@ -66,7 +66,7 @@ def clear_unfinished() -> None:
 
 
 def clear(cache: Path, patience: float) -> None:
-    """Remove the unfinished forms that are older than ``patience`` seconds.
+    """Remove the unfinished forms that are older than ``patience`` seconds and not being compiled.
 
     Waits for younger forms until they are ready or old enough.
     """
@@ -77,13 +77,24 @@ def clear(cache: Path, patience: float) -> None:
     waiting = [path for path in cache.glob("libffcx_*.c") if not _ready(path)]
     while waiting and time.monotonic() < deadline:
         for path in waiting:
-            if _age(path) > patience:
+            if _age(path) > patience and not _is_being_compiled(path):
                 _remove(path)
         waiting = [path for path in waiting if path.exists() and not _ready(path)]
         if waiting:
             time.sleep(_POLL_SECONDS)
     for path in waiting:
-        _remove(path)
+        if not _is_being_compiled(path):
+            _remove(path)
+
+
+def _is_being_compiled(path: Path) -> bool:
+    """Whether the command of a running process names the file, as that of a compiler does."""
+    for command in Path("/proc").glob("[0-9]*/cmdline"):
+        # The process may have ended in the meantime, or belong to another user.
+        with contextlib.suppress(OSError):
+            if path.name.encode() in command.read_bytes():
+                return True
+    return False
 
 
 def _ready(path: Path) -> bool:

@@ -31,8 +31,8 @@ class ContactSurface:
     ``space`` is the space of displacements, and ``limited`` the space of limited values that
     several contacts share; by default the surface has its own.  ``nodes`` (k,) are the owned nodes
     as indices of the scalar space, ``blocks`` (k,) the same nodes as blocks of the vector space,
-    ``points`` (k, d)
-    the coordinates of the nodes, and ``weights`` (k,) their shares of the measure of Gamma_C.
+    ``points`` (k, d) the coordinates of the nodes, and ``weights`` (k,) their shares of the measure
+    of Gamma_C.
     Raises InputError with the ``key`` for an element that has no contact.  The constructor is
     collective.
     """
