@@ -42,7 +42,7 @@ from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.parallel import maximum
+from contact_locking.parallel import maximum, on_any_rank
 
 # The share of M, and of the displacements of the mean strain, by which a solution of the inequality
 # may exceed its limits: the tolerance of the solver.
@@ -151,6 +151,9 @@ def _require_applicable(state: SolvedState) -> None:
         raise NotApplicable("the solve did not converge")
     if problem.data.own_energy is not None:
         raise NotApplicable("no proof covers the user's own energy")
+    memories = [contact.memory.tangential for contact in problem.contacts]
+    if on_any_rank(state.comm, any(bool(np.any(values)) for values in memories)):
+        raise NotApplicable("friction counts the slip from an earlier step")
     if not problem.data.only_ball:
         raise NotApplicable("the proof is not for other sets of strains than the ball |eps| <= M")
 
