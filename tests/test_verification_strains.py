@@ -68,9 +68,13 @@ def require_solved(solution: Solution) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("limit", "dim", "n", "method"),
     [
-        *((make, 2, n, m) for make in (deviator, volume, upright, weighted)
-          for n, m in ((1e3, "newton"), (1e3, "interior_point"), (math.inf, "auto"))),
-        *((make, 3, n, "auto") for make in (deviator, volume) for n in (1e3, math.inf)),
+        *((make, 2, 1e3, "newton") for make in (deviator, volume, upright, weighted)),
+        *((make, 2, math.inf, "auto") for make in (deviator, volume, upright, weighted)),
+        (deviator, 2, 1e3, "interior_point"),
+        (volume, 2, 1e3, "interior_point"),
+        *((make, 3, math.inf, "auto") for make in (deviator, volume)),
+        *(pytest.param(make, 3, 1e3, "auto", marks=pytest.mark.slow)
+          for make in (deviator, volume)),
         (only_tension, 2, math.inf, "auto"),
     ],
 )  # fmt: skip
@@ -91,9 +95,10 @@ def test_v27_a_column_under_pressure_has_the_strain_that_its_limit_leaves(
     assert summary["locked_fraction"] == pytest.approx(0.0 if is_free else 1.0)
     # The foundation carries the pressure, of which K e is elastic and the rest is locking stress.
     stress = solution.locking_stress.x.array.reshape(-1, dim, dim)[:, -1, -1]
-    found.append(Row("V27", where, "locking stress", -stress.mean(), PRESSURE - K * exact, TEST))
+    carried = 0.0 if is_free else PRESSURE - K * exact
+    found.append(Row("V27", where, "locking stress", -stress.mean(), carried, TEST))
     # In 3D the multiplier of the inequality is not unique, and rounding chooses.
-    assert -stress == pytest.approx(PRESSURE - K * exact, abs=1e-5 * PRESSURE)
+    assert -stress == pytest.approx(carried, abs=1e-5 * PRESSURE)
     assert summary["contact_force"][-1] == pytest.approx(PRESSURE, rel=1e-6)
     # The work of the locking stress at the limit is M |y| for each volume, here of 2.
     work = 2.0 * (PRESSURE - K * exact) * (0.0 if is_free else largest / c)
