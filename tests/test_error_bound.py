@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import basix
 import numpy as np
 import pytest
 import sympy as sp
 import ufl
+from basix import CellType, ElementFamily
 from certified import certificate
 from dolfinx import fem
 from manufactured import Manufactured, X, Y
@@ -16,8 +18,9 @@ from problems import block, column, with_changes
 from random_errors import compared, random_block
 from test_verification_annulus import LAME_LAMBDA, LAME_MU, annulus, radial
 
-from contact_locking import solving
+from contact_locking import solve_steps, solving
 from contact_locking.arrays import FloatArray
+from contact_locking.certificate.guaranteed.data_oscillation import korn_constants
 from contact_locking.certificate.guaranteed.macro_element import macro_element
 from contact_locking.parameters import Parameters
 from contact_locking.plain_text import per_cent
@@ -27,6 +30,9 @@ from contact_locking.results.solution import Solution
 #: A displacement that vanishes on all sides but the bottom, where its normal component vanishes.
 BUBBLE = X * (1 - X) * (1 - Y)
 WAVES = (BUBBLE * sp.sin(3 * X + Y) / 5, BUBBLE * Y * sp.exp(X) / 5)
+
+#: The points of high degrees that keep the polynomials apart.
+GLL = basix.LagrangeVariant.gll_warped
 
 
 def bound(parameters: Parameters) -> dict[str, Any]:
@@ -66,6 +72,39 @@ def test_the_macro_element_has_the_stresses_of_c1_splines_and_balances_all_loads
     wanted = np.zeros((3, len(mass), 2, 2))
     wanted[:, :, [0, 1], [0, 1]] = mass[None, :, None]
     assert lifted == pytest.approx(wanted.reshape(-1, 2), abs=1e-12)
+
+
+def korn_constant(corners: FloatArray, degree: int) -> float:
+    """The largest ``|grad(v - r)|/|eps(v)|`` of the polynomials on a triangle, from eigenvalues."""
+    element = basix.create_element(ElementFamily.P, CellType.triangle, degree, GLL)
+    points, weights = basix.make_quadrature(CellType.triangle, 2 * degree)
+    inverse = np.linalg.inv((corners[1:] - corners[0]).T)
+    slopes = np.einsum("ji,jqn->qni", inverse, element.tabulate(1, points)[1:, :, :, 0])
+    x, y = np.moveaxis(slopes, 2, 0)
+    zero = np.zeros_like(x)
+    # Each column is a field along x or along y.
+    strains = [np.hstack(pair) for pair in ((x, zero), (zero, y), (y / 2**0.5, x / 2**0.5))]
+    turn = np.hstack([-y, x]) / 2.0
+    share = (weights / weights.sum())[:, None]
+    turn -= np.sum(share * turn, axis=0)
+    sizes, fields = np.linalg.eigh(sum(part.T @ (share * part) for part in strains))
+    # The first three are the rigid motions.
+    assert abs(sizes[2] / sizes[-1]) < 1e-12 < 1e-9 < sizes[3] / sizes[-1]
+    fields = fields[:, 3:] / np.sqrt(sizes[3:])
+    gram = fields.T @ turn.T @ (share * turn) @ fields
+    return math.sqrt(1.0 + 2.0 * np.linalg.eigvalsh(gram)[-1])
+
+
+@pytest.mark.serial
+def test_korns_constant_of_a_triangle_is_not_below_that_of_polynomials() -> None:
+    # From an equilateral triangle to needles with a flat or with a short side.
+    apices = [(0.5, 0.75**0.5), (0.0, 1.0), (0.5, 0.05), (0.0, 0.05), (0.97, 0.05), (1.5, 0.1)]
+    apices += list(np.random.default_rng(1).uniform([0.0, 0.1], 1.0, size=(12, 2)))
+    triangles = np.array([[[0.0, 0.0], [1.0, 0.0], apex] for apex in apices])
+    edges = triangles - np.roll(triangles, 1, axis=1)
+    bounds = korn_constants(np.linalg.norm(edges, axis=2))
+    for corners, upper in zip(triangles, bounds, strict=True):
+        assert 0.5 * upper < korn_constant(corners, 6) < upper
 
 
 # Never below the error ----------------------------------------------------------------------------
@@ -199,6 +238,21 @@ def test_where_no_bound_is_proved_the_reason_is_said(changes: dict[str, Any], wh
     found = bound(given)
     assert found["energy_norm"] is None and found["applicable"] is False
     assert found["reason"].startswith("not applicable: ") and why in found["reason"]
+
+
+@pytest.mark.serial
+def test_no_bound_is_proved_where_friction_counts_the_slip_from_an_earlier_step() -> None:
+    pull = {"tractions": [{"on": "top", "value": ["0.03*t", "-0.05*t"]}]}
+    held = {"displacements": [{"on": "left", "value": [0.0, 0.0]}]}
+    process = {"loads": pull | held, "steps": {"to": 1.0, "count": 2}}
+    given = benchmark(4, **process)
+    first, second = (
+        solution.summary["certificate"]["errors"]["guaranteed"] for solution in solve_steps(given)
+    )
+    # The first step starts from rest, as a static load does.
+    assert first["applicable"] is True
+    assert second["applicable"] is False and second["energy_norm"] is None
+    assert second["reason"] == ("not applicable: friction counts the slip from an earlier step")
 
 
 @pytest.mark.serial

@@ -8,10 +8,13 @@ doi:10.1007/BF00252910), Korn's inequality on K and a trace inequality say
     C^2 = 1 + 2/beta^2,   beta = sin(theta/2)/2,   t^2 = |F|/|K| (1/pi^2 + 1/pi),
 
 where h is the longest edge and theta the smallest angle of K.  beta bounds the inf-sup constant of
-the divergence on K from below (Costabel and Dauge, arXiv:1303.6141): the centre of
-the inscribed circle, with radius rho, is at most ``rho/sin(theta/2)`` away from the corners.  With
-the rotation ``w = (d_1 v_2 - d_2 v_1)/2``, whose gradient is made of derivatives of eps(v), the
-norm of w minus its mean is at most ``|eps(v)|/beta``, and ``|grad v|^2 = |eps(v)|^2 + 2 |w|^2``.
+the divergence on K from below.  By Costabel and Dauge (arXiv:1303.6141), beta is at least
+``rho/(2 R)`` on a domain in a disc of radius R that is star-shaped for the concentric disc of
+radius rho.  Here both discs have the centre of the inscribed circle, rho is its radius, and
+``R = rho/sin(theta/2)`` is the distance from that centre to the corner with the smallest angle,
+which is the farthest one.  With the rotation ``w = (d_1 v_2 - d_2 v_1)/2``, whose gradient is made
+of derivatives of eps(v), the norm of w minus its mean is at most ``|eps(v)|/beta``, and
+``|grad v|^2 = |eps(v)|^2 + 2 |w|^2``.
 """
 
 from __future__ import annotations
@@ -58,7 +61,7 @@ class BalancedLoads:
 
     def oscillation(self, triangles: Triangles) -> FloatArray:
         """(n,) o_K with ``|(f, v) - (balanced part, v)| <= sum_K o_K |eps(v)|_K``."""
-        korn = korn_constants(triangles)
+        korn = korn_constants(triangles.lengths)
         h = triangles.diameters
         found = h / np.pi * korn * self.body_rest
         trace = np.sqrt(
@@ -68,9 +71,12 @@ class BalancedLoads:
         return np.asarray(found)
 
 
-def korn_constants(triangles: Triangles) -> FloatArray:
-    """(n,) C with ``|grad(v - r)| <= C |eps(v)|`` on each triangle, for a rotation r."""
-    a, b, c = np.sort(triangles.lengths, axis=1).T
+def korn_constants(lengths: FloatArray) -> FloatArray:
+    """(n,) C with ``|grad(v - r)| <= C |eps(v)|`` on each triangle, for a rotation r.
+
+    ``lengths`` (n, 3) are those of the edges.
+    """
+    a, b, c = np.sort(lengths, axis=1).T
     # The smallest angle is opposite to the shortest edge.
     cosine = (b**2 + c**2 - a**2) / (2.0 * b * c)
     half_sine = np.sqrt(np.maximum(0.5 * (1.0 - cosine), 0.0))
