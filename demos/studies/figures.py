@@ -167,6 +167,27 @@ def locking_stress() -> list[Panel]:
     return panels
 
 
+def error_bound() -> list[Panel]:
+    panels, body = [], []
+    found = rows("error_bound_measured")
+    sizes = [f"h = 1/{1.0 / h:.0f}" for h in dict.fromkeys(row["mesh.h"] for row in found)]
+    for degree in (1, 2):
+        curves = []
+        for limit in ("inf", 0.05, 0.02):
+            for n, text in ((1e4, "1e4"), ("inf", "∞")):
+                keys = ("discretisation.degree", "material.locking_limit", "penalty.n")
+                case = [row for row in found if [row[key] for key in keys] == [degree, limit, n]]
+                cells = [f"{r['bound']:.3f}, {r['estimate']:.3f}, {r['error']:.3f}" for r in case]
+                ratio = f"{case[-1]['bound'] / case[-1]['error']:.1f}"
+                body.append([str(degree), str(limit).replace("inf", "∞"), text, *cells, ratio])
+                if limit == 0.02:
+                    curves.append(curve(f"bound, n = {text}", case, "mesh.h", "bound"))
+        curves += [curve(f"{name}, n = ∞", case, "mesh.h", name) for name in ("error", "estimate")]
+        panels.append(Panel(f"degree {degree}, M = 0.02", "h", "", curves))
+    table(["degree", "M", "n", *sizes, "bound / error"], body)
+    return panels
+
+
 def contraction() -> list[Panel]:
     mu, factor = "friction.coefficient", "friction_fixed_point.contraction"
     nested, inside = (rows("contraction", solver__friction=way) for way in ("nested", "inside"))
@@ -223,6 +244,7 @@ FIGURES: dict[str, Callable[[], list[Panel]]] = {
     "contraction": contraction,
     "lost_equilibrium": lost_equilibrium,
     "locking_stress": locking_stress,
+    "error_bound": error_bound,
 }
 
 
