@@ -47,14 +47,8 @@ class Body:
         # The shape functions fall or rise by one along the edges from the first vertex.
         others = np.linalg.inv(edges)
         gradients = np.concatenate([-others.sum(axis=2, keepdims=True), others], axis=2)
-        self.strain = self._strain(gradients)
-        shear = young / (2.0 * (1.0 + poisson))
-        volumetric = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
-        trace = np.r_[np.ones(dim), np.zeros(dim * (dim - 1) // 2)]
-        law = 2.0 * shear * np.eye(len(trace)) + volumetric * np.outer(trace, trace)
-        self.stiffness = (
-            self.strain.T @ sp.kron(sp.diags(self.volumes), law) @ self.strain
-        ).tocsc()
+        self.strain = self._strain(gradients, cells)
+        self.stiffness = self._stiffness(self.strain, young, poisson)
 
     def facets(self, inside: Place) -> IntArray:
         """The facets (f, d) of the boundary all of whose vertices lie where ``inside`` says."""
@@ -73,16 +67,34 @@ class Body:
         np.add.at(weights, facets, (areas / self.dim)[:, None])
         return weights
 
-    def _strain(self, gradients: FloatArray) -> sp.csc_matrix:
-        dim, count = self.dim, len(self.cells)
+    def shares_of_loads(self, facets: IntArray) -> FloatArray:
+        """The integrals (k,) of the shape functions over some facets."""
+        return self.nodal_areas(facets)
+
+    def values(self, nodes: IntArray) -> sp.csc_matrix:
+        """The matrix (k, n) from nodal values to the values that contact and friction limit."""
+        shape = (len(nodes), len(self.x))
+        return sp.csc_matrix((np.ones(len(nodes)), (np.arange(len(nodes)), nodes)), shape)
+
+    def _stiffness(self, strain: sp.csc_matrix, young: float, poisson: float) -> sp.csc_matrix:
+        """The matrix of a(u, u) from strains at points that have the weights ``volumes``."""
+        shear = young / (2.0 * (1.0 + poisson))
+        volumetric = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+        trace = np.r_[np.ones(self.dim), np.zeros(self.dim * (self.dim - 1) // 2)]
+        law = 2.0 * shear * np.eye(len(trace)) + volumetric * np.outer(trace, trace)
+        return (strain.T @ sp.kron(sp.diags(self.volumes), law) @ strain).tocsc()
+
+    def _strain(self, gradients: FloatArray, nodes: IntArray) -> sp.csc_matrix:
+        """Strains at p points from gradients (p, d, s) of the shape functions of nodes (p, s)."""
+        dim, (count, shapes) = self.dim, nodes.shape
         rows = [(i, i) for i in range(dim)] + list(combinations(range(dim), 2))
-        blocks = np.zeros((count, len(rows), dim + 1, dim))
+        blocks = np.zeros((count, len(rows), shapes, dim))
         for row, (i, j) in enumerate(rows):
             weight = 0.5 if i == j else math.sqrt(0.5)
             blocks[:, row, :, i] += weight * gradients[:, j, :]
             blocks[:, row, :, j] += weight * gradients[:, i, :]
-        width = (dim + 1) * dim
-        dofs = (self.cells[:, :, None] * dim + np.arange(dim)).reshape(count, width)
+        width = shapes * dim
+        dofs = (nodes[:, :, None] * dim + np.arange(dim)).reshape(count, width)
         columns = np.repeat(dofs, len(rows), axis=0)
         lines = np.repeat(np.arange(count * len(rows)), width)
         shape = (count * len(rows), len(self.x) * dim)
@@ -143,7 +155,7 @@ class ConicProblem:
         slip = np.linalg.norm((self._tangents() @ u).reshape(len(contact.nodes), -1), axis=1)
         energy += contact.weights @ (contact.bound * np.hypot(slip, self.epsilon))
         if math.isfinite(self.n):
-            strains = (body.strain @ u).reshape(len(body.cells), -1)
+            strains = (body.strain @ u).reshape(len(body.volumes), -1)
             for item in self._sets():
                 energy += self.n * (body.volumes @ item.excess(strains) ** 2)
         if self.epsilon > 0.0:
@@ -177,7 +189,7 @@ class ConicProblem:
     def _standard_form(self, clarabel: Any) -> tuple[Any, ...]:
         """``min x'Px/2 + q'x, b - Ax in K`` for x = (u, q, r, t) over lengths, the u free."""
         body, contact, length = self.body, self.contact, self._length
-        cells, nodes, free = len(body.cells), len(contact.nodes), self._free()
+        cells, nodes, free = len(body.volumes), len(contact.nodes), self._free()
         start = self._start()
         # Blocks of variables; one without columns stands for what is absent.
         sets = self._sets()
@@ -243,7 +255,7 @@ class ConicProblem:
         )
 
     def _sets(self) -> tuple[StrainCone, ...]:
-        entries = self.body.strain.shape[0] // len(self.body.cells)
+        entries = self.body.strain.shape[0] // len(self.body.volumes)
         return self.sets or (StrainCone(np.eye(entries), self.limit),)
 
     @property
@@ -276,11 +288,7 @@ class ConicProblem:
         return self._at_nodes(np.linalg.svd(self.contact.normal[None, :])[2][1:])
 
     def _at_nodes(self, directions: FloatArray) -> sp.csc_matrix:
-        nodes, body = self.contact.nodes, self.body
-        select = sp.csc_matrix(
-            (np.ones(len(nodes)), (np.arange(len(nodes)), nodes)), (len(nodes), len(body.x))
-        )
-        return sp.kron(select, directions, "csc")
+        return sp.kron(self.body.values(self.contact.nodes), directions, "csc")
 
 
 def conic_problem(
@@ -290,6 +298,7 @@ def conic_problem(
     value: list[float],
     pulled: Place = lambda x: np.zeros(x.shape[:-1], dtype=bool),
     traction: Sequence[float] = (),
+    elements: type[Body] = Body,
 ) -> ConicProblem:
     """The problem of a solution at its friction bound; places are those of nodes (..., d).
 
@@ -298,9 +307,9 @@ def conic_problem(
     space = solution.displacement.function_space
     dim = solution.domain.dim
     x = space.tabulate_dof_coordinates()[:, :dim]
-    body = Body(x, space.dofmap.list, YOUNG, POISSON)
+    body = elements(x, space.dofmap.list, YOUNG, POISSON)
     force = np.array(traction or [0.0] * dim)
-    load = body.nodal_areas(body.facets(pulled))[:, None] * force
+    load = body.shares_of_loads(body.facets(pulled))[:, None] * force
     areas = body.nodal_areas(body.facets(touches))
     areas[held(x)] = 0.0
     nodes = np.flatnonzero(areas)
@@ -322,7 +331,7 @@ def conic_problem(
     )
 
 
-def block_problem(solution: Solution) -> ConicProblem:
+def block_problem(solution: Solution, elements: type[Body] = Body) -> ConicProblem:
     """The conic problem of ``problems.block``."""
     pull = [0.03, -0.05] if solution.domain.dim == 2 else [0.03, 0.0, -0.05]
     return conic_problem(
@@ -332,4 +341,5 @@ def block_problem(solution: Solution) -> ConicProblem:
         value=[0.0] * len(pull),
         pulled=lambda x: x[..., -1] > 1.0 - 1e-9,
         traction=pull,
+        elements=elements,
     )

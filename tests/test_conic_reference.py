@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conic import LIMIT, ConicProblem, block_problem, conic_problem
+from conic_quadratic import QuadraticBody
 from problems import block, with_changes
 from verification_table import Row
 
@@ -78,6 +79,15 @@ def test_v13_half_disc_agrees_with_the_conic_solver(found: list[Row]) -> None:
         value=PUSH,
     )
     assert_the_same("half disc, n = inf", solution, reference, found)
+
+
+@pytest.mark.parametrize("penalty", [{"n": math.inf}, {"n": 1e4, "epsilon": 1e-4}])
+def test_v13_quadratic_block_agrees_with_the_conic_solver(
+    penalty: dict[str, float], found: list[Row]
+) -> None:
+    solution = solving.solve(block(2, 0.125, penalty=penalty, discretisation={"degree": 2}))
+    where = f"block, 2D, n = {penalty['n']:g}, P2, limit at vertices"
+    assert_the_same(where, solution, block_problem(solution, QuadraticBody), found)
 
 
 @pytest.mark.parametrize("method", ["interior_point", "newton"])

@@ -12,10 +12,13 @@ import pytest
 from manufactured import rate
 from mpi4py import MPI
 from problems import block, column, with_changes
-from test_verification import Foot, K
+from test_verification import HALF_WIDTH as LINE_HALF_WIDTH
+from test_verification import PEAK as LINE_PEAK
+from test_verification import Foot, K, pressed_cylinder
 from test_verification_annulus import annulus, errors
 from test_verification_hertz import FORCE, HALF_WIDTH, PEAK, indented
 from test_verification_manufactured import problem_of
+from test_verification_penalty import SIGNORINI
 from verification_table import Row
 
 from contact_locking import solving
@@ -77,6 +80,19 @@ def test_v4_a_coarse_quadratic_mesh_has_the_peak_pressure_of_hertz(
     assert peak == pytest.approx(PEAK, rel=0.03)
 
 
+@pytest.mark.serial
+def test_v6_quadratic_line_contact_of_hertz_needs_half_as_many_facets(found: list[Row]) -> None:
+    solution = pressed_cylinder(0.1, degree=2)
+    half, points = solution.summary["contact_area"] / 2, solution.contact_points
+    assert points is not None
+    peak = float(points.pressure.max())
+    where = "cylinder on a plane, P2 with facets of 0.1"
+    found.append(Row("V6", where, "half-width", half, LINE_HALF_WIDTH, TEST))
+    found.append(Row("V6", where, "peak pressure", peak, LINE_PEAK, TEST))
+    assert half == pytest.approx(LINE_HALF_WIDTH, rel=0.03)
+    assert peak == pytest.approx(LINE_PEAK, rel=0.03)
+
+
 @pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize(
@@ -116,6 +132,30 @@ def test_v11_rates_of_quadratic_elements(
     # The rate in L2 of contact and friction falls from mesh to mesh, from above.
     assert rates[0] == pytest.approx(in_v, abs=0.15)
     assert rates[1] >= in_l2 - 0.15
+
+
+def signorini_error(h: float, epsilon: float) -> float:
+    """The V error of V12, where the body touches for x < 2/3 and the gap has a kink at 2/3."""
+    penalty = {"n": 1e4, "epsilon": epsilon} if epsilon > 0.0 else {"n": math.inf}
+    given = dataclasses.replace(SIGNORINI, element=P2)
+    return given.errors(given.solved(h, penalty=penalty)).v
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_v12_error_in_v_is_of_the_order_of_epsilon_plus_h_squared(found: list[Row]) -> None:
+    # 2/3 is a node of each mesh.  With a kink inside a facet the order is 1, as the gap of a facet
+    # is quadratic.
+    sizes = [1 / 6, 1 / 12, 1 / 24]
+    for text, factor in (("0", 0.0), ("h^2/512", 1.0 / 512.0)):
+        in_v = rate(sizes, [signorini_error(h, factor * h**2) for h in sizes])
+        found.append(Row("V12", f"Signorini, P2, eps = {text}", "rate in V", in_v, 2.0, TEST))
+        assert in_v == pytest.approx(2.0, abs=0.1)
+    penalties = [1e-3, 2.5e-4, 6.25e-5]
+    in_v = rate(penalties, [signorini_error(1 / 24, epsilon) for epsilon in penalties])
+    where = "Signorini, P2, h = 1/24"
+    found.append(Row("V12", where, "rate in V over eps", in_v, 1.0, TEST))
+    assert in_v == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
