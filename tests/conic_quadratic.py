@@ -28,7 +28,7 @@ class QuadraticBody(Body):
         others = np.linalg.inv(edges)
         slopes = np.concatenate([-others.sum(axis=2, keepdims=True), others], axis=2)
         self.strain = self._strain_at(slopes, np.eye(3))
-        middles = self._strain_at(slopes, (1.0 - np.eye(3)) / 2.0)
+        middles = self._strain_at(slopes, np.asarray((1.0 - np.eye(3)) / 2.0))
         self.stiffness = self._stiffness(middles, young, poisson)
 
     def facets(self, inside: Place) -> IntArray:
@@ -59,7 +59,8 @@ class QuadraticBody(Body):
     def _strain_at(self, slopes: FloatArray, places: FloatArray) -> sp.csc_matrix:
         """Strains at the places (3, 3), barycentric, with the gradients of those coordinates."""
         gradients = np.empty((len(self.cells), 3, 2, 6))
-        for place, shares in enumerate(places):
+        for place in range(3):
+            shares = places[place]
             gradients[:, place, :, :3] = (4.0 * shares - 1.0) * slopes
             for i, (a, b) in enumerate(EDGES):
                 both = shares[a] * slopes[:, :, b] + shares[b] * slopes[:, :, a]
