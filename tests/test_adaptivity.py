@@ -37,23 +37,23 @@ def meshes(solution: Solution) -> list[dict[str, Any]]:
 
 @pytest.mark.serial
 def test_loop_ends_below_the_tolerance_with_fewer_unknowns_than_a_uniform_mesh() -> None:
-    given = adaptive(material__locking_limit=float("inf"), adapt={"tolerance": 0.055})
+    given = adaptive(material__locking_limit=float("inf"), adapt={"tolerance": 0.08})
     solutions = list(solve_adaptively(given))
     last = solutions[-1].summary["adapt"]
     assert last["reached"] and last["stopped"] == "the estimate is below the tolerance"
     assert [len(meshes(solution)) for solution in solutions] == list(range(1, len(solutions) + 1))
     estimates = [entry["estimate"] for entry in last["meshes"]]
-    assert estimates[-1] <= 0.055 < min(estimates[:-1])
+    assert estimates[-1] <= 0.08 < min(estimates[:-1])
     assert all(solution.converged for solution in solutions)
     # A uniform mesh with more unknowns has a larger error.
-    uniform = solving.solve(adaptive(h=0.035, material__locking_limit=float("inf")))
+    uniform = solving.solve(adaptive(h=0.045, material__locking_limit=float("inf")))
     assert uniform.summary["dofs"] > solutions[-1].summary["dofs"]
     assert uniform.summary["certificate"]["errors"]["mesh"]["relative"] > 1.1 * estimates[-1]
 
 
 @pytest.mark.serial
 def test_default_radius_of_smoothing_is_that_of_the_first_mesh() -> None:
-    solutions = list(solve_adaptively(adaptive(h=0.34)))
+    solutions = list(solve_adaptively(adaptive(h=0.34, adapt={"tolerance": 0.13})))
     first, last = (solution.domain for solution in (solutions[0], solutions[-1]))
     assert not first.is_refined and last.is_refined
     # Two facets of the first mesh, which are longer than a tenth of the contact boundary.
@@ -87,7 +87,7 @@ def test_an_error_that_does_not_fall_ends_the_loop_where_the_cells_are_smallest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(mesh_sequence, "_LEAST_FALL", 0.0)  # no fall is enough
-    solution = solve(adaptive(adapt={"tolerance": 0.001}))
+    solution = solve(adaptive(h=0.5, adapt={"tolerance": 0.001}))
     assert len(meshes(solution)) == 4 and not solution.summary["adapt"]["reached"]
     assert "hardly fallen" in solution.summary["adapt"]["stopped"]
     assert "the smallest cells, of size 0." in solution.summary["adapt"]["stopped"]
@@ -172,21 +172,21 @@ def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
 ) -> None:
     folder = comm.bcast(tmp_path)
     two, three = ({"tolerance": 0.01, "max_meshes": number} for number in (2, 3))
-    first = solve(adaptive(adapt=two), comm)
+    first = solve(adaptive(h=0.5, adapt=two), comm)
     save(first, folder)
-    again = solve(adaptive(adapt=two), comm, restart=folder)
+    again = solve(adaptive(h=0.5, adapt=two), comm, restart=folder)
     assert meshes(again)[0]["tangents"] == 0
     assert meshes(again)[0]["dofs"] == first.summary["dofs"]
-    whole = solve(adaptive(adapt=three), comm)
+    whole = solve(adaptive(h=0.5, adapt=three), comm)
     assert [m["dofs"] for m in meshes(whole)][-len(meshes(again)) :] == [
         m["dofs"] for m in meshes(again)
     ]
     with pytest.raises(InputError, match=r"of another mesh.*refined"):
-        solving.solve(block(h=0.25, **LIMITLESS), comm, restart=folder)
+        solving.solve(block(h=0.5, **LIMITLESS), comm, restart=folder)
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_files_and_report_of_an_adaptive_run_tell_the_sequence(dim: int, tmp_path: Path) -> None:
     limits = {"tolerance": 0.01, "max_meshes": 2}
     quiet = {"fields": False, "picture": False}
@@ -233,11 +233,13 @@ def test_an_adaptive_case_is_one_case_of_a_study(tmp_path: Path) -> None:
 
 @pytest.mark.serial
 def test_loop_by_the_bound_ends_below_the_tolerance_of_the_bound() -> None:
-    limits = {"tolerance": 0.2, "by": "bound"}
-    given = adaptive(h=0.2, adapt=limits, certificate={"error_bound": True})
+    limits = {"tolerance": 0.35, "by": "bound"}
+    given = adaptive(
+        h=0.25, material__locking_limit=0.1, adapt=limits, certificate={"error_bound": True}
+    )
     solution = solve(given)
     bounds = [entry["bound"] for entry in meshes(solution)]
-    assert solution.summary["adapt"]["reached"] and bounds[-1] <= 0.2 < min(bounds[:-1])
+    assert solution.summary["adapt"]["reached"] and bounds[-1] <= 0.35 < min(bounds[:-1])
     # The bound is of all of the error: the estimate is below it on each mesh.
     assert all(entry["estimate"] < entry["bound"] for entry in meshes(solution))
 
