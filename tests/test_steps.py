@@ -340,3 +340,17 @@ def test_a_history_is_read_as_it_was_written() -> None:
     assert again == history and again.columns == history.columns
     with pytest.raises(InputError, match=r"history\.csv:2"):
         read_history(history.text().replace("\n1,", "\n1,1,"), "history.csv")
+
+
+@pytest.mark.parametrize("n", [1e2, 1e4])
+def test_a_step_of_one_percent_of_the_load_takes_at_most_eight_tangents_on_average(
+    n: float,
+) -> None:
+    loads = {
+        "tractions": [{"on": "top", "value": ["0.03*t", "-0.05*t"]}],
+        "displacements": [{"on": "left", "value": [0, 0]}],
+    }
+    times = [1.0, 1.01, 1.02, 1.03]
+    *_, last = solve_steps(block(h=1 / 32, loads=loads, penalty__n=n, steps={"times": times}))
+    assert last.converged
+    assert last.history.column("tangents")[1:].mean() <= 8.0

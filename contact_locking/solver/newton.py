@@ -7,7 +7,7 @@ through a locking front) nor on the energy (which has no digits left near the mi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -109,14 +109,21 @@ class NewtonSolver:
     Where the start is ``near`` the solution, cells and nodes that are at the edge of locking and
     contact change sides at once: a line search would stop at every kink, while two full steps put
     them right.  Where they do not, it gives up.  Where they do, the tangent at the end is good
-    enough for the first step after a change of the friction bound.
+    enough for the first step after a change of the friction bound.  ``arrives``
+    holds the residuals (relative to the forces) above which it gives up after so many steps.
 
     A ``direct`` solver that another method leaves behind is used with its matrix, which has a
     symbolic factorisation.
     """
 
-    def __init__(self, task: Task, near: bool = False, direct: PETSc.KSP | None = None) -> None:
-        self._task, self._near = task, near
+    def __init__(
+        self,
+        task: Task,
+        near: bool = False,
+        direct: PETSc.KSP | None = None,
+        arrives: Mapping[int, float] = _ARRIVES,
+    ) -> None:
+        self._task, self._near, self._arrives = task, near, arrives
         system, settings = task.system, task.settings
         self._system = system
         self._matrix = system.create_matrix() if direct is None else direct.getOperators()[0]
@@ -165,6 +172,28 @@ class NewtonSolver:
         start.destroy()
         self._step.keep_tangent = self._near and self._snes.getIterationNumber() > 0
         self._system.set_displacement(self._x)
+
+    def step(self) -> None:
+        """Take one full step from the system's displacement, wherever the step leads; collective.
+
+        Raises NotConverged if the linear system is not solved.
+        """
+        self._raised = None
+        change, ksp = self._x.duplicate(), self._snes.ksp
+        self._system.displacement(self._x)
+        self._system.residual(self._x, self._f)
+        self._system.tangent(self._x, self._matrix)
+        try:
+            ksp.setOperators(self._matrix)
+            ksp.solve(self._f, change)
+        except PETSc.Error:
+            raise NotConverged(LINEAR_FAILURE) from None
+        else:
+            self._count(1, ksp.getIterationNumber())
+            self._x.axpy(-1.0, change)
+            self._system.set_displacement(self._x)
+        finally:
+            change.destroy()
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
@@ -218,7 +247,7 @@ class NewtonSolver:
         limit = snes.getTolerances()[3]
         is_nearly_over = iteration == 2 and limit - iteration <= _FEW_LEFT
         share = _SOON if is_nearly_over else 1.0
-        if self._near and residual > share * _ARRIVES.get(iteration, np.inf) * scale:
+        if self._near and residual > share * self._arrives.get(iteration, np.inf) * scale:
             raise NotConverged("the start is too far away")
         if iteration >= limit:
             return ConvergedReason.DIVERGED_MAX_IT

@@ -13,7 +13,7 @@ from contact_locking.solver.target import Target
 from contact_locking.solver.task import Task
 
 # The last digits of the friction bound need an equilibrium that is sharper than the bound.
-_INNER_SHARE = 0.1
+INNER_SHARE = 0.1
 # Newton's convergence radius shrinks like n^-1/2: beyond these values of n/stiffness and
 # length/epsilon an interior point solution is too far for it, and where a few steps do not
 # arrive, many do not.
@@ -30,7 +30,7 @@ def settle(newton: NewtonSolver, task: Task) -> None:
     if task.system.rubbing:
         fixed_point(
             task,
-            lambda: newton.solve(_INNER_SHARE * tolerance, least_steps=1),
+            lambda: newton.solve(INNER_SHARE * tolerance, least_steps=1),
             task.system.penalty_bounds,
         )
     newton.solve(tolerance)

@@ -14,12 +14,14 @@ class SavedState:
     """The solution of some problem on this mesh with the penalty parameters ``penalty``.
 
     ``displacement`` holds local values, ghosts included, ``pressures`` those (k,) at the owned
-    nodes of each contact; without any, nothing is known of them.
+    nodes of each contact; without any, nothing is known of them.  ``slips`` holds the lengths (k,)
+    of the slip in the step of a process that ended with this state.
     """
 
     displacement: FloatArray
     pressures: tuple[FloatArray, ...]
     penalty: Penalty
+    slips: tuple[FloatArray, ...] = ()
 
     def enter(self, system: PenalisedSystem) -> None:
         """Put the displacement and the friction bounds into ``system``; collective."""

@@ -16,6 +16,7 @@ from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle
 from contact_locking.solver.saved import SavedState
 from contact_locking.solver.solver_report import SolverReport
+from contact_locking.solver.step_on import step_on
 from contact_locking.solver.task import Task
 
 # Stages before the last only have to be good starting points.
@@ -159,6 +160,8 @@ def _newton_from(saved: SavedState, task: Task) -> bool:
     """Whether Newton's method arrives from the saved state; if not, the system is cleared."""
     system, settings = task.system, task.settings
     if is_direct(settings.linear, system.dim, system.size) and has_digits(task.target):
+        if saved.slips and system.rubbing and step_on(saved, task):
+            return True
         saved.enter(system)
         task.system.set_penalty(task.target.penalty)
         if system.relative_residual(settings.tolerance) <= _NEAR:

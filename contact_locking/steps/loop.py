@@ -16,6 +16,8 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from contact_locking.certificate import certify
 from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.solved_state import SolvedState
@@ -156,4 +158,6 @@ class Steps(Iterator[Solution]):
 def _saved(state: SolvedState) -> SavedState:
     """The solved state for the solver to start the next step from."""
     pressures = tuple(fields.pressure for fields in state.contacts)
-    return SavedState(state.problem.u.x.array.copy(), pressures, state.target.penalty)
+    slips = tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts)
+    displacement = state.problem.u.x.array.copy()
+    return SavedState(displacement, pressures, state.target.penalty, slips)
