@@ -57,6 +57,9 @@ def _normalised(
         if not section["locking"]:
             # A body with the ball alone keeps the fingerprint that it had before.
             del section["locking"]
+    if not parameters.loads.pressures:
+        # A body without pressures keeps the fingerprint that it had before.
+        del data["loads"]["pressures"]
     if parameters.steps is None:
         # One static load keeps the fingerprint that it had before there were steps.
         del data["steps"]
