@@ -202,6 +202,7 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
         "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
         **numbers,
         **touching,
+        "reactions": certificate.reactions,
         "iterations": {
             "tangents": report.tangents,
             "linear": report.linear,
