@@ -107,7 +107,7 @@ def certify(state: SolvedState) -> Certificate:
             "contact": balance.contact.tolist(),
             "reactions": balance.reactions.tolist(),
         },
-        reactions={name: force.tolist() for name, force in balance.reactions_by_part.items()},
+        reactions={name: list(map(float, x)) for name, x in balance.reactions_by_part.items()},
         errors=errors,
         indicator=indicator,
         error_bound=shares,

@@ -212,9 +212,12 @@ class Parameters(Section):
                 )
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        sections: list[tuple[Place, MaterialParameters | LoadParameters | ContactSection]] = [
+        sections: list[
+            tuple[Place, MaterialParameters | LoadParameters | ContactSection | OutputParameters]
+        ] = [
             (("material",), self.material),
             (("loads",), self.loads),
+            (("output",), self.output),
             *self._contact_sections(),
         ]
         for place, section in sections:

@@ -31,6 +31,9 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
+    if not parameters.output.probes:
+        # A run without probes keeps the fingerprint that it had before.
+        del data["output"]["probes"]
     if parameters.adapt is None:
         # One mesh keeps the fingerprint that it had before there were adapted meshes.
         del data["adapt"]
