@@ -161,17 +161,17 @@ def _method(problem: Problem) -> str:
             "interior_point does not know an energy of the user's own; take newton, or auto",
             "solver.method",
         )
-    if not min(problem.penalty.regularisations, default=1.0) > 0.0:
-        raise InputError(
-            "an energy of the user's own is solved by Newton's method, which needs a positive "
-            "length",
-            "friction.regularisation",
-        )
     if not math.isfinite(problem.parameters.penalty.n):
         raise InputError(
             "an energy of the user's own is solved by Newton's method, which takes a finite n "
             "such as 1e6",
             "penalty.n",
+        )
+    if not min(problem.penalty.regularisations, default=1.0) > 0.0:
+        raise InputError(
+            "an energy of the user's own is solved by Newton's method, which needs a positive "
+            "length",
+            "friction.regularisation",
         )
     return "newton"
 
