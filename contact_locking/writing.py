@@ -18,7 +18,7 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, expla
 from contact_locking.files import atomic
 from contact_locking.files.lock import locked, make_folders, new_folders
 from contact_locking.parallel import on_root
-from contact_locking.results import adapted_meshes, contact_table, fields, xdmf
+from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
 from contact_locking.results.names import (
     CONTACT,
     FACETS,
@@ -27,6 +27,7 @@ from contact_locking.results.names import (
     MESHES,
     PARAMETERS,
     PICTURE,
+    PROBES,
     SNAPSHOT,
     SUMMARY,
     XDMF,
@@ -42,7 +43,7 @@ KEY = "output.directory"
 # The summary is the last file: a folder with a summary has all other files.
 _ORDER = (
     *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
-    *(SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY),
+    *(PROBES, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY),
 )
 
 # More than the size of a summary, the parameters and some hundred contact points.
@@ -247,6 +248,8 @@ def _write_texts(solution: Solution, folder: Path) -> None:
     (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
     if solution.history.rows:
         (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
+    if solution.probes:
+        (folder / PROBES).write_text(probe_table.text(solution.probes), encoding="utf-8")
     points, facets = solution.contact_points, solution.contact_facets
     assert points is not None and facets is not None
     with (folder / CONTACT).open("w", encoding="utf-8", newline="") as stream:

@@ -64,6 +64,7 @@ def summary(**changes: Any) -> dict[str, Any]:
         "discretisation": {"degree": 1, "limit_at": "vertices"},
         "strain_sets": [],
         "friction_force": [0.0, -0.0],
+        "reactions": {"left": [0.25, 1e-20], "right": [0.0, -0.5]},
         "contact_area": 1.0,
         "slip_area": 0.5,
         "wall_seconds": 1.0,
@@ -100,6 +101,7 @@ def test_the_outcome_says_what_converged_what_is_proved_and_what_is_estimated() 
     assert words["weakest number"] == "the error of the mesh is about 3.9 %, by an estimate"
     assert words["uniqueness"] == "proved: there is no other solution"
     assert words["friction force"] == "(0, 0)"
+    assert words["reactions"] == "(0.25, 0) on left, (0, -0.5) on right"
 
 
 def test_the_outcome_names_the_criteria_and_the_bounds_that_fail() -> None:

@@ -11,6 +11,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.criteria import Criterion
+from contact_locking.certificate.reactions import reactions_by_part
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled, forms
@@ -23,6 +24,8 @@ _BALANCE_SHARE = 10.0
 @dataclass(frozen=True)
 class Equilibrium:
     """Resultants on the body, (d,) each, and its balances.
+
+    ``reactions_by_part`` has the reactions of each boundary part with prescribed displacements.
 
     ``residual`` is ``|a(u, v) + (Z, eps(v)) + int p v_nu - int sigma_tau . v_tau - (f, v)|`` over
     the free dofs, divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
@@ -38,6 +41,7 @@ class Equilibrium:
     loads: FloatArray
     contact: FloatArray
     reactions: FloatArray
+    reactions_by_part: dict[str, FloatArray]
 
     def criteria(self, tolerance: float) -> dict[str, Criterion]:
         share = _BALANCE_SHARE * tolerance
@@ -101,6 +105,9 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         loads=total[0],
         contact=total[1],
         reactions=total[2],
+        reactions_by_part=reactions_by_part(
+            state.problem.domain, space, constraints.wanted, reaction
+        ),
     )
 
 

@@ -27,6 +27,7 @@ class Certificate:
 
     ``indicator`` is None if the error indicator is not applicable.  ``error_bound`` has the roots
     of the contributions of the cells to the guaranteed bound, and is None without this bound.
+    ``reactions`` has the reactions of each boundary part with prescribed displacements.
     ``limit_load`` tells which multiples of the prescribed displacements the body can follow; None
     if nobody asks, or if no prescribed displacement differs from zero.
     """
@@ -35,6 +36,7 @@ class Certificate:
     bounds: dict[str, dict[str, Any]]
     constants: dict[str, Any]
     resultants: dict[str, Any]
+    reactions: dict[str, list[float]]
     errors: dict[str, Any]
     indicator: ErrorIndicator | None
     error_bound: fem.Function | None
@@ -105,6 +107,7 @@ def certify(state: SolvedState) -> Certificate:
             "contact": balance.contact.tolist(),
             "reactions": balance.reactions.tolist(),
         },
+        reactions={name: list(map(float, x)) for name, x in balance.reactions_by_part.items()},
         errors=errors,
         indicator=indicator,
         error_bound=shares,

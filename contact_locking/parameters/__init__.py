@@ -192,7 +192,7 @@ class Parameters(Section):
         cells, facets = self.mesh.geometry.cell_names, self.mesh.geometry.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
-        for kind in ("tractions", "displacements"):
+        for kind in ("tractions", "pressures", "displacements"):
             for index, load in enumerate(getattr(self.loads, kind)):
                 for name in load.on:
                     place = ("loads", kind, index, "on")
@@ -212,9 +212,12 @@ class Parameters(Section):
                 )
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        sections: list[tuple[Place, MaterialParameters | LoadParameters | ContactSection]] = [
+        sections: list[
+            tuple[Place, MaterialParameters | LoadParameters | ContactSection | OutputParameters]
+        ] = [
             (("material",), self.material),
             (("loads",), self.loads),
+            (("output",), self.output),
             *self._contact_sections(),
         ]
         for place, section in sections:

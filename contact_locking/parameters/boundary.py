@@ -1,4 +1,4 @@
-"""The loads and supports: body force, tractions and prescribed displacements."""
+"""The loads and supports: body force, tractions, pressures and prescribed displacements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 from .base import Fault, Section, entry, refuse_if, vector_faults
 from .values import Names, TimedScalar
 
-# All tractions are compiled into one form, which takes seconds for 200 and fails for some 2000.
+# All tractions and pressures are compiled into one form, which takes seconds for 200 of them and
+# fails for some 2000.
 _MOST_TRACTIONS = 200
 
 
@@ -19,6 +20,18 @@ class Traction(Section):
 
     on: Names = entry(..., "name(s) of parts of the boundary")
     value: tuple[TimedScalar, ...] = entry(..., "components of g", "stress", scalar="t")
+
+
+class Pressure(Section):
+    """sigma nu = -p nu on a part of the boundary, with the outward normal nu of the mesh."""
+
+    on: Names = entry(..., "name(s) of parts of the boundary")
+    value: TimedScalar = entry(
+        ...,
+        "pressure p along the normal: a positive p pushes on the body, a negative p pulls",
+        "stress",
+        scalar="t",
+    )
 
 
 class Displacement(Section):
@@ -37,7 +50,7 @@ class Displacement(Section):
 
 
 class LoadParameters(Section):
-    """Body force f0, tractions g and prescribed displacements, (2)-(4)."""
+    """Body force f0, tractions g, pressures and prescribed displacements, (2)-(4)."""
 
     body_force: tuple[TimedScalar, ...] | None = entry(
         None, "components of f0; null: none", "force/volume", scalar="t"
@@ -45,11 +58,18 @@ class LoadParameters(Section):
     tractions: Annotated[tuple[Traction, ...], Field(max_length=_MOST_TRACTIONS)] = entry(
         (), "parts of Gamma_N with their g"
     )
+    pressures: Annotated[tuple[Pressure, ...], Field(max_length=_MOST_TRACTIONS)] = entry(
+        (), "parts of Gamma_N with their pressure; several loads on one part add up"
+    )
     displacements: tuple[Displacement, ...] = entry((), "parts of Gamma_D with their u")
 
     @model_validator(mode="after")
     def _check(self) -> LoadParameters:
         refuse_if(self._prescribed_twice())
+        count = len(self.tractions) + len(self.pressures)
+        if count > _MOST_TRACTIONS:
+            message = f"{count} entries together with tractions; at most {_MOST_TRACTIONS}"
+            refuse_if([Fault(("pressures",), message)])
         return self
 
     def _prescribed_twice(self) -> Iterator[Fault]:

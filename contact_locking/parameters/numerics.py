@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, field_validator
+from pydantic import BeforeValidator, field_validator, model_validator
 
-from .base import Section, entry
+from .base import Fault, Section, entry, refuse_if
+from .probes import MOST_POINTS, Probe
 from .values import Count, Degree, Positive, PositiveOrInfinite, Switch, Text, Tolerance
 from .wording import show
 
@@ -112,6 +114,16 @@ class OutputParameters(Section):
     picture: Switch = entry(
         True, "whether to draw a picture, and save the snapshot that `view` shows"
     )
+    probes: tuple[Probe, ...] = entry(
+        (), "points where probes.csv has displacement, strain norm and stresses"
+    )
+
+    @model_validator(mode="after")
+    def _not_too_many_points(self) -> OutputParameters:
+        count = sum(probe.count for probe in self.probes)
+        if count > MOST_POINTS:
+            refuse_if([Fault(("probes",), f"{count} points; at most {MOST_POINTS}")])
+        return self
 
     @field_validator("directory")
     @classmethod
@@ -121,3 +133,9 @@ class OutputParameters(Section):
         if len(directory.encode()) > _LONGEST_PATH:
             raise ValueError(f"must have at most {_LONGEST_PATH} bytes")
         return directory
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        """The points of probes that do not have ``dim`` coordinates."""
+        for index, probe in enumerate(self.probes):
+            for fault in probe.dimension_faults(dim):
+                yield Fault(("probes", index, *fault.place), fault.message)

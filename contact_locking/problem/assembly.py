@@ -32,6 +32,7 @@ from contact_locking.problem.domain import Domain
 from contact_locking.problem.groups import groups
 from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
+from contact_locking.problem.probe_points import ProbePoints, locate
 from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
 
@@ -57,6 +58,7 @@ class Problem:
     clock: Clock
     loads: Loads
     moving_gaps: list[MovingGap]
+    probes: ProbePoints
 
     def advance(self, time: float) -> None:
         """Put loads, prescribed displacements and gaps to a time; collective.
@@ -130,6 +132,7 @@ def assemble(
     material = build_material(domain, parameters.material, element)
     space = element.displacement_space(domain.mesh)
     _check_parts(domain, parameters)
+    probes = locate(domain, parameters.output.probes)
     steps = parameters.steps
     clock = Clock(domain.mesh, 0.0 if steps is None else steps.planned[0])
     constraints = constrain(domain, space, _conditions(domain, parameters.loads, clock))
@@ -169,6 +172,7 @@ def assemble(
         clock=clock,
         loads=loads,
         moving_gaps=moving_gaps(contacts, parameters, clock),
+        probes=probes,
     )
 
 

@@ -1,4 +1,4 @@
-"""Body force and tractions in UFL, checked at the quadrature points.
+"""Body force, tractions and pressures in UFL, checked at the quadrature points.
 
 A load is a number or an expression, which needs values at the quadrature points only.  The forms
 take the time of an expression from the clock of the problem.  The check warns of a load that the
@@ -52,7 +52,7 @@ def build_loads(
     element: Element,
     clock: Clock,
 ) -> Loads:
-    """Each body force and traction as a UFL vector with its measure; collective.
+    """Each body force, traction and pressure as a UFL vector with its measure; collective.
 
     Raises InputError with the key and the point for a value that is not finite.  Adds a warning for
     a load that the mesh does not resolve, and for a load above the ``stiffness`` of the material.
@@ -67,11 +67,18 @@ def build_loads(
         warnings += about_a_load(stress, stiffness, "loads.body_force")
         dx = ufl.Measure("dx", domain=domain.mesh, metadata=load.metadata)
         found.add(load, dx, domain.dim, cells)
+    on_boundary: list[tuple[tuple[str, ...], str, _Load]] = []
     for i, traction in enumerate(given.tractions):
         key = f"loads.tractions.{i}"
         load = _Load(domain, traction.value, f"{key}.value", element, clock)
-        measure = domain.ds(traction.on, f"{key}.on", **load.metadata)
-        facets = domain.facets(traction.on, f"{key}.on")
+        on_boundary.append((traction.on, key, load))
+    for i, pressure in enumerate(given.pressures):
+        key = f"loads.pressures.{i}"
+        load = _Pressure(domain, (pressure.value,), f"{key}.value", element, clock)
+        on_boundary.append((pressure.on, key, load))
+    for on, key, load in on_boundary:
+        measure = domain.ds(on, f"{key}.on", **load.metadata)
+        facets = domain.facets(on, f"{key}.on")
         stress = load.check(domain.dim - 1, facets, warnings)
         warnings += about_a_load(stress, stiffness, f"{key}.value")
         found.add(load, measure, domain.dim - 1, facets)
@@ -167,6 +174,10 @@ class _Load:
         )
         return largest
 
+    def _component_key(self, i: int) -> str:
+        """The key of a component in the study file."""
+        return f"{self._key}.{i}"
+
     def _sample(self, dim: int, entities: IndexArray, degree: int) -> _Sample:
         total, largest, where = 0.0, -1.0, (0.0,) * self._domain.dim
         for x, weights in _quadrature(self._domain, dim, entities, degree):
@@ -174,13 +185,23 @@ class _Load:
             places[TIME] = self._clock.now
             size = np.zeros(len(x))
             for i, component in enumerate(self._components):
-                values = with_key(f"{self._key}.{i}", partial(component.numpy, **places))
+                values = with_key(self._component_key(i), partial(component.numpy, **places))
                 size = np.hypot(size, values)
             total += float(weights @ size**2)
             top = int(np.argmax(size))
             if size[top] > largest:
                 largest, where = float(size[top]), tuple(x[top].tolist())
         return _Sample(total, (largest, where))
+
+
+class _Pressure(_Load):
+    """One load ``-p nu`` along the outward normal of the mesh: p is the only component."""
+
+    def ufl(self) -> Any:
+        return -super().ufl()[0] * ufl.FacetNormal(self._domain.mesh)
+
+    def _component_key(self, i: int) -> str:
+        return self._key
 
 
 @dataclass(frozen=True)

@@ -176,6 +176,17 @@ MEANINGS = {
 }
 
 
+def reactions(summary: Mapping[str, Any]) -> list[tuple[Quantity, Any]]:
+    """The reaction of each boundary part with prescribed displacements."""
+    found = summary.get("reactions")
+    listed = found.items() if isinstance(found, dict) else ()
+    meaning = "resultant of the reactions on the body"
+    return [
+        (Quantity(f"reactions.{name}", f"reaction on {name}", meaning, "force"), value)
+        for name, value in listed
+    ]
+
+
 def by_contact(summary: Mapping[str, Any]) -> tuple[list[str], list[tuple[Quantity, list[Any]]]]:
     """The names of the contacts, and each quantity with its values for them; empty for one."""
     listed = summary.get("contacts")

@@ -17,7 +17,7 @@ from .charts import Chart
 from .contact_charts import contact_charts
 from .history_charts import history_charts
 from .pictures import picture
-from .quantities import MEANINGS, QUANTITIES, by_contact
+from .quantities import MEANINGS, QUANTITIES, by_contact, reactions
 from .shown import shown
 from .templates import render
 
@@ -84,7 +84,7 @@ def _picture(run: RunResults) -> dict[str, str | None]:
 def _quantities(summary: Mapping[str, Any]) -> list[tuple[Any, Any]]:
     """The quantities that the summary has, with their values."""
     found = [(quantity, _look_up(summary, quantity.key)) for quantity in QUANTITIES]
-    return [(quantity, value) for quantity, value in found if value is not None]
+    return [(q, value) for q, value in found if value is not None] + reactions(summary)
 
 
 def _states(contact: ContactPoints) -> list[str]:

@@ -74,6 +74,7 @@ def rows(summary: Mapping[str, Any], ratio: float | None) -> list[tuple[str, str
         *([] if ratio is None else [("locked", _locked(summary["locked_fraction"]))]),
         ("contact force", _vector(summary["contact_force"])),
         ("friction force", _vector(summary["friction_force"])),
+        *_reactions(summary["reactions"]),
         ("contact area", _areas(summary["contact_area"], summary["slip_area"])),
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary["bounds"], certificate["errors"])),
@@ -153,6 +154,12 @@ def _vector(values: Iterable[float]) -> str:
     least = 1e-12 * max(map(abs, given), default=0.0)
     shown = [0.0 if abs(value) < least else value + 0.0 for value in given]
     return "(" + ", ".join(f"{value:.4g}" for value in shown) + ")"
+
+
+def _reactions(reactions: Mapping[str, Iterable[float]]) -> list[tuple[str, str]]:
+    """The reaction of each boundary part that is held; no row without supports."""
+    told = [f"{_vector(force)} on {name}" for name, force in reactions.items()]
+    return [("reactions", ", ".join(told))] if told else []
 
 
 def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:

@@ -8,6 +8,8 @@ XDMF, XDMF_DATA = "fields.xdmf", "fields.h5"
 #: A row of numbers for each step of a process.
 HISTORY = "history.csv"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
+#: The fields at the points of the probes.
+PROBES = "probes.csv"
 #: The picture of a run, and the arrays that the picture shows.
 PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
 #: The meshes of a run with adapted meshes.

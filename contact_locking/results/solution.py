@@ -9,6 +9,7 @@ from contact_locking.arrays import IntArray
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History
+from contact_locking.results.probe_table import ProbeSample
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -54,6 +55,7 @@ class Solution:
     meshes: tuple[AdaptedMesh, ...] = ()  # the adapted meshes up to this one, on rank 0
     time: float = 0.0  # the time of the step, 0 without steps
     history: History = field(default_factory=History)  # the steps up to this one, none without
+    probes: tuple[ProbeSample, ...] = ()  # the probes of the steps up to this one, none without
     halved: tuple[str, ...] = ()  # which steps were halved, in words
 
     @property

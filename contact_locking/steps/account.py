@@ -30,6 +30,8 @@ def row_of(
     for name in ("contact_force", "friction_force"):
         row |= _vector(name, summary[name])
     row |= _vector("reaction", summary["certificate"]["resultants"]["reactions"])
+    for name, force in summary["reactions"].items():
+        row |= _vector(f"reaction_{name}", force)
     several = summary["contacts"] if len(solution.contacts) > 1 else []
     for number, entry in enumerate(several, start=1):
         for name in ("contact_force", "friction_force"):

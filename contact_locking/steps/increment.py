@@ -24,6 +24,7 @@ from contact_locking.results.derived import (
     integral,
     on_gamma_c,
 )
+from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState, Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
@@ -127,6 +128,7 @@ def solution_of(state: SolvedState, certificate: Certificate) -> Solution:
     """The fields, the contact points and the summary of a solved state; collective."""
     problem, body, indicator = state.problem, state.body, certificate.indicator
     points, facets = gather_contacts(state.contacts, problem.domain)
+    fields = (problem.u, body.strain_norm, body.elastic_stress, body.locking_stress)
     return Solution(
         parameters=problem.parameters,
         domain=problem.domain,
@@ -145,6 +147,7 @@ def solution_of(state: SolvedState, certificate: Certificate) -> Solution:
         contact_points=points,
         contact_facets=facets,
         summary=_summary(state, certificate),
+        probes=(sample(problem.probes, *fields),) if len(problem.probes) else (),
         **on_gamma_c(state.contacts, problem.u),
     )
 
@@ -202,6 +205,7 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
         "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
         **numbers,
         **touching,
+        "reactions": certificate.reactions,
         "iterations": {
             "tangents": report.tangents,
             "linear": report.linear,

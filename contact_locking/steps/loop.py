@@ -25,6 +25,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.problem.assembly import Problem
 from contact_locking.results.contact_points import STICK
 from contact_locking.results.history import History
+from contact_locking.results.probe_table import ProbeSample
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState, SolverReport
 from contact_locking.steps.account import row_of, totals
@@ -60,6 +61,7 @@ class Steps(Iterator[Solution]):
         self._timeline = Timeline(given)
         self._planned = self._timeline.left
         self._halved: tuple[str, ...] = ()
+        self._probes: tuple[ProbeSample, ...] = ()
         self._saved = saved
         self._solutions = self._solve()
 
@@ -141,7 +143,11 @@ class Steps(Iterator[Solution]):
 
     def _tell(self, solution: Solution) -> None:
         """Add the history of the process to a solution."""
-        halved = len(self._halved)
+        halved, number = len(self._halved), len(self.history)
+        self._probes += tuple(
+            dataclasses.replace(taken, step=number, time=solution.time) for taken in solution.probes
+        )
+        solution.probes = self._probes
         solution.summary.setdefault("restart", None)
         solution.history, solution.halved = History([*self.history.rows]), self._halved
         solution.summary["steps"] = totals(self.history, halved, self._planned)

@@ -31,6 +31,9 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
+    if not parameters.output.probes:
+        # A run without probes keeps the fingerprint that it had before.
+        del data["output"]["probes"]
     if parameters.adapt is None:
         # One mesh keeps the fingerprint that it had before there were adapted meshes.
         del data["adapt"]
@@ -57,6 +60,9 @@ def _normalised(
         if not section["locking"]:
             # A body with the ball alone keeps the fingerprint that it had before.
             del section["locking"]
+    if not parameters.loads.pressures:
+        # A body without pressures keeps the fingerprint that it had before.
+        del data["loads"]["pressures"]
     if parameters.steps is None:
         # One static load keeps the fingerprint that it had before there were steps.
         del data["steps"]

@@ -24,9 +24,11 @@ from typing import Any
 
 import basix
 import numpy as np
+import ufl
 from dolfinx import fem
+from ufl.algorithms.analysis import extract_type
 
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.macro_element import (
     CORNERS,
@@ -84,7 +86,7 @@ def korn_constants(lengths: FloatArray) -> FloatArray:
 
 
 def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElement) -> BalancedLoads:
-    """The projections of body force and tractions; collective.
+    """The projections of body force, tractions and pressures; collective.
 
     Raises NotApplicable for a load that cannot be evaluated at points.
     """
@@ -159,8 +161,7 @@ def _add_traction(
     s = points[:, 0]
     cells, sides = triangles.sides_on(facets)
     edges = np.stack([CORNERS[a] * (1.0 - s[:, None]) + CORNERS[b] * s[:, None] for a, b in FACETS])
-    values = _values(load, triangles, edges.reshape(-1, 2), cells.astype(np.int32))
-    values = values.reshape(len(cells), 3, len(s), 2)[np.arange(len(cells)), sides]
+    values = _on_sides(load, triangles, edges, cells, sides)
     table = legendre(degree, s)
     moments = np.einsum("q,qj,mqd->mjd", weights, table, values)
     rest = values - np.einsum("qj,mjd->mqd", table, moments)
@@ -169,6 +170,35 @@ def _add_traction(
     found.moments[cells, sides] += lengths[:, None, None] * moments
     squares = [np.einsum("q,mqd->m", weights, part**2) for part in (rest, values)]
     found.rest[cells, sides] += np.sqrt(lengths * _beyond_rounding(*squares))
+
+
+def _on_sides(
+    load: Any, triangles: Triangles, edges: FloatArray, cells: IntArray, sides: IntArray
+) -> FloatArray:
+    """The load (m, q, 2) on sides (m,) of cells (m,), at points (3, q, 2) of all sides; collective.
+
+    Only integrals over facets know the outward normal.  Here the load is evaluated in cells, and
+    the normal of one side after the other is a field.
+    """
+
+    def evaluate(load: Any, chosen: IntArray, side: IntArray | int) -> FloatArray:
+        points = edges.reshape(-1, 2)
+        found = _values(load, triangles, points, chosen.astype(np.int32))
+        return found.reshape(len(chosen), *edges.shape)[np.arange(len(chosen)), side]
+
+    normals = () if isinstance(load, fem.Constant) else extract_type(load, ufl.FacetNormal)
+    if not normals:
+        return evaluate(load, cells, sides)
+    space = fem.functionspace(triangles.domain.mesh, ("DG", 0, (2,)))
+    field = fem.Function(space)
+    dofs = space.dofmap.list[: len(triangles.areas), 0]
+    sided = ufl.replace(load, dict.fromkeys(normals, field))
+    values = np.empty((len(cells), *edges.shape[1:]))
+    for side in range(3):
+        field.x.array.reshape(-1, 2)[dofs] = triangles.normals[:, side]
+        here = sides == side
+        values[here] = evaluate(sided, cells[here], side)
+    return values
 
 
 def _beyond_rounding(rest: FloatArray, whole: FloatArray) -> FloatArray:

@@ -70,6 +70,15 @@ class Triangles:
         return np.linalg.norm(self.ends[:, :, 1] - self.ends[:, :, 0], axis=2)
 
     @cached_property
+    def normals(self) -> FloatArray:
+        """The outward unit normals (n, 3, 2) of the facets."""
+        edges = self.ends[:, :, 1] - self.ends[:, :, 0]
+        across = np.stack([edges[:, :, 1], -edges[:, :, 0]], axis=2) / self.lengths[:, :, None]
+        # Each facet is opposite to the corner of its column.
+        outward = np.einsum("nsi,nsi->ns", across, self.ends[:, :, 0] - self.corners)
+        return np.asarray(across * np.sign(outward)[:, :, None])
+
+    @cached_property
     def diameters(self) -> FloatArray:
         """The longest edge (n,)."""
         return np.asarray(self.lengths.max(axis=1))

@@ -1,0 +1,70 @@
+"""Probes: points of the body where the fields are written to a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from .base import Fault, Place, Section, entry, refuse_if, vector_faults
+from .values import Number
+
+#: The table has a row for each point, and for each step of a process.
+MOST_POINTS = 10_000
+
+_PointCount = Annotated[int, Field(strict=True, ge=2, le=MOST_POINTS)]
+
+
+class Line(Section):
+    """Equally spaced points on the segment between two points, both ends included."""
+
+    start: tuple[Number, ...] = entry(..., "the first point", "length", alias="from")
+    to: tuple[Number, ...] = entry(..., "the last point", "length")
+    count: _PointCount = entry(..., "number of points, both ends included", "1")
+
+    @property
+    def points(self) -> tuple[tuple[float, ...], ...]:
+        """The points from the first to the last."""
+        shares = [number / (self.count - 1) for number in range(self.count)]
+        ends = list(zip(self.start, self.to, strict=True))
+        return tuple(tuple((1.0 - s) * a + s * b for a, b in ends) for s in shares)
+
+
+class Probe(Section):
+    """Points of the body at rest; exactly one of the keys."""
+
+    points: Annotated[tuple[tuple[Number, ...], ...], Field(max_length=MOST_POINTS)] | None = entry(
+        None, "points of the body, each a list of coordinates", "length", optional=True
+    )
+    line: Line | None = entry(None, "points on a line", optional=True)
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Probe:
+        if (self.points is None) == (self.line is None):
+            refuse_if([Fault((), "give exactly one of points and line")])
+        line = self.line
+        if line is not None and len(line.start) != len(line.to):
+            message = f"must have {len(line.start)} coordinates as from, not {len(line.to)}"
+            refuse_if([Fault(("line", "to"), message)])
+        return self
+
+    @property
+    def count(self) -> int:
+        """The number of points."""
+        return self.line.count if self.line is not None else len(self.points or ())
+
+    def places(self) -> Iterator[tuple[Place, tuple[float, ...]]]:
+        """Each point with the key that defines the point, relative to the probe."""
+        if self.line is not None:
+            yield from ((("line",), point) for point in self.line.points)
+        for number, point in enumerate(self.points or ()):
+            yield ("points", number), point
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        """The points that do not have ``dim`` coordinates."""
+        if self.line is not None:
+            yield from vector_faults(("line", "from"), self.line.start, dim)
+            yield from vector_faults(("line", "to"), self.line.to, dim)
+        for number, point in enumerate(self.points or ()):
+            yield from vector_faults(("points", number), point, dim)

@@ -1,0 +1,95 @@
+"""probes.csv: the fields at the points of the probes."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+
+from contact_locking.arrays import AXES, FloatArray
+from contact_locking.problem.probe_points import ProbePoints
+
+
+@dataclass(frozen=True)
+class ProbeSample:
+    """The fields at all k points at one time.
+
+    ``values`` maps the name of a column to (k,) on rank 0 and to nothing on the other ranks.
+    ``step`` counts from 1; it is 0 without steps.
+    """
+
+    points: ProbePoints
+    values: dict[str, FloatArray]
+    step: int = 0
+    time: float = 0.0
+
+
+def sample(
+    points: ProbePoints,
+    displacement: fem.Function,
+    strain_norm: fem.Function,
+    elastic_stress: fem.Function,
+    locking_stress: fem.Function,
+) -> ProbeSample:
+    """The fields at the points; collective.
+
+    The columns ``stress`` are the whole stress, ``A eps(u) + Z``.
+    """
+    dim = points.x.shape[1]
+    axes = AXES[:dim]
+    pairs = [(i, j) for i in range(dim) for j in range(i, dim)]
+    places = [i * dim + j for i, j in pairs]
+    names = [
+        *(f"u_{axis}" for axis in axes),
+        "strain_norm",
+        *(f"stress_{axes[i]}{axes[j]}" for i, j in pairs),
+        *(f"locking_stress_{axes[i]}{axes[j]}" for i, j in pairs),
+    ]
+    elastic, locking = (_own(points, field) for field in (elastic_stress, locking_stress))
+    own = np.column_stack(
+        [
+            _own(points, displacement),
+            _own(points, strain_norm),
+            (elastic + locking)[:, places],
+            locking[:, places],
+        ]
+    )
+    comm = displacement.function_space.mesh.comm
+    parts = comm.gather((points.own, own))
+    if parts is None:
+        return ProbeSample(points, {})
+    whole = np.empty((len(points), len(names)))
+    for numbers, values in parts:
+        whole[numbers] = values
+    return ProbeSample(points, dict(zip(names, whole.T, strict=True)))
+
+
+def text(samples: Sequence[ProbeSample]) -> str:
+    """The table as CSV, numbers with all their digits: a row for each point and step."""
+    stream = io.StringIO()
+    table = csv.writer(stream, lineterminator="\n")
+    timed = any(taken.step for taken in samples)
+    axes = AXES[: samples[0].points.x.shape[1]]
+    table.writerow([*(["step", "t"] if timed else []), "probe", "point", *axes, *samples[0].values])
+    for taken in samples:
+        points = taken.points
+        when = [taken.step, repr(float(taken.time))] if timed else []
+        numbers = np.column_stack([points.x, *taken.values.values()])
+        for index in range(len(points)):
+            place = [int(points.probe[index]), int(points.number[index])]
+            table.writerow([*when, *place, *(repr(float(x)) for x in numbers[index])])
+    return stream.getvalue()
+
+
+def _own(points: ProbePoints, field: fem.Function) -> FloatArray:
+    """The values (m, n) of a field at the m points of this rank."""
+    size = int(np.prod(field.ufl_shape, dtype=int))
+    places = np.zeros((len(points.own), 3))
+    places[:, : points.x.shape[1]] = points.x[points.own]
+    if not len(places):
+        return np.empty((0, size))
+    return np.asarray(field.eval(places, points.cells)).reshape(len(places), size)
