@@ -24,6 +24,7 @@ from contact_locking.certificate.guaranteed.data_oscillation import korn_constan
 from contact_locking.certificate.guaranteed.macro_element import macro_element
 from contact_locking.parameters import Parameters
 from contact_locking.plain_text import per_cent
+from contact_locking.problem.spaces import P2
 from contact_locking.results import in_words
 from contact_locking.results.solution import Solution
 
@@ -158,6 +159,26 @@ def test_the_bound_of_a_random_problem_is_not_below_the_distance_to_a_finer_mesh
     found = compared(random_block(seed), 4)
     assert found is not None and found.bound["applicable"]
     assert found.effectivity > 1.0
+
+
+@pytest.mark.serial
+def test_v6_the_bound_of_a_body_pressed_onto_a_parabola_is_not_below_the_error() -> None:
+    # The control values of a parabola are those of the gap, which degree 2 meets exactly.
+    press = {"displacements": [{"on": "top", "value": [0.0, -0.03]}]}
+    given = block(
+        2,
+        0.25,
+        mesh__structured=True,
+        material__locking_limit=math.inf,
+        contact={"on": "bottom", "gap": "(x - 0.5)**2/8"},
+        loads=press,
+        penalty__n=math.inf,
+        discretisation={"degree": 2},
+        certificate__error_bound=True,
+    )
+    found = compared(given, 4, P2)
+    assert found is not None and found.bound["applicable"]
+    assert 1.0 < found.effectivity < 2.5
 
 
 @pytest.mark.slow

@@ -101,14 +101,17 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
     if on_any_rank(surface.domain.comm, turning):
         raise NotApplicable("the contact normal changes along a facet")
 
+    # Values that the laws limit are control values, unless the element limits nodal values.
+    controls = control_values if surface.limited.are_nodal else np.asarray
+
     def of(values: FloatArray) -> FloatArray:
-        return control_values(surface.scalar_function(values).x.array[nodes])
+        return controls(surface.scalar_function(values).x.array[nodes])
 
     fixed = surface.scalar_function((~contact.free).astype(float)).x.array[nodes] > 0.5
     normal = normals[:, 0]
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
     friction = surface.vector_function(fields.traction).x.array.reshape(-1, 2)
-    along = control_values(np.einsum("mri,mi->mr", friction[nodes], tangent))
+    along = controls(np.einsum("mri,mi->mr", friction[nodes], tangent))
     bound = np.maximum(of(fields.bound), 0.0)
     ends = triangles.ends[cells, sides]
     return ContactTractions(
@@ -119,7 +122,7 @@ def contact_tractions(fields: ContactFields, triangles: Triangles) -> ContactTra
         control_points(ends, nodes.shape[1] - 1),
         triangles.lengths[cells, sides],
         normal,
-        control_values(contact.gap.x.array[nodes]),
+        controls(contact.gap.x.array[nodes]),
         np.maximum(_continued(of(fields.pressure), fixed), 0.0),
         np.clip(_continued(along, fixed), -bound, bound),
         bound,
