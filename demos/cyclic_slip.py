@@ -58,9 +58,8 @@ turn = peaks[0]
 stiffness = (friction[turn + 1] - friction[turn]) / (shift[turn] - shift[turn + 1])
 if comm.rank == 0:
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
-    left.plot(shift + friction / stiffness, -friction, marker=".", color="#0072b2")
-    left.set(xlabel="displacement without that of a block that sticks", ylabel="shear force")
-    left.ticklabel_format(axis="x", scilimits=(0, 0))
+    left.plot(1e3 * (shift + friction / stiffness), -friction, marker=".", color="#0072b2")
+    left.set(xlabel="1000 × displacement beyond that of a block that sticks", ylabel="shear force")
     right.plot(time, history.column("dissipated_total"), marker=".", color="#d55e00")
     right.set(xlabel="t", ylabel="work dissipated by friction")
     figure.savefig(Path(parameters.output.directory) / "loop.png", dpi=110)

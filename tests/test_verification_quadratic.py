@@ -67,6 +67,7 @@ def test_v1_column_in_uniaxial_strain_is_exact(
 
 
 @pytest.mark.slow
+@pytest.mark.serial
 def test_v4_a_coarse_quadratic_mesh_has_the_peak_pressure_of_hertz(
     tmp_path: Path, found: list[Row]
 ) -> None:
