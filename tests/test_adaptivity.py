@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from problems import SMALL_BLOCK, block, column
 
 from contact_locking import checkpoint, report, save, solving, studies, study_file, write
 from contact_locking.adaptivity import mesh_sequence, solve, solve_adaptively
+from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
@@ -219,6 +221,29 @@ def test_a_damaged_file_of_meshes_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"no archive")
     with pytest.raises(InputError, match="damaged"):
         adapted_meshes.load(path)
+
+
+@pytest.mark.serial
+def test_a_study_of_adaptive_cases_has_a_row_for_each(tmp_path: Path) -> None:
+    study = tmp_path / "study.yml"
+    study.write_text(
+        "mesh: {builder: block, h: 0.5}\n"
+        "loads:\n"
+        "  tractions: [{on: top, value: [0.0, -0.01]}]\n"
+        "  displacements: [{on: left, value: [0, 0]}]\n"
+        "contact: {on: bottom}\n"
+        "adapt: {tolerance: 1.0e-3, max_meshes: 2}\n"
+        "output: {picture: false, fields: false}\n"
+        "study: {vary: {adapt.share: [0.3, 0.9]}}\n"
+    )
+    output = tmp_path / "out"
+    assert cli.main(["study", str(study), "--output", str(output)]) == 0
+    with (output / "table.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["adapt.share"] for row in rows] == ["0.3", "0.9"]
+    # Each case has the numbers of its last mesh, which is larger where more cells are marked.
+    first, second = (int(row["dofs"]) for row in rows)
+    assert 18 < first < second
 
 
 @pytest.mark.serial
