@@ -248,6 +248,7 @@ def test_dual_norm_bound_is_attained_by_a_linear_body_without_contact() -> None:
     assert bound["value"] == pytest.approx(bound["bound"], rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_v14_four_ranks_agree_with_one(tmp_path: Path, found: list[Row]) -> None:
     file = tmp_path / "block.yml"

@@ -31,6 +31,9 @@ COARSE = {
     "cyclic_slip": ("mesh.h=0.2", "mesh.h_contact=0.05", "steps.count=6", *PLAIN),
 }
 
+# A static problem, a process, and a sequence of meshes.
+ALWAYS_ON_TWO_RANKS = ("block", "cyclic_slip", "adaptive")
+
 
 def compliance(folder: Path, ranks: int) -> float:
     """The compliance in the summary of ``folder``, whose solve must have converged."""
@@ -76,7 +79,13 @@ def test_script_gives_the_same_as_the_study_file(
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("name", COARSE)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in ALWAYS_ON_TWO_RANKS else pytest.mark.slow)
+        for name in COARSE
+    ],
+)
 def test_script_gives_the_same_on_two_ranks(name: str, tmp_path: Path) -> None:
     mpirun = shutil.which("mpirun")
     if mpirun is None:
