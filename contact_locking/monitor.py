@@ -54,6 +54,9 @@ class Attentive(Monitor):
         if text.startswith("warning"):
             self._warnings.add(text)
 
+    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+        self._listener.step(number, left, time, seconds_left)
+
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         self._listener.stage(index, count_estimate, n, epsilon)
 

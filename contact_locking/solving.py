@@ -16,7 +16,7 @@ from contact_locking.certificate import certify
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.checkpoint.restart import Restart
 from contact_locking.checkpoint.saved_steps import saved_steps
-from contact_locking.monitor import Monitor
+from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import Problem, assemble
@@ -64,7 +64,7 @@ def solve_steps(
     again, and the process goes on from the last of them.  Raises InputError for data that cannot be
     used.
     """
-    monitor = monitor or Monitor()
+    monitor = Attentive(monitor or Monitor())
     start = time.perf_counter()
     if restart is not None:
         checkpoint.expect(saved_steps(Path(restart))[-1], comm)
@@ -75,12 +75,9 @@ def solve_steps(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
-    told = set(problem.warnings)
     for solution in _solutions(problem, monitor, petsc_options, restart):
         for warning in solution.summary["warnings"]:
-            if warning not in told:
-                monitor.message(f"warning: {warning}")
-        told.update(solution.summary["warnings"])
+            monitor.message(f"warning: {warning}")
         if parameters.certificate.limit and solution.converged:
             if parameters.steps is None:
                 _measure_against_limit(solution, monitor, petsc_options)

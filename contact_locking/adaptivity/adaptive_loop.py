@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -49,8 +50,9 @@ def solve(
     """
     if parameters.adapt is None:
         return solving.solve(parameters, comm, monitor, petsc_options, restart)
-    *_, last = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
-    return last
+    # Only the last solution is kept in memory.
+    solutions = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
+    return deque(solutions, maxlen=1)[0]
 
 
 def solve_adaptively(
