@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+import ufl
 from mpi4py import MPI
 
 from contact_locking import solving
+from contact_locking.laws.elasticity import strain
 from contact_locking.parameters import Parameters
+from contact_locking.results.derived import integral
 from contact_locking.results.solution import Solution
 
 
@@ -19,3 +23,14 @@ def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Solu
 
 def certificate(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
     return dict(solved(parameters, comm).summary["certificate"])
+
+
+def work_of_stored_forces(solution: Solution, dx: ufl.Measure) -> float:
+    """The work of stresses and contact forces on the displacement; ``dx`` is for locking."""
+    work = 2.0 * solution.summary["elastic_energy"]
+    eps = strain(solution.displacement)
+    work += integral(solution.domain, ufl.inner(solution.locking_stress, eps) * dx)
+    (contact,) = solution.contacts
+    forces = contact.traction - contact.pressure[:, None] * contact.normal
+    path = contact.u_tangent + contact.u_normal[:, None] * contact.normal
+    return work - float(contact.surface.integral(np.sum(forces * path, axis=1)))
