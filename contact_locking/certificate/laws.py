@@ -17,7 +17,6 @@ import numpy as np
 
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.results.derived import ContactFields
 
@@ -101,7 +100,7 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     stress = min(state.mean_stress, 2.0 * n * state.mean_strain)
     products = violation = squares = 0.0
     for item in points.sets:
-        measured = item.measured(strain(state.problem.u))
+        measured = item.measured(state.problem.data.strain(state.problem.u))
         norm, size = item.reach(measured), item.size
         locks = np.isfinite(item.limit)
         # A point without a limit must not turn M |Z| into inf times 0.
