@@ -176,7 +176,7 @@ def bound_change(state: SolvedState, fields: ContactFields) -> float:
     """
     contact = fields.contact
     wanted = contact.friction_bound(state.problem.u, fields.pressure)
-    size = max(contact.norm(wanted), state.target.least_bound(state.energy, state.dim))
+    size = max(contact.norm(wanted), state.target.least_bound(state.mean_strain, state.dim))
     change = contact.norm(np.where(contact.free, fields.bound - wanted, 0.0))
     return change / size if size > 0.0 else change
 
@@ -192,4 +192,4 @@ def smoothing_constants(fields: ContactFields) -> float:
 def _least_bound(state: SolvedState, fields: ContactFields) -> float:
     """The integral of a friction bound so small that it is not told from zero; collective."""
     area = state.sum(fields.surface.weights)
-    return state.target.least_bound(state.energy, state.dim) * float(np.sqrt(area))
+    return state.target.least_bound(state.mean_strain, state.dim) * float(np.sqrt(area))
