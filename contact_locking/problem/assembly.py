@@ -71,6 +71,11 @@ class Problem:
         for gap in self.moving_gaps:
             gap.advance()
 
+    def end_step(self) -> None:
+        """The step at the present time has ended: foundations move on from where they are."""
+        for gap in self.moving_gaps:
+            gap.end_step()
+
     @property
     def element(self) -> Element:
         return self.data.element
@@ -179,7 +184,7 @@ def assemble(
         warnings=warnings,
         clock=clock,
         loads=loads,
-        moving_gaps=moving_gaps(contacts, parameters, clock),
+        moving_gaps=moving_gaps(contacts, parameters, constraints, clock),
         probes=probes,
     )
 
