@@ -119,6 +119,13 @@ class Problem:
             contact.friction.smoothing.destroy()
 
 
+def check(parameters: Parameters, comm: MPI.Intracomm) -> dict[str, Any]:
+    """The facts and warnings of the assembled problem, for any solver; collective."""
+    problem = assemble(parameters, comm)
+    problem.close()
+    return {**problem.facts(), "warnings": problem.warnings}
+
+
 def assemble(
     parameters: Parameters,
     comm: MPI.Intracomm,
