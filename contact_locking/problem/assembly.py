@@ -71,6 +71,11 @@ class Problem:
         for gap in self.moving_gaps:
             gap.advance()
 
+    def end_step(self) -> None:
+        """The step at the present time has ended: foundations move on from where they are."""
+        for gap in self.moving_gaps:
+            gap.end_step()
+
     @property
     def element(self) -> Element:
         return self.data.element
@@ -112,6 +117,13 @@ class Problem:
         """Destroy the PETSc objects; collective."""
         for contact in self.contacts:
             contact.friction.smoothing.destroy()
+
+
+def check(parameters: Parameters, comm: MPI.Intracomm) -> dict[str, Any]:
+    """The facts and warnings of the assembled problem, for any solver; collective."""
+    problem = assemble(parameters, comm)
+    problem.close()
+    return {**problem.facts(), "warnings": problem.warnings}
 
 
 def assemble(
@@ -179,7 +191,7 @@ def assemble(
         warnings=warnings,
         clock=clock,
         loads=loads,
-        moving_gaps=moving_gaps(contacts, parameters, clock),
+        moving_gaps=moving_gaps(contacts, parameters, constraints, clock),
         probes=probes,
     )
 

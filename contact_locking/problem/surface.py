@@ -128,6 +128,10 @@ class ContactSurface:
         function.x.scatter_forward()
         return function
 
+    def limited_values(self, values: FloatArray) -> FloatArray:
+        """The limited values (k,) of a scalar field with nodal values (k,); collective."""
+        return self.limited.of_function(self.scalar_function(values))
+
     def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
         """A vector function with the given values (k, d) on Gamma_C; collective."""
         function = fem.Function(self.vector_space, name=name)

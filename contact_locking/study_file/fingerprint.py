@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from contact_locking.parameters import Parameters
+from contact_locking.parameters import Foundation, Parameters
 
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
@@ -83,13 +83,23 @@ def _contact(parameters: Parameters) -> dict[str, Any]:
             "contact": {
                 "on": part.on,
                 "gap": part.gap,
-                "foundation": part.foundation and part.foundation.model_dump(),
+                "foundation": part.foundation and _foundation(part.foundation),
             },
             "friction": part.friction.model_dump(),
         }
         for part in contacts
     ]
     return parts[0] if len(parts) == 1 else {"contacts": parts}
+
+
+def _foundation(given: Foundation) -> dict[str, Any]:
+    data = given.model_dump()
+    if given.moved is None:
+        # A body at rest keeps the fingerprint that it had before there was motion.
+        del data["motion"]
+    else:
+        data["motion"] = given.moved.model_dump()
+    return data
 
 
 def mesh_identity(
