@@ -56,6 +56,12 @@ def on_foundation(degree: int = 1, **changes: Any) -> Problem:
              "contact__gap": 0},
             "is no body of revolution",
         ),
+        (
+            {"contact__foundation": {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]},
+                                     "motion": [0.1, 0.0]},
+             "contact__gap": 0},
+            "must be 0 across the axis",
+        ),
     ],
 )  # fmt: skip
 @pytest.mark.serial
