@@ -138,4 +138,4 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
 
 
 def test_every_foundation_of_the_study_file_has_a_class() -> None:
-    assert set(FOUNDATIONS) == set(rigid_body.Foundation.model_fields)
+    assert set(FOUNDATIONS) == set(rigid_body.SHAPES)

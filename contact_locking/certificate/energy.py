@@ -52,6 +52,7 @@ class Moment:
     forces: FloatArray
     gaps: tuple[FloatArray, ...]
     pressures: tuple[FloatArray, ...]
+    tractions: tuple[FloatArray, ...]
     bounds: tuple[FloatArray, ...]
     stored: float
     work: float
@@ -64,6 +65,7 @@ class Moment:
             forces=_external_forces(state),
             gaps=tuple(fields.gap for fields in state.contacts),
             pressures=tuple(fields.pressure for fields in state.contacts),
+            tractions=tuple(fields.traction for fields in state.contacts),
             bounds=tuple(fields.bound for fields in state.contacts),
             stored=_stored(state),
             work=state.work,
@@ -85,7 +87,8 @@ class Moment:
             stored = integral(state.problem.domain, data.own_energy(rest))
         nothing = tuple(np.zeros_like(fields.gap) for fields in state.contacts)
         gaps = tuple(np.maximum(fields.gap, 0.0) for fields in state.contacts)
-        return cls(rest.x.array.copy(), forces, gaps, nothing, nothing, stored, 0.0)
+        still = tuple(np.zeros_like(fields.normal) for fields in state.contacts)
+        return cls(rest.x.array.copy(), forces, gaps, nothing, still, nothing, stored, 0.0)
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,8 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
             state.contacts, moment.pressures, before.gaps, after.gaps, strict=True
         ):
             total -= state.sum(_weights(fields) * pressure * (new - old))
+        for fields, traction in zip(state.contacts, moment.tractions, strict=True):
+            total += state.sum(_weights(fields) * np.sum(traction * fields.drag, axis=1))
         return total
 
     work, earlier = work_of(after), work_of(before)

@@ -78,7 +78,9 @@ class Contact:
     friction bound of pressures and slips; ``bound`` is the function with the friction bound that
     the forms use at present.  ``regularisation`` is the length that smooths friction.  ``free``
     (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor friction
-    acts at the other nodes.  ``memory`` is what friction remembers of earlier steps.
+    acts at the other nodes.  ``memory`` is what friction remembers of earlier steps.  ``travel``
+    (d,) is the displacement of a foundation that a force pushes; it changes the gap and the place
+    from which the slip counts.
     """
 
     key: str
@@ -91,9 +93,13 @@ class Contact:
     free: BoolArray
     bound: fem.Function = field(init=False)
     memory: SlipMemory = field(init=False)
+    travel: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         count = len(self.surface.nodes)
+        # The travel when the step began, and the gaps without travel.
+        self._travelled: FloatArray = np.zeros(self.surface.domain.dim)
+        self.travel, self._gaps = self._travelled, self.gaps
         self.bound = self.surface.scalar_function(np.zeros(count), "friction_bound")
         self.memory = SlipMemory(self.surface)
 
@@ -110,8 +116,20 @@ class Contact:
 
     @gaps.setter
     def gaps(self, values: FloatArray) -> None:
+        """Set the gaps (k,) of the foundation without its travel; collective."""
+        self._gaps = values
+        self._enter_gaps(values + self.normals @ self.travel)
+
+    def _enter_gaps(self, values: FloatArray) -> None:
         self.gap.x.array[self.surface.nodes] = values
         self.gap.x.scatter_forward()
+
+    def move_foundation(self, travel: FloatArray) -> None:
+        """Displace the foundation by ``travel`` (d,) from its place at rest; collective."""
+        self.travel, normals = travel, self.normals
+        self._enter_gaps(self._gaps + normals @ travel)
+        step = np.broadcast_to(travel - self._travelled, normals.shape)
+        self.memory.drag_by(step, normals)
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
@@ -152,6 +170,12 @@ class Contact:
         holds = sticks & (float(self.regularisation.value) == 0.0)
         place = np.where(holds[:, None], self.memory.tangential, self.split(u)[1])
         self.memory.set(place, np.where(holds, self.memory.slip, self.slips(u)))
+        self._travelled = self.travel
+
+    def recall(self, place: FloatArray, slip: FloatArray) -> None:
+        """Remember ``u_{k-1,tau}`` (k, d) and the slip (k,) at the present travel; collective."""
+        self.memory.set(place, slip)
+        self._travelled = self.travel
 
     @property
     def bounds(self) -> FloatArray:

@@ -142,7 +142,7 @@ def _foundation_from(
     if given.foundation is None:
         gap = evaluate(comm, given.gap, points, f"{given.key}.gap", time=time)
         return gap, body_normals
-    shape, section = next(entry for entry in given.foundation if entry[1] is not None)
+    shape, section = given.foundation.shape
     body, key = FOUNDATIONS[shape](section, dim), f"{given.key}.foundation"
     with np.errstate(all="ignore"):
         gap, normals = body.gap(points), body.contact_normal(points).T

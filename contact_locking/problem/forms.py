@@ -19,6 +19,7 @@ from contact_locking.laws.signorini import contact_energy, contact_pressure
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.spaces import Element
 from contact_locking.problem.strain_sets import NormSet, StrainSet
+from contact_locking.problem.tool import Tool
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,8 @@ class ProblemData:
     of A at each point, and ``inverse_limit`` is 1/M of the ball.  ``loads`` pairs each body force
     and traction with its measure.  ``contacts`` is empty for a body that touches nothing.  ``n``
     and ``epsilon`` are the penalty parameters.  ``element`` is the element of the displacements.
-    ``limits`` are the sets of strains beside the ball.  ``own_energy`` is for a law that this
+    ``limits`` are the sets of strains beside the ball.  ``tools`` are the foundations that a force
+    pushes.  ``own_energy`` is for a law that this
     package does not have: it maps u to a convex and differentiable functional J(u), whose
     derivative is added to (25).
     """
@@ -44,6 +46,7 @@ class ProblemData:
     epsilon: fem.Constant
     element: Element
     limits: tuple[StrainSet, ...] = ()
+    tools: tuple[Tool, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
 
     def limited(self, v: Expr) -> Expr:

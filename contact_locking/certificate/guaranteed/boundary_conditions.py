@@ -74,5 +74,5 @@ def _gap_at(state: SolvedState, given: ContactParameters, points: FloatArray) ->
     """The gap (k,) at points (2, k) of Gamma_C; collective."""
     if given.foundation is None:
         return evaluate(state.comm, given.gap, points, f"{given.key}.gap")
-    shape, section = next(entry for entry in given.foundation if entry[1] is not None)
+    shape, section = given.foundation.shape
     return np.asarray(FOUNDATIONS[shape](section, 2).gap(points))
