@@ -131,7 +131,7 @@ class _Motions:
     ) -> None:
         part = _dofs(domain, space, number)
         free = free_motions(domain, space, constraints, part)
-        motions = (free.T @ rigid_motions(space)) * part
+        motions = (free.T @ rigid_motions(space, domain.axisymmetric)) * part
         self._domain, self.of_body = domain, len(motions)
         self._tools = [tool for tool in data.tools if _is_at(tool, part)]
         self.free = np.pad(free, ((0, 0), (0, len(self._tools))))

@@ -55,6 +55,11 @@ class Tool:
         for time in times:
             self._size(time)
         self._require_facing()
+        if contact.surface.domain.axisymmetric and self.direction[0] != 0.0:
+            raise InputError(
+                "has a radial component, and an axisymmetric tool moves along the axis alone",
+                self.key,
+            )
         self.force = 0.0
 
     def advance(self, time: float) -> None:

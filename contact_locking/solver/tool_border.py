@@ -24,8 +24,11 @@ class ToolBorder:
         system, corner = self._system, []
         if not system.tools:
             return
+        # The tangent has this stiffness beside that of the contact law.
+        floor = system.CONTACT_FLOOR / float(system.data.epsilon.value)
+        floor *= float(system.held_by_contact)
         for balance, column in zip(system.tools.balances, self._border.columns, strict=True):
-            tractions, entry = balance.border(system.u, system.contact_floor)
+            tractions, entry = balance.border(system.u, floor)
             forces: FloatArray = balance.tool.contact.surface.nodal_forces(tractions)
             forces *= system.free_dofs()
             column.array_w[:] = forces[: column.getLocalSize()]
