@@ -134,7 +134,7 @@ def trace_constant(state: SolvedState) -> float:
     traces = sum(ufl.inner(w, v) * contact.surface.ds for contact in data.contacts)
     surface = petsc.assemble_matrix(compiled.form(traces))
     surface.assemble()
-    with elliptic_problem(state, inner_product(space, data.dx), conditions) as problem:
+    with elliptic_problem(state, inner_product(space, data), conditions) as problem:
         # Fixed dofs keep a one on the diagonal of the V product and have no trace.
         mask = surface.createVecLeft()
         mask.array_w[:] = np.where(problem.fixed[: mask.getLocalSize()], 0.0, 1.0)

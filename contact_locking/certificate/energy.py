@@ -40,7 +40,6 @@ from contact_locking.certificate.balances import nodal_forces
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.laws import law_limit
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.elasticity import strain
 from contact_locking.problem import forms
 from contact_locking.results.derived import ContactFields, integral
 
@@ -229,7 +228,7 @@ def _friction_work(state: SolvedState, fields: ContactFields) -> float:
 def _stored(state: SolvedState) -> float:
     """``E``, with a user's own energy; collective."""
     penalty, points = state.target.penalty, state.points
-    eps = strain(state.problem.u)
+    eps = state.problem.data.strain(state.problem.u)
     total = state.energy
     if np.isfinite(penalty.n):
         for item in points.sets:
@@ -250,7 +249,7 @@ def _external_forces(state: SolvedState) -> FloatArray:
     u, data, owned = problem.u, problem.data, _owned(state)
     v = ufl.TestFunction(u.function_space)
     load = nodal_forces(forms.external_work(v, data))
-    stress = ufl.inner(state.body.locking_stress, strain(v)) * data.locking_dx
+    stress = ufl.inner(state.body.locking_stress, data.strain(v)) * data.locking_dx
     inner = nodal_forces(forms.elastic_form(u, v, data)) + nodal_forces(stress)
     if data.own_energy is not None:
         inner += nodal_forces(forms.own_forces(u, v, data))

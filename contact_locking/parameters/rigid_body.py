@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from .base import Fault, Section, entry, refuse_if, vector_faults
+from .base import Fault, Place, Section, entry, refuse_if, vector_faults
 from .motion import Motion, MotionOrTranslation
 from .values import LIST, SECTION, TEXT, Number, Positive, Switch, Text, TimedScalar
 from .wording import show
@@ -174,6 +174,24 @@ class Foundation(Section):
         elif self.motion is not None:
             for fault in self.motion.dimension_faults(dim):
                 yield Fault(("motion", *fault.place), fault.message)
+
+    def revolution_faults(self) -> Iterator[Fault]:
+        """A shape or a motion that is not one of revolution about x = 0."""
+        if self.cylinder is not None:
+            message = "is no body of revolution about x = 0; take sphere, or half_space"
+            yield Fault(("cylinder",), message)
+        if self.moved is not None:
+            where = ("motion",) if isinstance(self.motion, tuple) else ("motion", "translation")
+            yield from _radial_faults(where, self.moved.translation)
+            if self.moved.rotation is not None:
+                message = "must be left out: an axisymmetric body has no rotation in its section"
+                yield Fault(("motion", "rotation"), message)
+
+
+def _radial_faults(place: Place, vector: tuple[float | str, ...] | None) -> Iterator[Fault]:
+    if vector is not None and vector[0] != 0:
+        message = f"must be 0 across the axis of an axisymmetric body, not {show(vector[0])}"
+        yield Fault((*place, 0), message)
 
 
 #: The keys of a foundation that describe a shape.

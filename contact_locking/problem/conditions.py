@@ -12,6 +12,7 @@ from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.half_section import axis_condition
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ def constrain(
 ) -> Constraints:
     """The displacement conditions of a space of displacements; collective.
 
-    At a node of two conditions for the same component, the later condition holds.
+    At a node of two conditions for the same component, the later condition holds.  On the axis of
+    an axisymmetric body u_r is zero; InputError is raised for a condition that moves the axis.
     """
     conditions: list[fem.DirichletBC] = []
     timed: list[tuple[ComponentCondition, fem.Function]] = []
@@ -85,14 +87,20 @@ def constrain(
         dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
         conditions.append(fem.dirichletbc(value, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
+    if domain.axisymmetric:
+        radial = [item.key if item.component == 0 else None for item in wanted]
+        axis = axis_condition(domain, space, conditions, radial)
+        conditions.append(axis)
+        fixed.append(np.asarray(axis.dof_indices()[0], dtype=np.int32))
     fixed_dofs = np.unique(np.concatenate(fixed))
     return Constraints(conditions, fixed_dofs, tuple(wanted), timed)
 
 
-def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
+def rigid_motions(space: fem.FunctionSpace, axisymmetric: bool = False) -> FloatArray:
     """The translations and the rotations about the origin, as values at the local dofs.
 
-    The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.
+    The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.  An
+    axisymmetric body has one rigid motion, the translation along its axis.
     """
     x = space.tabulate_dof_coordinates()
     dim = space.mesh.topology.dim
@@ -103,6 +111,8 @@ def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
     for k, (i, j) in enumerate(pairs):
         motions[dim + k, :, i] = -x[:, j]
         motions[dim + k, :, j] = x[:, i]
+    if axisymmetric:
+        motions = motions[1:2]
     return motions.reshape(len(motions), -1)
 
 
@@ -113,7 +123,7 @@ def free_motions(
 
     The conditions are those of one part of the body; ``part`` marks the local dofs of the part.
     """
-    motions = rigid_motions(space)
+    motions = rigid_motions(space, domain.axisymmetric)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     held = constraints.dofs[constraints.dofs < owned]
     fixed = motions[:, held[part[held]]]
@@ -216,7 +226,9 @@ def sliding_motions(contact: FloatArray) -> FloatArray:
 
 
 def describe_motion(motion: FloatArray, dim: int) -> str:
-    """A rigid motion (3 or 6 coefficients) in words."""
+    """A rigid motion (3 or 6 coefficients, 1 of an axisymmetric body) in words."""
+    if len(motion) == 1:
+        return "translation along y, the axis"
     share = np.abs(motion) / np.abs(motion).max()
     along = [axis for axis, size in zip(AXES, share[:dim], strict=False) if size > 0.1]
     about = [axis for axis, size in zip("zyx", share[dim:], strict=False) if size > 0.1]

@@ -63,6 +63,9 @@ def _normalised(
         if not section["locking"]:
             # A body with the ball alone keeps the fingerprint that it had before.
             del section["locking"]
+    if parameters.material.plane == "strain":
+        # A body in plane strain keeps the fingerprint that it had before.
+        del data["material"]["plane"]
     if not parameters.loads.pressures:
         # A body without pressures keeps the fingerprint that it had before.
         del data["loads"]["pressures"]
@@ -115,7 +118,8 @@ def mesh_identity(
     Raises OSError if the file cannot be read.
     """
     if parameters.mesh.file is not None:
-        return {"content": digest(parameters.mesh.file)}
+        revolution = {"axisymmetric": True} if parameters.mesh.axisymmetric else {}
+        return {"content": digest(parameters.mesh.file), **revolution}
     return dict(json.loads(json.dumps(parameters.mesh.model_dump())))
 
 

@@ -54,11 +54,15 @@ def _with_empty(section: dict[str, Any]) -> None:
 def _mesh_schema() -> dict[str, Any]:
     about = visible_fields(MeshParameters)
     file = {"type": "string", "description": about["file"].description}
-    kinds: list[dict[str, Any]] = [_object({"file": file}, required=["file"])]
+    told = about["axisymmetric"].description
+    revolution = {"type": "boolean", "default": False, "description": told}
+    kinds: list[dict[str, Any]] = [
+        _object({"file": file, "axisymmetric": revolution}, required=["file"])
+    ]
     for name, cls in BUILDERS.items():
         # An editor shows the description when it completes the name of the builder.
         builder = {"const": name, "default": name, "description": _first_line(cls)}
-        properties: dict[str, Any] = {"builder": builder}
+        properties: dict[str, Any] = {"builder": builder, "axisymmetric": revolution}
         types = builder_types(cls)
         for entry in fields(cls):
             kind = TypeAdapter(types[entry.name]).json_schema()

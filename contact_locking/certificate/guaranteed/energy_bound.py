@@ -147,6 +147,8 @@ def _require_applicable(state: SolvedState) -> None:
     problem = state.problem
     if state.dim != 2:
         raise NotApplicable(_THREE_DIMENSIONS)
+    if problem.domain.axisymmetric:
+        raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
     if not state.report.converged:
         raise NotApplicable("the solve did not converge")
     if problem.data.own_energy is not None:
