@@ -194,7 +194,10 @@ def test_a_surface_gives_what_the_half_space_gives(kind: str, tmp_path: Path) ->
 
             points, numbers = np.unique(tool.reshape(-1, 3), axis=0, return_inverse=True)
             file.write_text(
-                msh([tuple(point) for point in points], {"": (1 + numbers).reshape(-1, 3).tolist()})
+                msh(
+                    [[float(x) for x in point] for point in points],
+                    {"": (1 + numbers).reshape(-1, 3).tolist()},
+                )
             )
         else:
             file.write_bytes(binary_stl(tool) if kind == "binary" else ascii_stl(tool))

@@ -42,6 +42,11 @@ class Polyline:
         """The longest edge of the line's bounding box."""
         return float(np.ptp(self.corners, axis=0).max())
 
+    @property
+    def facets(self) -> FloatArray:
+        """The ends (m - 1, 2, 2) of the segments."""
+        return np.stack([self.corners[:-1], self.corners[1:]], axis=1)
+
     def gap(self, x: FloatArray) -> FloatArray:
         return self._signed(x)[0]
 

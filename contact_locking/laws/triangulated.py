@@ -36,6 +36,11 @@ class TriangulatedSurface:
         """The longest edge of the surface's bounding box."""
         return self._size
 
+    @property
+    def facets(self) -> FloatArray:
+        """The corners (n, 3, 3) of the triangles."""
+        return np.asarray(self.points[self.triangles])
+
     def gap(self, x: FloatArray) -> FloatArray:
         return self._nearest(x)[0]
 

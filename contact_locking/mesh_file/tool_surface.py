@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,8 +35,13 @@ class ToolSurface:
     warnings: tuple[str, ...]
 
 
-def read_surface(path: Path, scale: float = 1.0, turned: bool = False) -> ToolSurface:
-    """The triangles of an STL file or a Gmsh file, with coordinates times ``scale``.
+def read_surface(
+    path: Path,
+    scale: float = 1.0,
+    shift: Sequence[float] = (0.0, 0.0, 0.0),
+    turned: bool = False,
+) -> ToolSurface:
+    """The triangles of an STL file or a Gmsh file, at ``scale`` times coordinates plus ``shift``.
 
     With ``turned`` the other side is outside.  Raises InputError for a file that cannot be read,
     and for triangles that are not the surface of a tool: at an edge of three triangles no side is
@@ -47,7 +53,8 @@ def read_surface(path: Path, scale: float = 1.0, turned: bool = False) -> ToolSu
     corners = read_triangles(path) if is_gmsh else read_stl(path)
     if not np.isfinite(corners).all() or np.abs(corners).max() > _LARGEST:
         raise InputError(f"{path} has coordinates that are not finite, or too large")
-    return checked(scale * (corners[:, ::-1] if turned else corners), str(path))
+    placed = scale * corners + np.asarray(shift)
+    return checked(placed[:, ::-1] if turned else placed, str(path))
 
 
 def checked(corners: FloatArray, origin: str) -> ToolSurface:

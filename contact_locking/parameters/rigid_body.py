@@ -59,6 +59,9 @@ class Surface(Section):
         ..., "an STL file, or a Gmsh file with triangles, relative to the study file"
     )
     scale: Positive = entry(1.0, "factor of its coordinates, such as 0.001 from mm to m", "1")
+    shift: tuple[Number, ...] | None = entry(
+        None, "added to its coordinates after scale; null: nothing", "length", optional=True
+    )
     turned: Switch = entry(False, "whether the other side of the triangles is outside")
 
 
@@ -166,6 +169,8 @@ class Foundation(Section):
             yield Fault(("polyline",), "is for 2D; in 3D take surface")
         if self.surface is not None and dim != 3:
             yield Fault(("surface",), "is for 3D; in 2D take polyline")
+        if isinstance(self.surface, Surface):
+            yield from vector_faults(("surface", "shift"), self.surface.shift, 3)
         if isinstance(self.polyline, tuple):
             for index, corner in enumerate(self.polyline):
                 yield from vector_faults(("polyline", index), corner, 2)

@@ -74,6 +74,9 @@ class Obstacle(Protocol):
         ``since`` is None for the state at rest.
         """
 
+    def outline(self, dim: int) -> FloatArray:
+        """The facets (t, dim, dim) of its surface at present, by their corners, if it has any."""
+
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         """What is probably not intended, of the gap (k,) at the nodes at present; collective."""
 
@@ -96,6 +99,9 @@ class GivenGap:
 
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
         return np.zeros_like(surface.points)
+
+    def outline(self, dim: int) -> FloatArray:
+        return np.empty((0, dim, dim))
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         return []
@@ -187,6 +193,13 @@ class Tool:
         if isinstance(body, TriangulatedSurface | Polyline):
             found += about_the_size(surface.domain, body.extent, f"{self._key}.{self._shape}")
         return found + about_the_distance(surface.domain, gap, self._key)
+
+    def outline(self, dim: int) -> FloatArray:
+        if not isinstance(self._body, TriangulatedSurface | Polyline):
+            return np.empty((0, dim, dim))
+        facets = self._body.facets
+        places = self.motion(self._site.clock.now).place(facets.reshape(-1, dim).T)
+        return places.T.reshape(facets.shape)
 
     def _slopes(self, body: LevelSet, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""

@@ -85,7 +85,10 @@ def _polyline(given: tuple[tuple[float, ...], ...] | str, site: Site) -> Foundat
 
 
 def _surface(given: rigid_body.Surface, site: Site) -> Foundation:
-    found = on_root(site.comm, lambda: read_surface(Path(given.file), given.scale, given.turned))
+    shift = given.shift or (0.0, 0.0, 0.0)
+    found = on_root(
+        site.comm, lambda: read_surface(Path(given.file), given.scale, shift, given.turned)
+    )
     site.warnings += [f"{site.key}.surface: {text}" for text in found.warnings]
     return TriangulatedSurface(found.points, found.triangles)
 
