@@ -51,7 +51,8 @@ class Tool:
                 "foundation that stands still",
                 self.key,
             )
-        self.direction: FloatArray = forces[np.argmax(sizes)] / self.largest
+        first = int(np.argmax(sizes > _ROUNDING * self.largest))
+        self.direction: FloatArray = forces[first] / sizes[first]
         for time in times:
             self._size(time)
         self._require_facing()
@@ -130,8 +131,8 @@ class Tool:
         at = f" at t = {time:g}" if any(law.names for law in self._expressions) else ""
         if np.linalg.norm(force - size * self.direction) > _STRAIGHT * self.largest:
             raise InputError(
-                f"has another direction{at} than where the force is largest, and a tool moves "
-                "along one line; keep the ratio of the components",
+                f"has another direction{at} than at first, and a tool moves along one line; keep "
+                "the ratio of the components",
                 self.key,
             )
         if size < -_ROUNDING * self.largest:
