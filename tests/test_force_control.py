@@ -346,6 +346,30 @@ def test_friction_remembers_the_slip_relative_to_the_tool() -> None:
     assert np.abs(step[sticks]).max(initial=0.0) <= 1e-9
 
 
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_a_tool_that_is_pushed_down_and_led_across_drags_the_body(n: float) -> None:
+    """The plane presses with its force while its motion slides it along the body."""
+    led = tool([0.0, -0.02], mu=0.3)
+    led["foundation"]["motion"] = ["0.05*t", 0.0]
+    given = pressed(led, n, loads={"displacements": HELD}, steps={"to": 1.0, "count": 2}, h=0.5)
+    found = list(solve_steps(given))
+    assert all(one.converged for one in found), found[-1].summary["reason"]
+    assert found[-1].summary["contact_force"][1] == pytest.approx(-0.02, rel=1e-7)
+    # In the end all of the tool slides over the body, which it drags with mu F.  Regularised
+    # friction misses its bound by (delta/slip)^2/2.
+    share = 1e-6 if n == math.inf else 2e-3
+    assert found[-1].summary["friction_force"][0] == pytest.approx(0.3 * 0.02, rel=share)
+    history = found[-1].history
+    assert history.column("work").sum() > 0.3 * 0.02 * 0.02
+
+
+def test_a_motion_along_the_force_is_refused() -> None:
+    led = tool([0.0, -0.02])
+    led["foundation"]["motion"] = [0.0, "-0.01*t"]
+    with pytest.raises(InputError, match="is along foundation"):
+        assemble(pressed(led, steps={"to": 1.0, "count": 2}), MPI.COMM_WORLD)
+
+
 def test_a_process_goes_on_from_a_saved_step(tmp_path: Path, comm: MPI.Intracomm) -> None:
     folder = comm.bcast(tmp_path)
     found = []

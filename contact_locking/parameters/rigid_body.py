@@ -1,4 +1,4 @@
-"""Rigid bodies that may stand in place of the gap: half spaces, spheres and cylinders."""
+"""Rigid bodies that may stand in place of the gap: their shapes and their motion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from pydantic import model_validator
 
-from .base import Fault, Section, entry, refuse_if, vector_faults
+from .base import Fault, Place, Section, entry, refuse_if, vector_faults
+from .motion import Motion, MotionOrTranslation
 from .values import Number, Positive, TimeScalar
 from .wording import show
 
@@ -53,15 +54,22 @@ def _zero_faults(key: str, direction: tuple[float, ...] | None) -> Iterator[Faul
 
 
 class Foundation(Section):
-    """A rigid body that the deformed body does not enter; exactly one of its shapes."""
+    """A rigid body that the deformed body does not enter: exactly one shape, and its motion."""
 
     half_space: HalfSpace | None = entry(None, "a half space", optional=True)
     sphere: Sphere | None = entry(None, "a sphere, in 2D a disc", optional=True)
     cylinder: Cylinder | None = entry(None, "a cylinder, in 2D a disc", optional=True)
+    motion: MotionOrTranslation | None = entry(
+        None,
+        "motion of the rigid body from rest; a list is the translation",
+        "length",
+        scalar="t",
+        optional=True,
+    )
     force: tuple[TimeScalar, ...] | None = entry(
         None,
         "components of the force that pushes the rigid body against the body: its displacement "
-        "along the force is an unknown; null: the rigid body stands still",
+        "along the force is an unknown; null: the place of the rigid body is known",
         "force, in 2D force/length",
         scalar="t",
         optional=True,
@@ -84,6 +92,13 @@ class Foundation(Section):
         """The name of the shape, and its section."""
         return next((name, getattr(self, name)) for name in SHAPES if getattr(self, name))
 
+    @property
+    def moved(self) -> Motion | None:
+        """The motion as a section; None for a body at rest."""
+        if isinstance(self.motion, tuple):
+            return Motion(translation=self.motion)
+        return self.motion
+
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The vectors that do not have ``dim`` components, and an axis in 2D."""
         yield from vector_faults(("force",), self.force, dim)
@@ -98,7 +113,31 @@ class Foundation(Section):
                 yield from vector_faults(("cylinder", "axis"), self.cylinder.axis, dim)
             elif self.cylinder.axis is not None:
                 yield Fault(("cylinder", "axis"), "must be left out in 2D")
+        if isinstance(self.motion, tuple):
+            yield from vector_faults(("motion",), self.motion, dim)
+        elif self.motion is not None:
+            for fault in self.motion.dimension_faults(dim):
+                yield Fault(("motion", *fault.place), fault.message)
+
+    def revolution_faults(self) -> Iterator[Fault]:
+        """A shape or a motion that is not one of revolution about x = 0."""
+        if self.cylinder is not None:
+            message = "is no body of revolution about x = 0; take sphere, or half_space"
+            yield Fault(("cylinder",), message)
+        yield from _radial_faults(("force",), self.force)
+        if self.moved is not None:
+            where = ("motion",) if isinstance(self.motion, tuple) else ("motion", "translation")
+            yield from _radial_faults(where, self.moved.translation)
+            if self.moved.rotation is not None:
+                message = "must be left out: an axisymmetric body has no rotation in its section"
+                yield Fault(("motion", "rotation"), message)
+
+
+def _radial_faults(place: Place, vector: tuple[float | str, ...] | None) -> Iterator[Fault]:
+    if vector is not None and vector[0] != 0:
+        message = f"must be 0 across the axis of an axisymmetric body, not {show(vector[0])}"
+        yield Fault((*place, 0), message)
 
 
 #: The keys of a foundation that describe a shape.
-SHAPES = tuple(name for name in Foundation.model_fields if name != "force")
+SHAPES = tuple(name for name in Foundation.model_fields if name not in ("motion", "force"))

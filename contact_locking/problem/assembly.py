@@ -33,9 +33,9 @@ from contact_locking.problem.half_section import half_section, require_surface
 from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
 from contact_locking.problem.probe_points import ProbePoints, locate
+from contact_locking.problem.pushed_tool import build_tools
 from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
-from contact_locking.problem.tool import build_tools
 
 
 @dataclass
@@ -73,6 +73,11 @@ class Problem:
             gap.advance()
         for tool in self.data.tools:
             tool.advance(time)
+
+    def end_step(self) -> None:
+        """The step at the present time has ended: foundations move on from where they are."""
+        for gap in self.moving_gaps:
+            gap.end_step()
 
     @property
     def element(self) -> Element:
@@ -115,6 +120,13 @@ class Problem:
         """Destroy the PETSc objects; collective."""
         for contact in self.contacts:
             contact.friction.smoothing.destroy()
+
+
+def check(parameters: Parameters, comm: MPI.Intracomm) -> dict[str, Any]:
+    """The facts and warnings of the assembled problem, for any solver; collective."""
+    problem = assemble(parameters, comm)
+    problem.close()
+    return {**problem.facts(), "warnings": problem.warnings}
 
 
 def assemble(
@@ -183,7 +195,7 @@ def assemble(
         warnings=warnings,
         clock=clock,
         loads=loads,
-        moving_gaps=moving_gaps(contacts, parameters, clock),
+        moving_gaps=moving_gaps(contacts, parameters, constraints, clock),
         probes=probes,
     )
 

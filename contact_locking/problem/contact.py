@@ -13,6 +13,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.friction_law import Coefficient, FrictionLaw
 from contact_locking.parallel import maximum
+from contact_locking.problem.obstacles import Obstacle
 from contact_locking.problem.slip_memory import SlipMemory
 from contact_locking.problem.smoothing import Smoothing
 from contact_locking.problem.surface import ContactSurface
@@ -73,19 +74,19 @@ class Contact:
     """Signorini's conditions (5) and Coulomb's law (6) on one part of Gamma_C.
 
     ``key`` is the key of the contact in the study file, and ``on`` names its boundary parts.
-    ``normal`` and ``gap`` are functions with the normal and the limited value of the gap at the
-    nodes.  ``friction`` computes the
-    friction bound of pressures and slips; ``bound`` is the function with the friction bound that
-    the forms use at present.  ``regularisation`` is the length that smooths friction.  ``free``
-    (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor friction
-    acts at the other nodes.  ``memory`` is what friction remembers of earlier steps.  ``travel``
-    (d,) is the displacement of a foundation that a force pushes; it changes the gap and the place
-    from which the slip counts.
+    ``obstacle`` is what the body does not enter.  ``normal`` and ``gap`` are functions with the
+    normal and the limited value of the gap at the nodes.  ``friction`` computes the friction bound
+    of pressures and slips; ``bound`` is the function with the friction bound that the forms use at
+    present.  ``regularisation`` is the length that smooths friction.  ``free`` (k,) marks the nodes
+    whose normal displacement is not prescribed; neither pressure nor friction acts at the other
+    nodes.  ``memory`` is what friction remembers of earlier steps.  ``is_pushed`` says that a force
+    pushes the foundation, and ``travel`` (d,) is the displacement that the force gives to it.
     """
 
     key: str
     on: tuple[str, ...]
     surface: ContactSurface
+    obstacle: Obstacle
     normal: fem.Function
     gap: fem.Function
     friction: FrictionBound
@@ -94,12 +95,14 @@ class Contact:
     bound: fem.Function = field(init=False)
     memory: SlipMemory = field(init=False)
     travel: FloatArray = field(init=False)
+    is_pushed: bool = False
 
     def __post_init__(self) -> None:
         count = len(self.surface.nodes)
         # The travel when the step began, and the gaps without travel.
         self._travelled: FloatArray = np.zeros(self.surface.domain.dim)
         self.travel, self._gaps = self._travelled, self.gaps
+        self._drag = np.zeros_like(self.surface.points)
         self.bound = self.surface.scalar_function(np.zeros(count), "friction_bound")
         self.memory = SlipMemory(self.surface)
 
@@ -108,6 +111,12 @@ class Contact:
         """The contact normal (k, d) at the nodes."""
         dim = self.surface.domain.dim
         return np.asarray(self.normal.x.array.reshape(-1, dim)[self.surface.blocks])
+
+    @normals.setter
+    def normals(self, values: FloatArray) -> None:
+        dim = self.surface.domain.dim
+        self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = values
+        self.normal.x.scatter_forward()
 
     @property
     def gaps(self) -> FloatArray:
@@ -118,18 +127,27 @@ class Contact:
     def gaps(self, values: FloatArray) -> None:
         """Set the gaps (k,) of the foundation without its travel; collective."""
         self._gaps = values
-        self._enter_gaps(values + self.normals @ self.travel)
+        self._enter_gaps()
 
-    def _enter_gaps(self, values: FloatArray) -> None:
-        self.gap.x.array[self.surface.nodes] = values
-        self.gap.x.scatter_forward()
+    @property
+    def moves(self) -> bool:
+        """Whether the foundation moves, by a given motion or by a force."""
+        return self.obstacle.moves or self.is_pushed
+
+    def drag_by(self, drag: FloatArray) -> None:
+        """Let the given motion of the step move the foundation by ``drag`` (k, d); collective."""
+        self._drag = drag
+        self.move_foundation(self.travel)
 
     def move_foundation(self, travel: FloatArray) -> None:
-        """Displace the foundation by ``travel`` (d,) from its place at rest; collective."""
-        self.travel, normals = travel, self.normals
-        self._enter_gaps(self._gaps + normals @ travel)
-        step = np.broadcast_to(travel - self._travelled, normals.shape)
-        self.memory.drag_by(step, normals)
+        """Let the force move the foundation by ``travel`` (d,) in all; collective."""
+        self.travel = travel
+        self._enter_gaps()
+        self.memory.drag_by(self._drag + (travel - self._travelled), self.normals)
+
+    def _enter_gaps(self) -> None:
+        self.gap.x.array[self.surface.nodes] = self._gaps + self.normals @ self.travel
+        self.gap.x.scatter_forward()
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
@@ -154,7 +172,10 @@ class Contact:
         return self.friction.evaluate(pressure, self.slips(u))
 
     def increment(self, u: fem.Function) -> FloatArray:
-        """The slip of the step, ``u_tau - u_{k-1,tau}`` (k, d), at the nodes."""
+        """The slip of the step, ``u_tau - u_{k-1,tau}`` (k, d), at the nodes.
+
+        On a foundation that moves the slip is relative to it.
+        """
         return self.split(u)[1] - self.memory.tangential
 
     def slips(self, u: fem.Function) -> FloatArray:
@@ -168,8 +189,10 @@ class Contact:
         the solver, which would add up over many steps: these nodes keep their place.
         """
         holds = sticks & (float(self.regularisation.value) == 0.0)
-        place = np.where(holds[:, None], self.memory.tangential, self.split(u)[1])
-        self.memory.set(place, np.where(holds, self.memory.slip, self.slips(u)))
+        along, tangential = self.split(u)
+        place = np.where(holds[:, None], self.memory.tangential, tangential)
+        slip = np.where(holds, self.memory.slip, self.slips(u))
+        self.memory.set(place, slip, along[:, None] * self.normals)
         self._travelled = self.travel
 
     def recall(self, place: FloatArray, slip: FloatArray) -> None:

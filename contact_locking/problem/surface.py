@@ -18,6 +18,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.problem import compiled
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.half_section import is_on_axis
 from contact_locking.problem.spaces import P1, Element
 from contact_locking.problem.surface_mesh import SurfaceMesh
 from contact_locking.problem.trace import PointValues
@@ -63,6 +64,8 @@ class ContactSurface:
         self.blocks = to_vector[self.nodes] // domain.dim
         self.weights = mass[self.nodes]
         self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
+        if domain.axisymmetric:
+            self.points[is_on_axis(domain, self.points.T), 0] = 0.0
         if limited is None:
             limited = element.trace.limited_space(space)
         #: The values of fields that contact and friction limit at the points.
@@ -115,6 +118,7 @@ class ContactSurface:
             np.concatenate(comm.allgather(weights)),
             np.unique(facets, axis=0),
             slice(first, first + len(self.nodes)),
+            self.domain.axisymmetric,
         )
 
     def scalar_function(self, values: FloatArray, name: str = "f") -> fem.Function:
@@ -123,6 +127,10 @@ class ContactSurface:
         function.x.array[self.nodes] = values
         function.x.scatter_forward()
         return function
+
+    def limited_values(self, values: FloatArray) -> FloatArray:
+        """The limited values (k,) of a scalar field with nodal values (k,); collective."""
+        return self.limited.of_function(self.scalar_function(values))
 
     def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
         """A vector function with the given values (k, d) on Gamma_C; collective."""

@@ -97,6 +97,11 @@ def _foundation(given: Foundation) -> dict[str, Any]:
     if given.force is None:
         # A body that no force pushes keeps the fingerprint that it had before there were forces.
         del data["force"]
+    if given.moved is None:
+        # A body at rest keeps the fingerprint that it had before there was motion.
+        del data["motion"]
+    else:
+        data["motion"] = given.moved.model_dump()
     return data
 
 

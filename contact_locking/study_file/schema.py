@@ -13,7 +13,7 @@ from pydantic import BaseModel, TypeAdapter
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.parameters import MeshParameters, Parameters
-from contact_locking.parameters.keys import may_be_list, section_in, visible_fields
+from contact_locking.parameters.keys import may_be_list, may_be_vector, section_in, visible_fields
 from contact_locking.parameters.mesh import builder_types
 from contact_locking.parameters.study import MAX_CASES
 from contact_locking.parameters.wording import show
@@ -107,6 +107,8 @@ def _places(
         path, section = section_in(field.annotation)
         paths = [path, ("INDEX", *path)] if may_be_list(field.annotation) else [path]
         yield key, description
+        if may_be_vector(field.annotation):
+            yield (*key, "INDEX"), description
         for steps in paths:
             yield from (((*key, *steps[: end + 1]), description) for end in range(len(steps)))
             if section is not None:
