@@ -153,10 +153,10 @@ class Parameters(Section):
                         "solver.method: interior_point (or auto), or a positive length",
                     )
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
-        for index, displacement in enumerate(self.loads.displacements):
-            if both := [name for name in displacement.on if name in keys]:
+        for place, held in self.loads.held():
+            if both := [name for name in held.on if name in keys]:
                 yield Fault(
-                    ("loads", "displacements", index, "on"),
+                    ("loads", *place, "on"),
                     f"'{both[0]}' is in {keys[both[0]]}.on as well; "
                     "Gamma_D and Gamma_C must not overlap",
                 )
@@ -192,7 +192,7 @@ class Parameters(Section):
         cells, facets = self.mesh.geometry.cell_names, self.mesh.geometry.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
-        for kind in ("tractions", "pressures", "displacements"):
+        for kind in ("tractions", "pressures", "displacements", "supports"):
             for index, load in enumerate(getattr(self.loads, kind)):
                 for name in load.on:
                     place = ("loads", kind, index, "on")

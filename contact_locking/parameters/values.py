@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections import Counter
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
     AfterValidator,
     BeforeValidator,
     Discriminator,
     Field,
+    PlainValidator,
     Tag,
     WithJsonSchema,
 )
@@ -28,6 +29,9 @@ from .wording import show
 CHOICES = SECTION, LIST, NUMBER, TEXT = "<section>", "<list>", "<number>", "<text>"
 
 _NAME_SCHEMA = {"type": "string", "minLength": 1}
+_ALONG_SCHEMA = {
+    "anyOf": [{"const": "normal"}, {"type": "array", "items": {"type": "number"}, "minItems": 2}]
+}
 _NAMES_SCHEMA = {"anyOf": [_NAME_SCHEMA, {"type": "array", "items": _NAME_SCHEMA}]}
 
 
@@ -118,6 +122,17 @@ class _ScalarRule(NamedTuple):
             ) from None
 
 
+def _along(value: Any) -> Literal["normal"] | tuple[float, ...]:
+    if value == "normal":
+        return "normal"
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"must be normal or a list of numbers, not {show(value)}")
+    direction = tuple(_finite(component) for component in value)
+    if max(map(abs, direction), default=0.0) < SMALLEST:
+        raise ValueError(f"must not be zero, it is {show(value)}")
+    return direction
+
+
 def _number_or_text(value: Any) -> str:
     return TEXT if isinstance(value, str) else NUMBER
 
@@ -154,6 +169,9 @@ StepCount = Annotated[int, Field(strict=True, ge=1, le=100_000), BeforeValidator
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+Along = Annotated[
+    Literal["normal"] | tuple[float, ...], PlainValidator(_along), WithJsonSchema(_ALONG_SCHEMA)
+]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
 TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
 PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]

@@ -35,6 +35,7 @@ from contact_locking.problem.parts import Held, check_parts_held
 from contact_locking.problem.probe_points import ProbePoints, locate
 from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
+from contact_locking.problem.supports import Support
 
 
 @dataclass
@@ -135,7 +136,12 @@ def assemble(
     probes = locate(domain, parameters.output.probes)
     steps = parameters.steps
     clock = Clock(domain.mesh, 0.0 if steps is None else steps.planned[0])
-    constraints = constrain(domain, space, _conditions(domain, parameters.loads, clock))
+    constraints = constrain(
+        domain,
+        space,
+        _conditions(domain, parameters.loads, clock),
+        _supports(domain, parameters.loads, clock),
+    )
     n, epsilon = parameters.penalty.n, parameters.penalty.compliance
     # The paper uses the compliance epsilon also for the regularisation length in (22): here Young's
     # modulus converts the compliance to a length.
@@ -188,8 +194,8 @@ def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
 def _check_parts(domain: Domain, parameters: Parameters) -> None:
     """Raise InputError for unknown boundary parts, and where Gamma_C and Gamma_D overlap."""
     contacts = [domain.facets(part.on, f"{part.key}.on") for part in parameters.contacts]
-    for i, condition in enumerate(parameters.loads.displacements):
-        key = f"loads.displacements.{i}.on"
+    for place, condition in parameters.loads.held():
+        key = ".".join(["loads", *map(str, place), "on"])
         facets = domain.facets(condition.on, key)
         both = sum(len(np.intersect1d(facets, contact)) for contact in contacts)
         if domain.comm.allreduce(both):
@@ -209,6 +215,17 @@ def _conditions(domain: Domain, loads: LoadParameters, clock: Clock) -> list[Com
                 timed = is_timed(parse(value, (*AXES, TIME)))
                 field = partial(_at_present, domain.comm, value, key, clock)
                 wanted.append(ComponentCondition(condition.on, j, field, key, timed))
+    return wanted
+
+
+def _supports(domain: Domain, loads: LoadParameters, clock: Clock) -> list[Support]:
+    wanted = []
+    for i, support in enumerate(loads.supports):
+        key = f"loads.supports.{i}"
+        field = partial(_at_present, domain.comm, support.value, f"{key}.value", clock)
+        along = None if support.along == "normal" else support.along
+        timed = is_timed(parse(support.value, (*AXES, TIME)))
+        wanted.append(Support(support.on, along, field, key, timed))
     return wanted
 
 

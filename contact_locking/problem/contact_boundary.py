@@ -75,8 +75,6 @@ def build_contacts(
     friction for a contact that has none in the file.  Raises InputError for a foundation behind
     Gamma_C, for a negative friction coefficient, and for an element that has no contact.
     """
-    u = fem.Function(space)
-    free_dofs = constraints.free_dofs(u)
     limited = element.trace.limited_space(space)
     found = []
     for given in parameters.contacts:
@@ -84,7 +82,7 @@ def build_contacts(
         gap, normals = _foundation_from(surface, given, clock.now)
         kind = "gap" if given.foundation is None else "foundation"
         warnings += about_the_gap(domain, gap, f"{given.key}.{kind}")
-        free = surface.free_nodes(normals, free_dofs)
+        free = surface.free_nodes(normals, constraints)
         regularisation = given.friction.regularisation
         bound = FrictionBound(
             surface,

@@ -13,16 +13,16 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem import compiled, forms
-from contact_locking.problem.conditions import (
-    Constraints,
+from contact_locking.problem.conditions import Constraints
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.rigid_motions import (
     check_held,
     describe_motion,
     free_motions,
     rigid_motions,
     sliding_motions,
 )
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.domain import Domain
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Held:
     name: str
     displacements: tuple[str, ...]
     contact: tuple[str, ...]
+    supports: tuple[str, ...]
     free: int
     sliding: int
 
@@ -43,6 +44,8 @@ class Held:
         words = []
         if self.displacements:
             words.append(f"displacements on {', '.join(self.displacements)}")
+        if self.supports:
+            words.append(f"supports on {', '.join(self.supports)}")
         if self.contact and self.free:
             friction = " and friction" if self.sliding else ""
             words.append(f"contact{friction} on {', '.join(self.contact)}")
@@ -70,6 +73,7 @@ def check_parts_held(
             raise InputError(
                 f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
             ) from None
+        supports = [part for item in loads.supports for part in item.on]
         on = [part for item in loads.displacements for part in item.on]
         touching = [part for contact in data.contacts for part in contact.on]
         found.append(
@@ -77,6 +81,7 @@ def check_parts_held(
                 name,
                 _touching(domain, number, list(dict.fromkeys(on))),
                 _touching(domain, number, list(dict.fromkeys(touching))),
+                _touching(domain, number, list(dict.fromkeys(supports))),
                 int(motions.free.shape[1]),
                 sliding_motions(motions.normals).shape[1],
             )

@@ -11,13 +11,14 @@ import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
-from contact_locking.problem.conditions import Constraints, rigid_motions
+from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.joint_forms import JointForm
+from contact_locking.problem.rigid_motions import rigid_motions
 from contact_locking.problem.surface import NodalAverage
 
 # The rounding of a sum of products is a few times this share of the summands.
@@ -132,33 +133,40 @@ class PenalisedSystem:
         return nullspace
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """``f = F(x)``, zero at constrained dofs; sets ``u = x``; collective."""
+        """``f``, the free part of ``F(x)``; sets ``u = x``; collective."""
         self.set_displacement(x)
         self.assemble_free(self._residual, f)
 
     def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
-        """The tangent at ``x``, rows and columns of constrained dofs replaced by the identity.
+        """The tangent at ``x``, see :meth:`assemble_tangent`.
 
         The matrix is declared symmetric positive definite each time, because PETSc forgets this
         property with new values, and MUMPS would then look for pivots.  Collective.
         """
         self.set_displacement(x)
-        self._tangent.assemble_matrix(matrix, self._constraints.conditions)
+        self.assemble_tangent(self._tangent, matrix)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
 
-    @property
-    def conditions(self) -> list[fem.DirichletBC]:
-        return self._constraints.conditions
+    def assemble_tangent(self, form: JointForm, matrix: PETSc.Mat) -> None:
+        """Assemble a bilinear form, with the identity for what the conditions hold; collective."""
+        self._constraints.assemble_matrix(form, matrix)
 
-    def free_dofs(self) -> FloatArray:
-        """1 at free and 0 at constrained local dofs of ``u``, ghosts included."""
-        return self._constraints.free_dofs(self.u)
+    def free_part(self, values: FloatArray) -> FloatArray:
+        """Local or owned values of a displacement without what the conditions prescribe."""
+        return self._constraints.free_part(values)
+
+    def free_nodes(self) -> BoolArray:
+        """Whether each owned node has a free direction."""
+        return self._constraints.free_nodes()
+
+    def held_part(self, values: FloatArray) -> FloatArray:
+        """What the conditions prescribe of local or owned values of a displacement."""
+        return self._constraints.held_part(values)
 
     def assemble_free(self, form: JointForm, f: PETSc.Vec) -> None:
-        """Assemble a linear form into ``f``, with zero at constrained dofs; collective."""
+        """Assemble the free part of a linear form into ``f``; collective."""
         self._assemble(form)
-        self._work.x.array[self._constraints.dofs] = 0.0
-        f.array_w[:] = self._work.x.array[: self._owned]
+        f.array_w[:] = self.free_part(self._work.x.array[: self._owned])
 
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, or :meth:`above_rounding`.

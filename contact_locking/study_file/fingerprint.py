@@ -61,8 +61,10 @@ def _normalised(
             # A body with the ball alone keeps the fingerprint that it had before.
             del section["locking"]
     if not parameters.loads.pressures:
-        # A body without pressures keeps the fingerprint that it had before.
+        # A body without pressures or supports keeps the fingerprint that it had before.
         del data["loads"]["pressures"]
+    if not parameters.loads.supports:
+        del data["loads"]["supports"]
     if parameters.steps is None:
         # One static load keeps the fingerprint that it had before there were steps.
         del data["steps"]

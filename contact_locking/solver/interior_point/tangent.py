@@ -37,7 +37,6 @@ class Tangent:
         space = system.u.function_space
         self._dim = system.dim
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self._free = system.free_dofs()[: self._owned]
         self.energy = self.force_scale = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         elastic = forms.elastic_form(du, v, data)
@@ -89,7 +88,7 @@ class Tangent:
         self._find_residual(reactions)
         self._right.scale(-1.0)
         self._linear.solve(self._right, self._step, accuracy * self.force_scale)
-        return self._step.array_r * self._free
+        return self.system.free_part(self._step.array_r)
 
     def elastic_parts(
         self, accuracy: float, reactions: Iterable[Reaction]
@@ -159,7 +158,7 @@ class Tangent:
             item.destroy()
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
-        self._form.assemble_matrix(matrix, self.system.conditions)
+        self.system.assemble_tangent(self._form, matrix)
 
     def _stiff_part(self) -> StiffPart:
         """What the filter of the multigrid takes; collective."""
@@ -176,7 +175,7 @@ class Tangent:
         """The owned nodes with something free that are stiffer than the material; collective."""
         found = (family.stiff_nodes(factor, self._material) for family in self.families)
         nodes = functools.reduce(np.union1d, found)
-        is_free = np.any(self._free.reshape(-1, self._dim) > 0.0, axis=1)
+        is_free = self.system.free_nodes()
         return nodes[is_free[nodes]].astype(np.int32)
 
     def _find_residual(self, reactions: Iterable[Reaction]) -> None:
@@ -188,7 +187,7 @@ class Tangent:
             reaction.add_to(self._right)
         # PETSc keeps the norm of a vector until the array is given back.
         with self._right as right:
-            right *= self._free
+            right[:] = self.system.free_part(np.asarray(right))
 
     def _solve_for(
         self, reactions: Iterable[Reaction], sign: float, accuracy: float, is_rough: bool = False
@@ -200,4 +199,4 @@ class Tangent:
         self._answer.set(0.0)
         if self._right.norm() > 0.0:
             self._linear.solve(self._right, self._answer, residual, is_rough)
-        return self._answer.array_r * self._free
+        return self.system.free_part(self._answer.array_r)
