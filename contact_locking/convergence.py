@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import ufl
 from dolfinx import fem
 
 from contact_locking import _compat
 from contact_locking.errors import InputError
 from contact_locking.files.atomic import write_text
 from contact_locking.laws.convex import squared_norm
-from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.domain import Domain
 from contact_locking.results.derived import integral
@@ -48,8 +46,8 @@ class Norms:
 
 def norms(w: fem.Function, domain: Domain, contact: tuple[str, ...] = ()) -> Norms:
     """The norms of a displacement; ``contact`` names the parts of Gamma_C.  Collective."""
-    dx = ufl.Measure("dx", domain=domain.mesh)
-    squares = [integral(domain, squared_norm(f) * dx) for f in (strain(w), w)]
+    strain = domain.kinematics.strain(w)
+    squares = [integral(domain, squared_norm(f) * domain.dx()) for f in (strain, w)]
     squares.append(integral(domain, squared_norm(w) * domain.ds(contact)) if contact else 0.0)
     return Norms(*(math.sqrt(square) for square in squares))
 

@@ -19,6 +19,7 @@ from contact_locking.checkpoint.saved_steps import saved_steps
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
+from contact_locking.problem import assembly
 from contact_locking.problem.assembly import Problem, assemble
 from contact_locking.problem.domain import Domain
 from contact_locking.results.solution import Solution
@@ -145,9 +146,7 @@ def _static(
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
     """The facts and warnings of the assembled problem, without a solve; collective."""
     require_usable_options(parameters)
-    problem = assemble(parameters, comm)
-    problem.close()
-    return {**problem.facts(), "warnings": problem.warnings}
+    return assembly.check(parameters, comm)
 
 
 def _measure_against_limit(

@@ -5,19 +5,17 @@ from __future__ import annotations
 import contextlib
 import gc
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
 from mpi4py import MPI
 
 from contact_locking import checkpoint as checkpoints
 from contact_locking import plotting, report, study_file
-from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom, explained
+from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom
 from contact_locking.files import atomic
-from contact_locking.files.lock import locked, make_folders, new_folders
-from contact_locking.parallel import on_root
+from contact_locking.files.lock import make_folders
 from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
 from contact_locking.results.names import (
     CONTACT,
@@ -32,57 +30,16 @@ from contact_locking.results.names import (
     SUMMARY,
     XDMF,
     XDMF_DATA,
-    not_writable,
 )
+from contact_locking.results.output_folder import TEXTS_BYTES, explained_in, on_root_of
 from contact_locking.results.solution import Solution
 from contact_locking.results.summary import summary_text
 
-T = TypeVar("T")
-
-KEY = "output.directory"
 # The summary is the last file: a folder with a summary has all other files.
 _ORDER = (
     *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
     *(PROBES, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY),
 )
-
-# More than the size of a summary, the parameters and some hundred contact points.
-_TEXTS_BYTES = 65_536
-
-
-@contextlib.contextmanager
-def reserved(directory: str | Path, comm: MPI.Intracomm) -> Iterator[None]:
-    """Keep ``directory`` for the results of one run; collective.
-
-    Enter the block before the solve, which may take hours.  The unfinished files of a killed run
-    are removed, and a new folder is removed again if no file is written.  Raises the errors of
-    `prepare`, and InputError if another run or a study writes to the folder.
-    """
-    target = Path(directory)
-    with contextlib.ExitStack() as stack:
-
-        def attempt() -> None:
-            stack.enter_context(new_folders(target))
-            stack.enter_context(locked(target, "run"))
-            atomic.remove_abandoned(target)
-            _require_writable(target)
-
-        on_root_of(comm, target, attempt)
-        yield
-
-
-def prepare(directory: str | Path, comm: MPI.Intracomm) -> None:
-    """Raise InputError if results cannot be written to ``directory``; leave no trace; collective.
-
-    Raises ContactLockingError if the disk has no room for the text files.
-    """
-    target = Path(directory)
-
-    def attempt() -> None:
-        with new_folders(target):
-            _require_writable(target)
-
-    on_root_of(comm, target, attempt)
 
 
 class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
@@ -150,7 +107,7 @@ def write(
         elif wanted.fields and "vtx" in wanted.formats:
             _write_fields(solution, target, staging / FIELDS)
         if wanted.fields and "xdmf" in wanted.formats:
-            with _explained(target) if comm.size == 1 else contextlib.nullcontext():
+            with explained_in(target) if comm.size == 1 else contextlib.nullcontext():
                 xdmf.write(solution, staging / XDMF, comm)
         if wanted.picture:
             try:
@@ -199,12 +156,6 @@ def save_at(solution: Solution, directory: Path, place: Path) -> None:
         on_root_of(comm, directory, lambda: atomic.put_in_place(whole, place))
 
 
-def _require_writable(directory: Path) -> None:
-    """Raise OSError if the folder has no room for the text files; leave no trace."""
-    with atomic.staging(directory) as folder:
-        atomic.require_room(folder, _TEXTS_BYTES)
-
-
 def _write_fields(solution: Solution, target: Path, path: Path) -> None:
     """Write fields.bp, if the disk has room for the file; collective."""
     comm, functions = solution.domain.comm, fields.discontinuous(solution)
@@ -232,7 +183,7 @@ def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
 def _write_checkpoint(solution: Solution, target: Path, staging: Path) -> None:
     folder, comm = staging / checkpoints.NAME, solution.domain.comm
     # The text files are written later and need room as well.
-    size = checkpoints.size(solution) + _TEXTS_BYTES
+    size = checkpoints.size(solution) + TEXTS_BYTES
 
     def make_folder() -> None:
         atomic.require_room(staging, size)
@@ -258,34 +209,19 @@ def _write_texts(solution: Solution, folder: Path) -> None:
         contact_table.write_facets(facets, stream)
 
 
-def _explained(directory: Path) -> contextlib.AbstractContextManager[None]:
-    """Raise an error about the folder of the results in place of an OSError."""
-    return explained(not_writable(directory), directory, KEY)
-
-
 def _explained_alone(
     directory: Path, comm: MPI.Intracomm
 ) -> contextlib.AbstractContextManager[None]:
-    """`_explained` on one rank.
+    """`explained_in` on one rank.
 
     On several ranks the other ranks may wait inside ADIOS2, where no error reaches them: there the
     OSError of one rank has to end all ranks.
     """
-    return _explained(directory) if comm.size == 1 else contextlib.nullcontext()
+    return explained_in(directory) if comm.size == 1 else contextlib.nullcontext()
 
 
 def _move(source: Path, target: Path) -> None:
     source.rename(target)
-
-
-def on_root_of(comm: MPI.Intracomm, directory: Path, work: Callable[[], T]) -> T:
-    """`on_root` with an error about the folder in place of an OSError; collective."""
-
-    def attempt() -> T:
-        with _explained(directory):
-            return work()
-
-    return on_root(comm, attempt)
 
 
 @contextlib.contextmanager

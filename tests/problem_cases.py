@@ -294,3 +294,18 @@ INFEASIBLE: dict[str, Case] = {
         Truth(admissible=False),
     ),
 }
+
+# Studies whose penalised solutions have forces in proportion to the penalty.
+WEDGED: dict[str, Case] = {
+    "friction wedges a locked block between its sides and the foundation": Case(
+        study(
+            _block(1.0, 1.0, h=0.25, structured=True),
+            {"displacements": [clamp(2), {"on": "right", "value": [0.00773175, -0.01114484]}]},
+            limit=0.02,
+            gap=0.002,
+            friction=0.8,
+            smoothing={"kernel": "none"},
+        ),
+        Truth(admissible=True),
+    ),
+}

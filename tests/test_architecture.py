@@ -134,3 +134,21 @@ def test_study_files_and_reports_are_read_without_dolfinx() -> None:
     script += "print({'dolfinx', 'mpi4py', 'petsc4py', 'ufl', 'gmsh'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("set()\n", "")
+
+
+def test_check_imports_neither_solvers_nor_results_nor_pictures() -> None:
+    """They would take a third of the time of the command."""
+    script = """
+import contextlib, io, sys
+from contact_locking.command import cli
+with contextlib.redirect_stdout(io.StringIO()):
+    code = cli.main(["check", "demos/block.yml"])
+heavy = ("solver", "certificate", "steps", "solving", "writing", "plotting", "report", "checkpoint")
+loaded = {f"contact_locking.{name}" for name in heavy} & set(sys.modules)
+print(code, loaded | {"matplotlib", "scipy.optimize", "pyvista", "jinja2"} & set(sys.modules))
+"""
+    root = PACKAGE.parent
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=root, check=True
+    )
+    assert done.stdout == "0 set()\n"

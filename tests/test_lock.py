@@ -15,11 +15,11 @@ from mpi4py import MPI
 from problems import SMALL_BLOCK
 from study_folder import Folder, wait_for
 
-from contact_locking import writing
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.files.atomic import remove_abandoned, staging
 from contact_locking.files.lock import locked, make_folders, new_folders
+from contact_locking.results import output_folder
 
 pytestmark = pytest.mark.serial
 
@@ -175,7 +175,7 @@ def test_folders_that_stay_empty_go_again(tmp_path: Path) -> None:
 
 def test_a_path_may_be_as_deep_as_the_system_allows(tmp_path: Path) -> None:
     deep = tmp_path / Path(*["a"] * 1700)
-    writing.prepare(deep, MPI.COMM_SELF)
+    output_folder.prepare(deep, MPI.COMM_SELF)
     assert list(tmp_path.iterdir()) == []
     made = make_folders(deep)
     assert len(made) == 1700

@@ -17,7 +17,7 @@ from solutions import made_up
 
 from contact_locking import plotting, study_file, writing
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.results import fields
+from contact_locking.results import fields, output_folder
 from contact_locking.results.solution import Solution
 
 TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
@@ -150,7 +150,7 @@ def test_the_parameters_load_back_equal(folder: Path, comm: MPI.Intracomm) -> No
 def test_a_writable_folder_is_found_so_and_left_as_it_was(
     folder: Path, comm: MPI.Intracomm
 ) -> None:
-    writing.prepare(folder / "a" / "b", comm)
+    output_folder.prepare(folder / "a" / "b", comm)
     assert listing(folder, comm) == set()
 
 
@@ -160,7 +160,7 @@ def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(
     if comm.rank == 0:
         (folder / "file").write_text("in the way")
     with pytest.raises(InputError, match="cannot be written to") as caught:
-        writing.prepare(folder / "file" / "results", comm)
+        output_folder.prepare(folder / "file" / "results", comm)
     assert caught.value.key == "output.directory"
     assert listing(folder, comm) == {"file"}
 

@@ -16,7 +16,7 @@ from contact_locking import Solution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.foundation import Foundation
 from contact_locking.parameters import rigid_body
-from contact_locking.problem.contact_boundary import FOUNDATIONS
+from contact_locking.problem.obstacles import FOUNDATIONS
 from contact_locking.results.contact_points import OPEN
 
 GAP = 0.005
@@ -138,4 +138,4 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
 
 
 def test_every_foundation_of_the_study_file_has_a_class() -> None:
-    assert set(FOUNDATIONS) == set(rigid_body.Foundation.model_fields)
+    assert set(FOUNDATIONS) == set(rigid_body.SHAPES)

@@ -107,9 +107,9 @@ WRONG = [
     ("material.elasticity", {"lambda": 1, "mu": 0}, "mu: must be > 0"),
     ("material.elasticity", {"lambda": -1, "mu": 1}, r"2 lambda \+ 2 mu = 0 must be > 0 in 2D"),
     ("material.elasticity", {"young": 1, "mu": 1}, "not young, mu together"),
-    ("material.elasticity.stiffness", [[1, 2], [2, 1]], "3x3 or 6x6"),
+    ("material.elasticity.stiffness", [[1, 2], [2, 1]], "3x3, 4x4 or 6x6"),
     ("material.elasticity.stiffness", [[1, 0, 0], [0, 1], [0, 0, 1]], r"lengths \[3, 2, 3\]"),
-    ("material.elasticity.stiffness", [], "3x3 or 6x6"),
+    ("material.elasticity.stiffness", [], "3x3, 4x4 or 6x6"),
     (
         "material.elasticity.stiffness",
         [[1, 0, 0], [0.5, 1, 0], [0, 0, 1]],

@@ -14,8 +14,9 @@ import pytest
 from mpi4py import MPI
 from problem_cases import INFEASIBLE as INFEASIBLE_CASES
 from problem_cases import SOLVED as SOLVED_CASES
+from problem_cases import WEDGED as WEDGED_CASES
 from sweep.case import Study, clamp, study
-from sweep.solve import INFEASIBLE, SOLVED, outcome_of_case
+from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
 
 from contact_locking import solving
 from contact_locking.parameters import Parameters
@@ -40,6 +41,13 @@ def test_this_problem_is_solved(name: str) -> None:
 def test_this_problem_has_no_solution(name: str) -> None:
     outcome = outcome_of_case(INFEASIBLE_CASES[name])
     assert outcome.kind == INFEASIBLE, outcome.reason
+
+
+@pytest.mark.parametrize("name", WEDGED_CASES)
+def test_this_problem_is_told_to_have_forces_that_grow_with_the_penalty(name: str) -> None:
+    outcome = outcome_of_case(WEDGED_CASES[name], checks=False)
+    assert outcome.kind == WEDGED, outcome.reason
+    assert "there seems to be no equilibrium" in outcome.reason
 
 
 @pytest.mark.parametrize(

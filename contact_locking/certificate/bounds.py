@@ -19,7 +19,6 @@ from contact_locking.certificate.elliptic import (
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.convex import squared_norm
-from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem import forms
 from contact_locking.results.derived import integral
@@ -93,7 +92,7 @@ def _measured(state: SolvedState) -> dict[str, float]:
     values = {"displacement_norm": norm(state, u)}
     penalty = state.target.penalty
     if np.isfinite(penalty.n):
-        excess = sum(item.energy(strain(u), 1.0) for item in data.sets)
+        excess = sum(item.energy(data.strain(u), 1.0) for item in data.sets)
         values["locking_penalty"] = 2.0 * penalty.n * integral(domain, excess * data.locking_dx)
     if state.contacts and penalty.epsilon > 0.0:
         entered = [np.maximum(fields.u_normal - fields.gap, 0.0) for fields in state.contacts]
@@ -113,7 +112,8 @@ def _locking_work(state: SolvedState) -> float:
 def norm(state: SolvedState, u: fem.Function) -> float:
     """``|u|_V = |eps(u)|`` in L2 (10); collective."""
     data = state.problem.data
-    return float(np.sqrt(integral(state.problem.domain, squared_norm(strain(u)) * data.dx)))
+    square = squared_norm(data.strain(u)) * data.element.elastic_dx(data.dx)
+    return float(np.sqrt(integral(state.problem.domain, square)))
 
 
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
@@ -154,7 +154,8 @@ def _room_to_lock(state: SolvedState, w: fem.Function | None) -> float:
     """``1 - max |eps(w)|/M`` over all sets of strains, at least 0; 1 without w; collective."""
     if w is None:
         return 1.0
-    ratios = [item.reach(item.measured(strain(w))) / item.limit for item in state.points.sets]
+    eps = state.problem.data.strain(w)
+    ratios = [item.reach(item.measured(eps)) / item.limit for item in state.points.sets]
     return max(1.0 - max(maximum(state.comm, ratio) for ratio in ratios), 0.0)
 
 
@@ -213,7 +214,7 @@ def dual_norm(state: SolvedState, w: fem.Function | None = None) -> float:
     """
     space, data = state.problem.u.function_space, state.problem.data
     constraints = state.problem.constraints
-    with elliptic_problem(state, inner_product(space, data.dx), constraints) as problem:
+    with elliptic_problem(state, inner_product(space, data), constraints) as problem:
         return norm(state, problem.solve(_load(state, w)))
 
 

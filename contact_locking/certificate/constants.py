@@ -134,7 +134,7 @@ def trace_constant(state: SolvedState) -> float:
     traces = sum(ufl.inner(w, v) * contact.surface.ds for contact in data.contacts)
     surface = petsc.assemble_matrix(compiled.form(traces))
     surface.assemble()
-    with elliptic_problem(state, inner_product(space, data.dx), constraints) as problem:
+    with elliptic_problem(state, inner_product(space, data), constraints) as problem:
         # The held part keeps the identity in the V product and has no trace.
         mask = surface.createVecLeft()
         mask.array_w[:] = constraints.free_dofs()[: mask.getLocalSize()]

@@ -11,7 +11,6 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.elasticity import strain
 from contact_locking.problem import forms
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.joint_forms import JointForm, action
@@ -92,10 +91,10 @@ def elliptic_problem(
         problem.destroy()
 
 
-def inner_product(space: fem.FunctionSpace, dx: ufl.Measure) -> Expr:
+def inner_product(space: fem.FunctionSpace, data: forms.ProblemData) -> Expr:
     """``(w, v)_V = int eps(w) : eps(v)`` (10)."""
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
-    return ufl.inner(strain(w), strain(v)) * dx
+    return ufl.inner(data.strain(w), data.strain(v)) * data.element.elastic_dx(data.dx)
 
 
 def elasticity(state: SolvedState) -> Expr:

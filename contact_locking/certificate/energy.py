@@ -1,23 +1,29 @@
 """The energy balance of a step: work of the loads, stored energy, and work lost in friction.
 
-With the external forces F_k at the nodes (loads and reactions) and ``d = u_k - u_{k-1}``, the loads
-and the moving foundations do the work
+With the external forces F_k at the nodes (loads and reactions), ``d = u_k - u_{k-1}`` and the
+motion ``m`` of the foundations in the step, the loads and the moving foundations do the work
 
-    W_k = F_k . d - int p_k (g_k - g_{k-1}),
+    W_k = F_k . d - int p_k (h_k(u_{k-1}) - h_{k-1}(u_{k-1})) - int t_k . m
 
-the body stores ``E_k = a(u_k, u_k)/2 + n int ([|eps| - M]^+)^2 + int ([u_nu - g]^+)^2/(2 eps)``,
-and friction dissipates ``D_k = int t_k . d_tau >= 0`` with ``t = -sigma_tau``.  The rest,
+with the room ``h_k(v) = g_k - v . nu_k`` between body and foundation, whose normal may change, and
+``t = -sigma_tau``.  The body stores
+``E_k = a(u_k, u_k)/2 + n int ([|eps| - M]^+)^2 + int ([-h_k(u_k)]^+)^2/(2 eps)``,
+and friction dissipates ``D_k = int t_k . (d - m) >= 0``.  The rest,
 
     N_k = W_k - (E_k - E_{k-1}) - D_k,
 
 is the numerical dissipation of the implicit Euler step.  Because ``E`` is convex in the strain and
-in the penetration ``u_nu - g``, equilibrium at ``t_k`` tested with d gives the lower bound, and
+in the penetration ``-h``, equilibrium at ``t_k`` tested with d gives the lower bound, and
 equilibrium at ``t_{k-1}`` tested with d, where ``|t_{k-1}| <= G_{k-1}``, gives the upper bound of
 
-    a(d, d)/2 <= N_k <= W_k - V_k - a(d, d)/2 + int G_{k-1} |d_tau| - D_k,
+    a(d, d)/2 <= N_k <= W_k - V_k - a(d, d)/2 + int G_{k-1} |(d - m)_tau| - D_k
 
-with ``V_k = F_{k-1} . d - int p_{k-1} (g_k - g_{k-1})``.  The bounds hold for the discrete problem
-on every mesh, for every n up to infinity, and for every size of the step.
+with the tangential part at ``t_{k-1}`` and
+
+    V_k = F_{k-1} . d - int p_{k-1} (h_k(u_k) - h_{k-1}(u_k)) - int t_{k-1} . m.
+
+The bounds hold for the discrete problem on every mesh, for every n up to infinity, and for every
+size of the step.
 """
 
 from __future__ import annotations
@@ -34,25 +40,65 @@ from contact_locking.certificate.balances import nodal_forces
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.laws import law_limit
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.elasticity import strain
 from contact_locking.problem import forms
 from contact_locking.results.derived import ContactFields, integral
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One contact in equilibrium: nodal weights (k,), zero at held nodes, and what acts there.
+
+    ``displacement`` (k, d) are limited values, ``normal`` (k, d) is the contact normal, and
+    ``traction`` (k, d) is ``sigma_tau``; gap, pressure and friction bound are (k,).
+    """
+
+    weights: FloatArray
+    displacement: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+    pressure: FloatArray
+    traction: FloatArray
+    bound: FloatArray
+
+    @classmethod
+    def of(cls, fields: ContactFields) -> Touch:
+        """The contact of a solved state."""
+        return cls(
+            weights=_weights(fields),
+            displacement=fields.u_normal[:, None] * fields.normal + fields.u_tangent,
+            normal=fields.normal,
+            gap=fields.gap,
+            pressure=fields.pressure,
+            traction=fields.traction,
+            bound=fields.bound,
+        )
+
+    @classmethod
+    def at_rest(cls, fields: ContactFields) -> Touch:
+        """The contact before the first step, where an obstacle that would overlap touches."""
+        vectors, scalars = np.zeros_like(fields.normal), np.zeros_like(fields.gap)
+        gap = np.maximum(fields.gap, 0.0)
+        return cls(
+            _weights(fields), vectors, fields.normal, gap, scalars, vectors.copy(), scalars.copy()
+        )
+
+    def room(self, displacement: FloatArray) -> FloatArray:
+        """``h(v) = gap - v . nu`` (k,) of a displacement v (k, d)."""
+        return np.asarray(self.gap - np.sum(displacement * self.normal, axis=1))
 
 
 @dataclass(frozen=True)
 class Moment:
     """A state in equilibrium at one time, for the energy balance with the next state.
 
-    ``displacement`` holds local values, ``forces`` the external forces at the owned dofs.  For each
-    contact there are the gap, the pressure and the friction bound (k,).  ``stored`` is the stored
-    energy, and ``work`` the work that defects are relative to.
+    ``displacement`` holds local values, ``forces`` the external forces at the owned dofs.
+    ``contacts`` has what acts at each contact.  ``stored`` is the stored energy, and ``work`` the
+    work that defects are relative to.
     """
 
     displacement: FloatArray
     forces: FloatArray
-    gaps: tuple[FloatArray, ...]
-    pressures: tuple[FloatArray, ...]
-    bounds: tuple[FloatArray, ...]
+    contacts: tuple[Touch, ...]
     stored: float
     work: float
 
@@ -62,9 +108,7 @@ class Moment:
         return cls(
             displacement=state.problem.u.x.array.copy(),
             forces=_external_forces(state),
-            gaps=tuple(fields.gap for fields in state.contacts),
-            pressures=tuple(fields.pressure for fields in state.contacts),
-            bounds=tuple(fields.bound for fields in state.contacts),
+            contacts=tuple(Touch.of(fields) for fields in state.contacts),
             stored=_stored(state),
             work=state.work,
         )
@@ -83,9 +127,8 @@ class Moment:
             v = ufl.TestFunction(u.function_space)
             forces = nodal_forces(forms.own_forces(rest, v, data))[: len(forces)]
             stored = integral(state.problem.domain, data.own_energy(rest))
-        nothing = tuple(np.zeros_like(fields.gap) for fields in state.contacts)
-        gaps = tuple(np.maximum(fields.gap, 0.0) for fields in state.contacts)
-        return cls(rest.x.array.copy(), forces, gaps, nothing, nothing, stored, 0.0)
+        contacts = tuple(Touch.at_rest(fields) for fields in state.contacts)
+        return cls(rest.x.array.copy(), forces, contacts, stored, 0.0)
 
 
 @dataclass(frozen=True)
@@ -130,31 +173,51 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     moved = step.x.array[: len(after.forces)]
     quadratic = integral(state.problem.domain, 0.5 * forms.elastic_form(step, step, data))
     dissipated = sum(_friction_work(state, fields) for fields in state.contacts)
+    places = list(zip(state.contacts, before.contacts, after.contacts, strict=True))
     resisted = sum(
-        state.sum(_weights(fields) * bound * np.linalg.norm(fields.increment, axis=1))
-        for fields, bound in zip(state.contacts, before.bounds, strict=True)
+        state.sum(old.weights * old.bound * _slid(old, new, fields.drag))
+        for fields, old, new in places
     )
 
-    def work_of(moment: Moment) -> float:
+    def work_of(moment: Moment, at: Moment) -> float:
+        """The work of the forces of a moment, with the change of the room at a displacement."""
         total = state.sum(moment.forces * moved)
-        for fields, pressure, old, new in zip(
-            state.contacts, moment.pressures, before.gaps, after.gaps, strict=True
+        for (fields, old, new), acting, placed in zip(
+            places, moment.contacts, at.contacts, strict=True
         ):
-            total -= state.sum(_weights(fields) * pressure * (new - old))
+            opened = new.room(placed.displacement) - old.room(placed.displacement)
+            total -= state.sum(acting.weights * acting.pressure * opened)
+            if fields.contact.obstacle.moves:
+                total += state.sum(acting.weights * _dragged(acting, fields))
         return total
 
-    work, earlier = work_of(after), work_of(before)
+    work, earlier = work_of(after, before), work_of(before, after)
     change = after.stored - before.stored
     numerical = work - change - dissipated
     highest = work - earlier - quadratic + resisted - dissipated
     outside = max(quadratic - numerical, numerical - highest, 0.0)
     size = max(after.work, before.work, state.sum(np.abs(after.forces * moved)))
+    for fields, _, acting in places:
+        if fields.contact.obstacle.moves:
+            size = max(size, state.sum(np.abs(acting.weights * _dragged(acting, fields))))
     defect = outside / size if size > 0.0 else outside
     return EnergyBalance(work, after.stored, change, dissipated, numerical, defect), after
 
 
+def _dragged(acting: Touch, fields: ContactFields) -> FloatArray:
+    """``sigma_tau . m`` (k,)."""
+    return np.asarray(np.sum(acting.traction * fields.drag, axis=1))
+
+
+def _slid(old: Touch, new: Touch, drag: FloatArray) -> FloatArray:
+    """``|(d - m)_tau|`` (k,), tangential to the foundation before the step."""
+    slid = new.displacement - old.displacement - drag
+    along = np.sum(slid * old.normal, axis=1)
+    return np.asarray(np.linalg.norm(slid - along[:, None] * old.normal, axis=1))
+
+
 def _weights(fields: ContactFields) -> FloatArray:
-    return fields.surface.weights * fields.contact.free
+    return np.asarray(fields.surface.weights * fields.free)
 
 
 def _friction_work(state: SolvedState, fields: ContactFields) -> float:
@@ -165,7 +228,7 @@ def _friction_work(state: SolvedState, fields: ContactFields) -> float:
 def _stored(state: SolvedState) -> float:
     """``E``, with a user's own energy; collective."""
     penalty, points = state.target.penalty, state.points
-    eps = strain(state.problem.u)
+    eps = state.problem.data.strain(state.problem.u)
     total = state.energy
     if np.isfinite(penalty.n):
         for item in points.sets:
@@ -186,7 +249,7 @@ def _external_forces(state: SolvedState) -> FloatArray:
     u, data, owned = problem.u, problem.data, _owned(state)
     v = ufl.TestFunction(u.function_space)
     load = nodal_forces(forms.external_work(v, data))
-    stress = ufl.inner(state.body.locking_stress, strain(v)) * data.locking_dx
+    stress = ufl.inner(state.body.locking_stress, data.strain(v)) * data.locking_dx
     inner = nodal_forces(forms.elastic_form(u, v, data)) + nodal_forces(stress)
     if data.own_energy is not None:
         inner += nodal_forces(forms.own_forces(u, v, data))

@@ -12,7 +12,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.patch_recovery import EDGES, PatchRecovery
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
+from contact_locking.laws.elasticity import mandel_factor
 from contact_locking.problem import gauss_points
 
 
@@ -42,11 +42,12 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     between cells on every mesh, while the strain hardly does.  Raises NotApplicable for an element
     whose strain is not determined by the values at its points.  Collective.
     """
-    points, m = state.points, len(MANDEL_PAIRS[state.dim])
-    elastic, strain = _mandel(points.of(state.body.elastic_stress)), _mandel(points.strain)
-    total = elastic + _mandel(points.locking_stress)
+    points, element = state.points, state.problem.element
+    pairs = element.kinematics.mandel_pairs(state.dim)
+    m = len(pairs)
+    elastic = _mandel(points.of(state.body.elastic_stress), pairs)
+    total, strain = elastic + _mandel(points.locking_stress, pairs), _mandel(points.strain, pairs)
     values = np.concatenate([total, elastic, strain], axis=1)
-    element = state.problem.element
     if element.degree == 1:
         defect = _recovered(state, values) - values[:, None, :]
         cell_volumes = points.weights
@@ -110,8 +111,7 @@ def _mass(dim: int, degree: int) -> FloatArray:
     return np.asarray(basis.T @ (weights[:, None] * basis) / weights.sum())
 
 
-def _mandel(tensors: FloatArray) -> FloatArray:
-    pairs = MANDEL_PAIRS[tensors.shape[1]]
+def _mandel(tensors: FloatArray, pairs: tuple[tuple[int, int], ...]) -> FloatArray:
     return np.stack([tensors[:, i, j] * mandel_factor(i, j) for i, j in pairs], axis=1)
 
 

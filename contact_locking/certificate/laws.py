@@ -17,7 +17,6 @@ import numpy as np
 
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.results.derived import ContactFields
 
@@ -101,7 +100,7 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     stress = min(state.mean_stress, 2.0 * n * state.mean_strain)
     products = violation = squares = 0.0
     for item in points.sets:
-        measured = item.measured(strain(state.problem.u))
+        measured = item.measured(state.problem.data.strain(state.problem.u))
         norm, size = item.reach(measured), item.size
         locks = np.isfinite(item.limit)
         # A point without a limit must not turn M |Z| into inf times 0.
@@ -177,7 +176,7 @@ def bound_change(state: SolvedState, fields: ContactFields) -> float:
     """
     contact = fields.contact
     wanted = contact.friction_bound(state.problem.u, fields.pressure)
-    size = max(contact.norm(wanted), state.target.least_bound(state.energy, state.dim))
+    size = max(contact.norm(wanted), state.target.least_bound(state.mean_strain, state.dim))
     change = contact.norm(np.where(contact.free, fields.bound - wanted, 0.0))
     return change / size if size > 0.0 else change
 
@@ -193,4 +192,4 @@ def smoothing_constants(fields: ContactFields) -> float:
 def _least_bound(state: SolvedState, fields: ContactFields) -> float:
     """The integral of a friction bound so small that it is not told from zero; collective."""
     area = state.sum(fields.surface.weights)
-    return state.target.least_bound(state.energy, state.dim) * float(np.sqrt(area))
+    return state.target.least_bound(state.mean_strain, state.dim) * float(np.sqrt(area))

@@ -15,7 +15,6 @@ from dolfinx import fem
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import EllipticProblem, NotApplicable, elasticity
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.problem.trace import make_nodal
 
@@ -103,7 +102,8 @@ class Lifting:
         state = self._state
         sets = state.points.sets
         excesses = [
-            item.reach(item.measured(strain(lifted))) - item.limit * (1.0 + _ROUNDING)
+            item.reach(item.measured(state.problem.data.strain(lifted)))
+            - item.limit * (1.0 + _ROUNDING)
             for item in sets
         ]
         if not all([self._nowhere(excess) for excess in excesses]):

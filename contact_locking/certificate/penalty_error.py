@@ -19,7 +19,6 @@ from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.convex import squared_norm
-from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.forms import ProblemData
@@ -90,7 +89,9 @@ def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[st
     return {
         "energy_norm": energy,
         "relative": energy / size if size > 0.0 else energy,
-        "displacement_norm": total(squared_norm(strain(difference)) * data.dx),
+        "displacement_norm": total(
+            squared_norm(data.strain(difference)) * data.element.elastic_dx(data.dx)
+        ),
     }
 
 
@@ -100,6 +101,7 @@ def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     Collective.  Raises NotApplicable if there is no such field.
     """
     start, back = lifting.admissible, lifting.push_back()
+    strain = state.problem.data.strain
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
     _check_entered(state, w)
@@ -158,7 +160,7 @@ def _gap(state: SolvedState, w: fem.Function) -> float:
     points = state.points
     total = 0.5 * energy_distance(state, w) ** 2
     for item in points.sets:
-        work = item.work(item.measured(strain(w)))
+        work = item.work(item.measured(state.problem.data.strain(w)))
         total += state.sum(points.weights * (item.support - work))
     for fields in state.contacts:
         normal, slip = fields.contact.split(w)[0], fields.contact.increment(w)

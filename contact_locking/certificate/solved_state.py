@@ -13,7 +13,6 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import Problem
@@ -117,7 +116,7 @@ class SolvedState:
 
 
 class StrainPoints:
-    """Values at the points of the strains in owned cells: tensors are (k, d, d), scalars (k,).
+    """Values at the points of the strains in owned cells: tensors are (k, m, m), scalars (k,).
 
     ``weights`` (k,) are the weights of the locking rule, and ``volume`` is the volume of the body.
     ``sets`` are the sets of strains; ``limit`` and ``locking_stress`` are M of the ball and the sum
@@ -128,15 +127,14 @@ class StrainPoints:
         domain, element = state.problem.domain, state.problem.element
         mesh, dim = domain.mesh, domain.dim
         self._owned = mesh.topology.index_map(dim).size_local
-        self._dim = dim
-        self._space = element.strain_space(mesh, (dim, dim))
+        self._space = element.tensor_space(mesh)
         scalar = self._scalar = element.strain_space(mesh)
         ones = compiled.form(ufl.TestFunction(scalar) * state.problem.data.locking_dx)
         self.weights = self.scalars(fem.assemble_vector(ones).array, scalar)
         self.volume = float(domain.comm.allreduce(float(self.weights.sum())))
         self.limit = self.scalars(state.problem.material.limit.x.array, scalar)
         self.locking_stress = self.of(state.body.locking_stress)
-        self.strain = self.interpolated(strain(state.problem.u))
+        self.strain = self.interpolated(element.strain(state.problem.u))
         pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)
         self.sets = [SetAtPoints(self, item, part) for item, part in pairs]
         # The limit of the ball without the rounding of 1/(1/M).

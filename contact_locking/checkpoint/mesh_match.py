@@ -29,7 +29,7 @@ def places(space: fem.FunctionSpace) -> fem.Function:
 def difference_in_size(record: Record, problem: Problem) -> str:
     """The difference in size between the two meshes, in words; empty if there is none.
 
-    Raises InputError if the elements differ.
+    Raises InputError if the elements differ, or if only one of the bodies is axisymmetric.
     """
     element = problem.element
     if record.degree != element.degree:
@@ -43,6 +43,13 @@ def difference_in_size(record: Record, problem: Problem) -> str:
             f"the checkpoint has the locking limit at {record.limit_at}, and the study has the "
             f"limit at {element.limit_at}; restart with discretisation.limit_at: {record.limit_at}",
             "discretisation.limit_at",
+        )
+    revolution = bool(record.mesh.get("axisymmetric", False))
+    if revolution != problem.domain.axisymmetric:
+        raise InputError(
+            f"the checkpoint is of a body that is {'' if revolution else 'not '}axisymmetric; "
+            f"restart with mesh.axisymmetric: {str(revolution).lower()}",
+            "mesh.axisymmetric",
         )
     nodes = int(problem.u.function_space.dofmap.index_map.size_global)
     here = (problem.domain.dim, problem.domain.num_cells, nodes)

@@ -55,14 +55,14 @@ def run(arguments: argparse.Namespace) -> int:
     study = _load(arguments.file, _overrides(arguments))
     comm = world_with_dolfinx(arguments)
     from contact_locking import adaptivity, running, writing
-    from contact_locking.results import in_words
+    from contact_locking.results import in_words, output_folder
 
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
     speaks = comm.rank == 0 and not arguments.quiet
     if restart is not None and not arguments.checkpoint:
         _keep_checkpoint(restart, Path(directory))
-    with _explained(study), writing.reserved(directory, comm):
+    with _explained(study), output_folder.reserved(directory, comm):
         save_state = arguments.checkpoint and _checkpoints_work()
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
@@ -132,13 +132,15 @@ def check(arguments: argparse.Namespace) -> int:
     study = _load(arguments.file, arguments.set)
     parameters = study.parameters
     comm = world_with_dolfinx(arguments)
-    from contact_locking import solving, writing
+    # The modules of the solvers and of the results take a third of the time of this command.
     from contact_locking.command import trial
-    from contact_locking.problem import groups
+    from contact_locking.problem import assembly, groups
+    from contact_locking.results import output_folder
 
     with _explained(study):
-        writing.prepare(parameters.output.directory, comm)
-        facts = solving.check(parameters, comm)
+        output_folder.prepare(parameters.output.directory, comm)
+        trial.require_usable_options(parameters)
+        facts = assembly.check(parameters, comm)
     for warning in [*facts.pop("warnings"), *trial.warnings(parameters, facts["dimension"], comm)]:
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:

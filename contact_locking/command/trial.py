@@ -11,6 +11,14 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
+def require_usable_options(parameters: Parameters) -> None:
+    """Raise InputError for a harmful PETSc option of the study, or one that is no option."""
+    if parameters.solver.petsc:
+        from contact_locking.steps import increment
+
+        increment.require_usable_options(parameters)
+
+
 def warnings(parameters: Parameters, dim: int, comm: MPI.Intracomm) -> list[str]:
     """What a solve of a small block says about the options of ``parameters``; collective.
 

@@ -3,7 +3,7 @@
 A matrix acts on symmetric tensors as Mandel vectors: ``(xx, yy, sqrt(2) xy)`` in 2D and
 ``(xx, yy, zz, sqrt(2) yz, sqrt(2) xz, sqrt(2) xy)`` in 3D.  With these square roots the Euclidean
 norm of the vector equals the Frobenius norm of the tensor, and the matrix has the eigenvalues of A.
-Two dimensions mean plane strain.
+Two dimensions mean plane strain; for plane stress lambda is another (:func:`plane_stress_lambda`).
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ MANDEL_PAIRS: dict[int, tuple[tuple[int, int], ...]] = {
     2: ((0, 0), (1, 1), (0, 1)),
     3: ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)),
 }
+#: The entries (rr, zz, hoop, sqrt(2) rz) of a body of revolution, whose other entries vanish.
+AXISYMMETRIC_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1))
+_PAIRS_BY_SIZE = {len(pairs): pairs for pairs in (*MANDEL_PAIRS.values(), AXISYMMETRIC_PAIRS)}
 
 
 def mandel_factor(i: int, j: int) -> float:
@@ -39,22 +42,31 @@ def isotropic_stress(eps: Expr, lame_lambda: Expr, lame_mu: Expr) -> Expr:
 
 
 def anisotropic_stress(eps: Expr, stiffness: Expr) -> Expr:
-    """``A eps`` for a Mandel matrix ``A``: (3, 3) in 2D, (6, 6) in 3D."""
-    return mandel_tensor(ufl.dot(stiffness, mandel_vector(eps)), eps.ufl_shape[0])
+    """``A eps`` for a Mandel matrix ``A``: (3, 3) in 2D, (6, 6) in 3D, (4, 4) of a revolution."""
+    return mandel_product(stiffness, eps)
 
 
-def mandel_vector(tensor: Expr) -> Expr:
-    """The Mandel vector of a symmetric (d, d) tensor."""
-    pairs = MANDEL_PAIRS[tensor.ufl_shape[0]]
+def mandel_product(matrix: Expr, tensor: Expr) -> Expr:
+    """The symmetric tensor whose Mandel vector is a matrix times that of the given tensor."""
+    pairs = _PAIRS_BY_SIZE[matrix.ufl_shape[0]]
+    return mandel_tensor(ufl.dot(matrix, mandel_vector(tensor, pairs)), tensor.ufl_shape[0])
+
+
+def mandel_vector(tensor: Expr, pairs: tuple[tuple[int, int], ...] | None = None) -> Expr:
+    """The Mandel vector of a symmetric (d, d) tensor.
+
+    ``pairs`` are the entries of the vector, by default all entries.
+    """
+    pairs = MANDEL_PAIRS[tensor.ufl_shape[0]] if pairs is None else pairs
     return ufl.as_vector([tensor[i, j] * mandel_factor(i, j) for i, j in pairs])
 
 
 def mandel_tensor(vector: Expr, dim: int) -> Expr:
     """The symmetric (d, d) tensor of a Mandel vector; the inverse of :func:`mandel_vector`."""
     entry: dict[tuple[int, int], Any] = {}
-    for k, (i, j) in enumerate(MANDEL_PAIRS[dim]):
+    for k, (i, j) in enumerate(_PAIRS_BY_SIZE[vector.ufl_shape[0]]):
         entry[i, j] = entry[j, i] = vector[k] / mandel_factor(i, j)
-    return ufl.as_tensor([[entry[i, j] for j in range(dim)] for i in range(dim)])
+    return ufl.as_tensor([[entry.get((i, j), 0.0) for j in range(dim)] for i in range(dim)])
 
 
 def lame_from_young(young: Any, poisson: Any) -> tuple[Any, Any]:
@@ -63,13 +75,24 @@ def lame_from_young(young: Any, poisson: Any) -> tuple[Any, Any]:
     return lame_lambda, young / (2.0 * (1.0 + poisson))
 
 
-def isotropic_stiffness(lame_lambda: Any, lame_mu: Any, dim: int) -> FloatArray:
+def plane_stress_lambda(lame_lambda: Any, lame_mu: Any) -> Any:
+    """``2 lambda mu/(lambda + 2 mu)``: lambda of the plane if ``sigma_zz = 0``; numbers or arrays.
+
+    The strain across the plane is then ``eps_zz = -lambda/(lambda + 2 mu) tr(eps)``.
+    """
+    return 2.0 * lame_lambda * lame_mu / (lame_lambda + 2.0 * lame_mu)
+
+
+def isotropic_stiffness(
+    lame_lambda: Any, lame_mu: Any, dim: int, pairs: tuple[tuple[int, int], ...] | None = None
+) -> FloatArray:
     """``lambda m m^T + 2 mu I`` with ``m`` the Mandel vector of the identity.
 
     Scalars give one matrix (s, s), arrays of length k give (k, s, s); s = 3 in 2D, 6 in 3D.
+    ``pairs`` are the s entries of Mandel vectors, by default all entries of (d, d) tensors.
     """
-    size = len(MANDEL_PAIRS[dim])
-    identity = np.array([1.0 if i == j else 0.0 for i, j in MANDEL_PAIRS[dim]])
+    pairs = MANDEL_PAIRS[dim] if pairs is None else pairs
+    size, identity = len(pairs), np.array([1.0 if i == j else 0.0 for i, j in pairs])
     volumetric = np.multiply.outer(np.asarray(lame_lambda), np.outer(identity, identity))
     return volumetric + 2.0 * np.multiply.outer(np.asarray(lame_mu), np.eye(size))
 

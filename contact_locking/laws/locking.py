@@ -13,7 +13,7 @@ import ufl
 from ufl.core.expr import Expr
 
 from contact_locking.laws.convex import positive_part, squared_norm, unit_ball_excess
-from contact_locking.laws.elasticity import mandel_tensor, mandel_vector
+from contact_locking.laws.elasticity import mandel_product
 
 
 def locking_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
@@ -59,4 +59,4 @@ def deviator(eps: Expr) -> Expr:
 
 def weighted(eps: Expr, matrix: Expr) -> Expr:
     """``C eps`` for a matrix C in Mandel's notation, as a symmetric (d, d) tensor."""
-    return mandel_tensor(ufl.dot(matrix, mandel_vector(eps)), eps.ufl_shape[0])
+    return mandel_product(matrix, eps)

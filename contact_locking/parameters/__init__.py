@@ -212,10 +212,7 @@ class Parameters(Section):
                 )
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        sections: list[
-            tuple[Place, MaterialParameters | LoadParameters | ContactSection | OutputParameters]
-        ] = [
-            (("material",), self.material),
+        sections: list[tuple[Place, LoadParameters | ContactSection | OutputParameters]] = [
             (("loads",), self.loads),
             (("output",), self.output),
             *self._contact_sections(),
@@ -223,6 +220,12 @@ class Parameters(Section):
         for place, section in sections:
             for fault in section.dimension_faults(dim):
                 yield Fault((*place, *fault.place), fault.message)
+        for fault in self.material.dimension_faults(dim, self.mesh.axisymmetric):
+            yield Fault(("material", *fault.place), fault.message)
+        for place, contact in self._contact_sections() if self.mesh.axisymmetric else ():
+            if contact.foundation is not None and contact.foundation.cylinder is not None:
+                message = "is no body of revolution about x = 0; take sphere, or half_space"
+                yield Fault((*place, "foundation", "cylinder"), message)
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)

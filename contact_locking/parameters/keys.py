@@ -50,6 +50,22 @@ def may_be_list(annotation: Any) -> bool:
     return () in choices and ("INDEX",) in choices
 
 
+def may_be_vector(annotation: Any) -> bool:
+    """Whether a section of this type has a list of values as its short form."""
+    choices = [section_in(choice) for choice in _choices(annotation)]
+    return (("INDEX",), None) in choices and any(model is not None for _, model in choices)
+
+
+def _choices(annotation: Any) -> list[Any]:
+    """The types that a type chooses from, itself if there is no choice."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _choices(arguments[0])
+    if origin in (Union, types.UnionType):
+        return [choice for argument in arguments for choice in _choices(argument)]
+    return [annotation]
+
+
 def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
     """The keys of a mapping at ``place`` below ``model``; empty if no mapping can be there.
 
@@ -57,13 +73,15 @@ def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
     """
     current: type[BaseModel] | None = model
     waiting: list[str] = []
-    listed = False
+    listed = vector = False
     keys = _keys(model)
     for depth, part in enumerate(place):
-        if listed and str(part).isdecimal():
-            listed = False
+        if (listed or vector) and str(part).isdecimal():
+            current = None if vector else current
+            keys = [] if vector else keys
+            listed = vector = False
             continue
-        listed = False
+        listed = vector = False
         if waiting:
             if waiting.pop(0) == "INDEX" and not str(part).isdecimal():
                 raise KeyError(depth)
@@ -73,6 +91,7 @@ def known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
             path, current = section_in(field.annotation)
             waiting = list(path)
             listed = may_be_list(field.annotation)
+            vector = may_be_vector(field.annotation)
         else:
             # The part is a parameter of a mesh builder.
             current = None

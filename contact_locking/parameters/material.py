@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import model_validator
 
 from .base import Fault, Place, Section, entry, refuse_if
-from .strain_limit import StrainLimit, StrainLimits, limit_faults
+from .strain_limit import BodyKind, StrainLimit, StrainLimits, limit_faults
 from .values import PoissonScalar, PositiveScalar, PositiveScalarOrInfinite, Scalar
 from .wording import show
 
 _YOUNG = "Young's modulus E"
-_STIFFNESS = "A as 3x3 (plane strain) or 6x6 matrix in Mandel's notation, symmetric and elliptic"
+_STIFFNESS = (
+    "A as 3x3 (2D) or 6x6 matrix in Mandel's notation, symmetric and elliptic; 4x4 (rr, zz, hoop, "
+    "rz) of an axisymmetric body"
+)
 _ELASTICITY_CHOICES = (("young", "poisson"), ("lambda", "mu"), ("stiffness",))
 
 
 class Elasticity(Section):
     """sigma = A eps(u): A isotropic by (E, nu) or by Lame's (lambda, mu), or any Mandel matrix.
 
-    In 2D the body is in plane strain. A tensor of numbers must be elliptic; expressions are checked
-    when they are evaluated on the mesh.
+    In 2D the body is in plane strain unless material.plane says otherwise. A tensor of numbers must
+    be elliptic; expressions are checked when they are evaluated on the mesh.
     """
 
     young: PositiveScalar | None = entry(1.0, _YOUNG, "stress", scalar=True, optional=True)
@@ -62,29 +65,37 @@ class Elasticity(Section):
             refuse_if(_stiffness_faults(self.stiffness))
         return self
 
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """Faults that depend on the dimension: d lambda + 2 mu <= 0, a matrix of another size."""
+    def dimension_faults(self, body: BodyKind) -> Iterator[Fault]:
+        """Faults that depend on the body: m lambda + 2 mu <= 0, a matrix of another size."""
         if isinstance(self.lame_lambda, float) and isinstance(self.lame_mu, float):
-            bulk = dim * self.lame_lambda + 2 * self.lame_mu
+            # With sigma_zz = 0 the inverse of A is positive if it is so in three dimensions.
+            number = 3 if body.plane_stress else body.strains
+            bulk = number * self.lame_lambda + 2 * self.lame_mu
             if bulk <= 0:
                 yield Fault(
                     ("lambda",),
-                    f"not elliptic: {dim} lambda + 2 mu = {bulk:g} must be > 0 in {dim}D",
+                    f"not elliptic: {number} lambda + 2 mu = {bulk:g} must be > 0 {body}",
                 )
-        size = dim * (dim + 1) // 2
+        size = body.components
         if self.stiffness is not None and len(self.stiffness) != size:
             given = len(self.stiffness)
             yield Fault(
-                ("stiffness",), f"must be {size}x{size} in {dim}D (Mandel), not {given}x{given}"
+                ("stiffness",), f"must be {size}x{size} {body} (Mandel), not {given}x{given}"
+            )
+        elif self.stiffness is not None and body.plane_stress:
+            yield Fault(
+                ("stiffness",),
+                "does not go with material.plane: stress; give the matrix of plane stress itself, "
+                "which maps the strains of the plane to its stresses, and leave out material.plane",
             )
 
 
 def _stiffness_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fault]:
     place = ("stiffness",)
     lengths = {len(row) for row in rows}
-    if len(rows) not in (3, 6) or lengths != {len(rows)}:
+    if len(rows) not in (3, 4, 6) or lengths != {len(rows)}:
         given = f"rows of the lengths {show([len(row) for row in rows])}" if rows else "nothing"
-        yield Fault(place, f"must be a 3x3 or 6x6 matrix (a list of rows), not {given}")
+        yield Fault(place, f"must be a 3x3, 4x4 or 6x6 matrix (a list of rows), not {given}")
         return
     values = np.array([[v if isinstance(v, float) else np.nan for v in row] for row in rows])
     scale = np.nanmax(np.abs(values), initial=0.0)
@@ -144,6 +155,11 @@ class MaterialParameters(Section):
     locking: StrainLimits = entry(
         (), "limits of the strain, in place of locking_limit; all of them hold"
     )
+    plane: Literal["strain", "stress"] = entry(
+        "strain",
+        "in 2D: plane strain, eps_zz = 0, or plane stress, sigma_zz = 0, where limits are those of "
+        "the strain in the plane",
+    )
     regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
 
     @model_validator(mode="after")
@@ -156,8 +172,14 @@ class MaterialParameters(Section):
         """The limits of the strain; ``locking_limit`` is the one of the norm ``strain``."""
         return _limits(self.locking, self.locking_limit)
 
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """The faults of elasticity tensors and limits of the strain in ``dim`` dimensions."""
+    def dimension_faults(self, dim: int, axisymmetric: bool = False) -> Iterator[Fault]:
+        """The faults of elasticity tensors and limits of the strain for a body."""
+        plane_stress = self.plane == "stress"
+        if plane_stress and (dim != 2 or axisymmetric):
+            where = "axisymmetric bodies" if axisymmetric else "bodies in 3D"
+            yield Fault(("plane",), f"stress is for bodies in 2D, not for {where}")
+            return
+        body = BodyKind(dim, axisymmetric, plane_stress)
         sections: dict[Place, Elasticity | StrainLimit] = {("elasticity",): self.elasticity}
         sections |= {("locking", i): limit for i, limit in enumerate(self.locking)}
         for name, region in self.regions.items():
@@ -166,7 +188,7 @@ class MaterialParameters(Section):
             for i, limit in enumerate(region.locking or ()):
                 sections["regions", name, "locking", i] = limit
         for place, section in sections.items():
-            for fault in section.dimension_faults(dim):
+            for fault in section.dimension_faults(body):
                 yield Fault((*place, *fault.place), fault.message)
 
 

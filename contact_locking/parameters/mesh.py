@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import types
+from collections.abc import Iterator
 from dataclasses import asdict, fields
 from functools import cache
 from typing import Any, Union, get_args, get_origin, get_type_hints
@@ -16,6 +17,9 @@ from .base import Fault, FaultsError, Section, entry, refuse_if
 from .values import Integer, Number, Switch, Text
 from .wording import show, unknown_key, value_message
 
+#: The keys that are no parameters of builders.
+_SHARED = ("builder", "file", "axisymmetric")
+
 
 class MeshParameters(Section):
     """A builder with its own parameters, or a file with named physical groups."""
@@ -23,6 +27,11 @@ class MeshParameters(Section):
     builder: Text | None = entry("block", "a geometry by name", optional=True)
     file: Text | None = entry(
         None, "a Gmsh file, relative to the study file, in place of a builder", optional=True
+    )
+    axisymmetric: Switch = entry(
+        False,
+        "the 2D mesh is the half section of a body of revolution, in the coordinates "
+        "(r, z) = (x, y) with x >= 0",
     )
     geometry: Any = entry(None, "the builder's parameters", hidden=True)
 
@@ -37,14 +46,15 @@ class MeshParameters(Section):
         data = {} if data is None else data
         if not isinstance(data, dict):
             return data
-        own = {key: value for key, value in data.items() if key not in ("builder", "file")}
+        own = {key: value for key, value in data.items() if key not in _SHARED}
+        revolution = {key: data[key] for key in ("axisymmetric",) if key in data}
         builder, file = data.get("builder"), data.get("file")
         if file is not None:
             refuse_if(
                 Fault((key,), "does not go with file; a mesh comes from a builder or from a file")
                 for key in (*(["builder"] if builder is not None else []), *own)
             )
-            return {"builder": None, "file": file}
+            return {"builder": None, "file": file, **revolution}
         if builder is None:
             builder = "block"
         if not isinstance(builder, str) or builder not in BUILDERS:
@@ -52,13 +62,30 @@ class MeshParameters(Section):
             known = ", ".join(sorted(BUILDERS))
             message = f"unknown geometry {show(builder)}{guess}; there are {known}"
             refuse_if([Fault(("builder",), message)])
-        return {"builder": builder, "geometry": _geometry(BUILDERS[builder], own)}
+        geometry = _geometry(BUILDERS[builder], own)
+        if revolution.get("axisymmetric") is True:
+            refuse_if(_section_faults(builder, geometry))
+        return {"builder": builder, "geometry": geometry, **revolution}
 
     @model_serializer
     def _flat(self) -> dict[str, Any]:
+        revolution = {"axisymmetric": True} if self.axisymmetric else {}
         if self.file is not None:
-            return {"file": self.file}
-        return {"builder": self.builder, **asdict(self.geometry)}
+            return {"file": self.file, **revolution}
+        return {"builder": self.builder, **asdict(self.geometry), **revolution}
+
+
+def _section_faults(builder: str, geometry: Any) -> Iterator[Fault]:
+    """The faults of a builder whose mesh is no half section of a body of revolution."""
+    place = ("axisymmetric",)
+    if geometry.dim != 2:
+        section = "builder: disc with quarter: true" if builder == "ball" else "dim: 2"
+        yield Fault(place, f"needs a mesh in two dimensions, the half section; take {section}")
+    elif getattr(geometry, "quarter", None) is False:
+        yield Fault(
+            ("quarter",),
+            f"the mesh of an axisymmetric {builder} must lie in x >= 0; set it to true",
+        )
 
 
 def _geometry(builder: type, values: dict[Any, Any]) -> Any:
@@ -68,7 +95,7 @@ def _geometry(builder: type, values: dict[Any, Any]) -> Any:
     checked = {}
     for key, value in values.items():
         if key not in types_:
-            known = ("builder", "file", *types_)
+            known = (*_SHARED, *types_)
             faults.append(Fault((key,), unknown_key(str(key), known)))
             continue
         try:

@@ -1,4 +1,4 @@
-"""Rigid bodies that may stand in place of the gap: half spaces, spheres and cylinders."""
+"""Rigid bodies that may stand in place of the gap: their shapes and their motion."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pydantic import model_validator
 
 from .base import Fault, Section, entry, refuse_if, vector_faults
+from .motion import Motion, MotionOrTranslation
 from .values import Number, Positive
 from .wording import show
 
@@ -53,20 +54,40 @@ def _zero_faults(key: str, direction: tuple[float, ...] | None) -> Iterator[Faul
 
 
 class Foundation(Section):
-    """A rigid body that the deformed body does not enter; exactly one of its keys."""
+    """A rigid body that the deformed body does not enter: exactly one shape, and its motion."""
 
     half_space: HalfSpace | None = entry(None, "a half space", optional=True)
     sphere: Sphere | None = entry(None, "a sphere, in 2D a disc", optional=True)
     cylinder: Cylinder | None = entry(None, "a cylinder, in 2D a disc", optional=True)
+    motion: MotionOrTranslation | None = entry(
+        None,
+        "motion of the rigid body from rest; a list is the translation",
+        "length",
+        scalar="t",
+        optional=True,
+    )
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Foundation:
-        names = list(type(self).model_fields)
-        given = [name for name in names if getattr(self, name) is not None]
+        given = [name for name in SHAPES if getattr(self, name) is not None]
         if len(given) != 1:
-            message = f"give exactly one of {', '.join(names)}, not {' and '.join(given) or 'none'}"
+            message = (
+                f"give exactly one of {', '.join(SHAPES)}, not {' and '.join(given) or 'none'}"
+            )
             refuse_if([Fault((), message)])
         return self
+
+    @property
+    def shape(self) -> tuple[str, Section]:
+        """The name of the shape, and its section."""
+        return next((name, getattr(self, name)) for name in SHAPES if getattr(self, name))
+
+    @property
+    def moved(self) -> Motion | None:
+        """The motion as a section; None for a body at rest."""
+        if isinstance(self.motion, tuple):
+            return Motion(translation=self.motion)
+        return self.motion
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The vectors that do not have ``dim`` components, and an axis in 2D."""
@@ -81,3 +102,12 @@ class Foundation(Section):
                 yield from vector_faults(("cylinder", "axis"), self.cylinder.axis, dim)
             elif self.cylinder.axis is not None:
                 yield Fault(("cylinder", "axis"), "must be left out in 2D")
+        if isinstance(self.motion, tuple):
+            yield from vector_faults(("motion",), self.motion, dim)
+        elif self.motion is not None:
+            for fault in self.motion.dimension_faults(dim):
+                yield Fault(("motion", *fault.place), fault.message)
+
+
+#: The keys of a foundation that describe a shape.
+SHAPES = tuple(name for name in Foundation.model_fields if name != "motion")

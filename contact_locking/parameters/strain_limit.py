@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
@@ -23,11 +24,37 @@ _NEEDED = {"direction": "along", "weighted": "matrix"}
 _WITH_LOWER_LIMIT = ("volume", "direction")
 
 
+#: The norms that contain the strain across the plane of a body in two dimensions.
+_ACROSS_THE_PLANE = ("deviator", "volume")
+
+
+@dataclass(frozen=True)
+class BodyKind:
+    """The body as far as the sizes of tensors depend on it; ``str`` tells it in words."""
+
+    dim: int
+    axisymmetric: bool = False
+    plane_stress: bool = False
+
+    def __str__(self) -> str:
+        return "for an axisymmetric body" if self.axisymmetric else f"in {self.dim}D"
+
+    @property
+    def strains(self) -> int:
+        """The number of normal strains."""
+        return 3 if self.axisymmetric else self.dim
+
+    @property
+    def components(self) -> int:
+        """The number of components of Mandel vectors."""
+        return 4 if self.axisymmetric else self.dim * (self.dim + 1) // 2
+
+
 class StrainLimit(Section):
     """|eps| <= M, |dev eps| <= M, m <= tr eps <= M, m <= a.eps a <= M, or |C eps| <= M.
 
-    In 2D the body is in plane strain, so that tr eps = eps_xx + eps_yy, and dev eps is the deviator
-    of the three-dimensional strain with eps_zz = 0.
+    In plane strain tr eps = eps_xx + eps_yy, and dev eps is the deviator of the three-dimensional
+    strain with eps_zz = 0. In plane stress the limits are those of the strain in the plane.
     """
 
     norm: Literal["strain", "deviator", "volume", "direction", "weighted"] = entry(
@@ -44,8 +71,8 @@ class StrainLimit(Section):
         None, "direction a, of any length", "1", scalar=True, optional=True
     )
     matrix: tuple[tuple[Scalar, ...], ...] | None = entry(
-        None, "C of weighted as 3x3 or 6x6 matrix in Mandel's notation", "1",
-        scalar=True, optional=True,
+        None, "C of weighted as 3x3 (2D), 6x6 or 4x4 matrix (axisymmetric), in Mandel's notation",
+        "1", scalar=True, optional=True,
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -84,18 +111,24 @@ class StrainLimit(Section):
         if self.matrix is not None:
             yield from _matrix_faults(self.matrix)
 
-    def dimension_faults(self, dim: int) -> Iterator[Fault]:
-        """A direction or a matrix of another size than ``dim`` dimensions have."""
-        if self.along is not None and len(self.along) != dim:
+    def dimension_faults(self, body: BodyKind) -> Iterator[Fault]:
+        """A direction or a matrix of another size, or a norm that the body does not have."""
+        if self.along is not None and not body.dim <= len(self.along) <= body.strains:
+            number = f"{body.dim}" + (" or 3 (r, z, hoop)" if body.axisymmetric else "")
             yield Fault(
                 ("along",),
-                f"must have {dim} components in {dim}D, not {len(self.along)}: {show(self.along)}",
+                f"must have {number} components {body}, not {len(self.along)}: {show(self.along)}",
             )
-        size = dim * (dim + 1) // 2
+        size = body.components
         if self.matrix is not None and len(self.matrix) != size:
             given = len(self.matrix)
+            yield Fault(("matrix",), f"must be {size}x{size} {body} (Mandel), not {given}x{given}")
+        if body.plane_stress and self.norm in _ACROSS_THE_PLANE:
             yield Fault(
-                ("matrix",), f"must be {size}x{size} in {dim}D (Mandel), not {given}x{given}"
+                ("norm",),
+                f"{self.norm} does not go with material.plane: stress: it limits the strain across "
+                "the plane as well, which is not known there; take strain, direction or weighted, "
+                "the limits of the strain in the plane",
             )
 
 
@@ -120,8 +153,8 @@ def limit_faults(limits: tuple[StrainLimit, ...], ball: float | str | None) -> I
 
 def _matrix_faults(rows: tuple[tuple[float | str, ...], ...]) -> Iterator[Fault]:
     lengths = [len(row) for row in rows]
-    if len(rows) not in (3, 6) or set(lengths) != {len(rows)}:
+    if len(rows) not in (3, 4, 6) or set(lengths) != {len(rows)}:
         given = f"rows of the lengths {show(lengths)}" if rows else "nothing"
-        yield Fault(("matrix",), f"must be a 3x3 or 6x6 matrix (a list of rows), not {given}")
+        yield Fault(("matrix",), f"must be a 3x3, 4x4 or 6x6 matrix (a list of rows), not {given}")
     elif all(isinstance(value, float) for row in rows for value in row) and not np.any(rows):
         yield Fault(("matrix",), "is zero and limits nothing")

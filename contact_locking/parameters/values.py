@@ -140,6 +140,7 @@ def _number_or_text(value: Any) -> str:
 _IN_SPACE_AND_TIME = _ScalarRule((*POSITION, TIME))
 _IN_SPACE, _OR_INFINITE = _ScalarRule(POSITION), _ScalarRule(POSITION, infinite=True)
 _OF_SLIP = _ScalarRule((*POSITION, "s"))
+_OF_TIME = _ScalarRule((TIME,))
 _Text = Annotated[str, Tag(TEXT)]
 _PositiveOrText = Annotated[
     Annotated[float, Field(gt=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
@@ -174,6 +175,7 @@ Along = Annotated[
 ]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
 TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
+TimeScalar = Annotated[float | str, BeforeValidator(_OF_TIME)]
 PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
 PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
 NegativeScalarOrInfinite = Annotated[float | str, BeforeValidator(_negative)]

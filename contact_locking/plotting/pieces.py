@@ -49,8 +49,11 @@ class Pieces:
         return owners, facets
 
     def strain_norm(self, solution: Solution) -> FloatArray:
-        """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective."""
-        if len(self.nodes) == 1:
+        """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
+
+        For an axisymmetric body these are the values of :meth:`at_points`.
+        """
+        if len(self.nodes) == 1 or solution.domain.axisymmetric:
             return self.at_points(solution.strain_norm)
         mesh, dim = solution.domain.mesh, solution.domain.dim
         space = fem.functionspace(mesh, ("DG", 1, (dim, dim)))

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -30,6 +29,7 @@ from contact_locking.problem.contact import Contact
 from contact_locking.problem.contact_boundary import MovingGap, build_contacts, moving_gaps
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.groups import groups
+from contact_locking.problem.half_section import half_section, require_surface
 from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
 from contact_locking.problem.probe_points import ProbePoints, locate
@@ -71,6 +71,11 @@ class Problem:
         self.constraints.advance()
         for gap in self.moving_gaps:
             gap.advance()
+
+    def end_step(self) -> None:
+        """The step at the present time has ended: foundations move on from where they are."""
+        for gap in self.moving_gaps:
+            gap.end_step()
 
     @property
     def element(self) -> Element:
@@ -115,6 +120,13 @@ class Problem:
             contact.friction.smoothing.destroy()
 
 
+def check(parameters: Parameters, comm: MPI.Intracomm) -> dict[str, Any]:
+    """The facts and warnings of the assembled problem, for any solver; collective."""
+    problem = assemble(parameters, comm)
+    problem.close()
+    return {**problem.facts(), "warnings": problem.warnings}
+
+
 def assemble(
     parameters: Parameters,
     comm: MPI.Intracomm,
@@ -127,7 +139,15 @@ def assemble(
     InputError for data that do not fit the mesh or the element.
     """
     domain = domain or mesh_of(parameters, comm)
-    element = element or element_of(parameters.discretisation)
+    if parameters.mesh.axisymmetric:
+        domain = half_section(domain)
+    element = element or element_of(parameters.discretisation, domain.axisymmetric)
+    if element.kinematics is not domain.kinematics:
+        raise InputError(
+            "the given element has the kinematics of another body; take P1_REVOLUTION or "
+            "P2_REVOLUTION for an axisymmetric body, and for no other",
+            "mesh.axisymmetric",
+        )
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
     material = build_material(domain, parameters.material, element)
@@ -155,7 +175,7 @@ def assemble(
         elastic_stress=material.elastic_stress,
         largest_eigenvalue=material.largest_eigenvalue,
         inverse_limit=material.inverse_limit,
-        dx=ufl.Measure("dx", domain=domain.mesh),
+        dx=domain.dx(),
         loads=loads.terms,
         contacts=contacts,
         n=fem.Constant(domain.mesh, n),
@@ -177,7 +197,7 @@ def assemble(
         warnings=warnings,
         clock=clock,
         loads=loads,
-        moving_gaps=moving_gaps(contacts, parameters, clock),
+        moving_gaps=moving_gaps(contacts, parameters, constraints, clock),
         probes=probes,
     )
 
@@ -194,6 +214,13 @@ def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
 def _check_parts(domain: Domain, parameters: Parameters) -> None:
     """Raise InputError for unknown boundary parts, and where Gamma_C and Gamma_D overlap."""
     contacts = [domain.facets(part.on, f"{part.key}.on") for part in parameters.contacts]
+    loads = parameters.loads
+    for on, key in (
+        *((part.on, f"{part.key}.on") for part in parameters.contacts),
+        *((load.on, f"loads.tractions.{i}.on") for i, load in enumerate(loads.tractions)),
+        *((load.on, f"loads.pressures.{i}.on") for i, load in enumerate(loads.pressures)),
+    ):
+        require_surface(domain, on, key)
     for place, condition in parameters.loads.held():
         key = ".".join(["loads", *map(str, place), "on"])
         facets = domain.facets(condition.on, key)

@@ -178,9 +178,12 @@ def _elasticity(
     lame = np.empty((2, len(points.all)))
     for where, elasticity, key in parts:
         lame[:, where] = _lame(points, where, elasticity, key)
-    eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], domain.dim))
     with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
         young = law.young_from_lame(lame[0], lame[1])
+        if given.plane == "stress":
+            lame[0] = law.plane_stress_lambda(lame[0], lame[1])
+    size = domain.kinematics.tensor_size(domain.dim)
+    eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], size))
     least = [_minimum(domain, row) for row in lame]
     if len(parts) == 1 and least == [-_minimum(domain, -row) for row in lame]:
         constants = [fem.Constant(domain.mesh, value) for value in least]
@@ -196,12 +199,13 @@ def _elasticity(
 def _anisotropic(
     domain: Domain, points: Points, parts: list[tuple[IndexArray, Elasticity, str]]
 ) -> tuple[Callable[[Expr], Expr], FloatArray, FloatArray, str]:
-    size = len(law.MANDEL_PAIRS[domain.dim])
+    pairs = domain.kinematics.mandel_pairs(domain.dim)
+    size = len(pairs)
     matrices = np.empty((len(points.all), size, size))
     for where, elasticity, key in parts:
         if elasticity.stiffness is None:
             lame = _lame(points, where, elasticity, key)
-            matrices[where] = law.isotropic_stiffness(lame[0], lame[1], domain.dim)
+            matrices[where] = law.isotropic_stiffness(lame[0], lame[1], domain.dim, pairs)
             continue
         for i, row in enumerate(elasticity.stiffness):
             for j, entry in enumerate(row):
@@ -213,7 +217,7 @@ def _anisotropic(
             raise InputError("the stiffness matrix is not symmetric", f"{key}.stiffness")
     eigenvalues = np.asarray(np.linalg.eigvalsh(matrices), dtype=float).T
     with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
-        young = law.mean_young(matrices, domain.dim)
+        young = law.mean_young(matrices, domain.kinematics.tensor_size(domain.dim))
     field = points.tensors((size, size))
     dofs = field.function_space.dofmap.list.reshape(-1)
     field.x.array.reshape(-1, size, size)[dofs] = matrices

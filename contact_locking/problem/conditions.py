@@ -14,6 +14,7 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.parallel import maximum
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.half_section import axis_condition
 from contact_locking.problem.joint_forms import JointForm
 from contact_locking.problem.supports import Support, Supports, axis_of, place
 
@@ -144,8 +145,9 @@ def constrain(
     """The displacement conditions and supports of a space of displacements; collective.
 
     At a node of two conditions for the same component, the later condition holds.  A support along
-    an axis is a condition for a component.  Raises InputError for supports that contradict other
-    conditions.
+    an axis is a condition for a component.  On the axis of an axisymmetric body u_r is zero.
+    Raises InputError for supports that contradict other conditions, and for a condition that moves
+    the axis.
     """
     oblique, along_axes = [], []
     components: list[ComponentCondition] = []
@@ -175,6 +177,11 @@ def constrain(
         dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
         conditions.append(fem.dirichletbc(values, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
+    if domain.axisymmetric:
+        radial = [item.key if item.component == 0 else None for item in wanted]
+        on_axis = axis_condition(domain, space, conditions, radial)
+        conditions.append(on_axis)
+        fixed.append(np.asarray(on_axis.dof_indices()[0], dtype=np.int32))
     fixed_dofs = np.unique(np.concatenate(fixed))
     index_map = space.dofmap.index_map
     marks = np.zeros((index_map.size_local + index_map.num_ghosts) * domain.dim, dtype=bool)

@@ -13,6 +13,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.laws.convex import normal_part, tangential_part
 from contact_locking.laws.friction_law import Coefficient, FrictionLaw
 from contact_locking.parallel import maximum
+from contact_locking.problem.obstacles import Obstacle
 from contact_locking.problem.slip_memory import SlipMemory
 from contact_locking.problem.smoothing import Smoothing
 from contact_locking.problem.surface import ContactSurface
@@ -73,17 +74,18 @@ class Contact:
     """Signorini's conditions (5) and Coulomb's law (6) on one part of Gamma_C.
 
     ``key`` is the key of the contact in the study file, and ``on`` names its boundary parts.
-    ``normal`` and ``gap`` are functions with the normal and the limited value of the gap at the
-    nodes.  ``friction`` computes the
-    friction bound of pressures and slips; ``bound`` is the function with the friction bound that
-    the forms use at present.  ``regularisation`` is the length that smooths friction.  ``free``
-    (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor friction
-    acts at the other nodes.  ``memory`` is what friction remembers of earlier steps.
+    ``obstacle`` is what the body does not enter.  ``normal`` and ``gap`` are functions with the
+    normal and the limited value of the gap at the nodes.  ``friction`` computes the friction bound
+    of pressures and slips; ``bound`` is the function with the friction bound that the forms use at
+    present.  ``regularisation`` is the length that smooths friction.  ``free`` (k,) marks the nodes
+    whose normal displacement is not prescribed; neither pressure nor friction acts at the other
+    nodes.  ``memory`` is what friction remembers of earlier steps.
     """
 
     key: str
     on: tuple[str, ...]
     surface: ContactSurface
+    obstacle: Obstacle
     normal: fem.Function
     gap: fem.Function
     friction: FrictionBound
@@ -102,6 +104,12 @@ class Contact:
         """The contact normal (k, d) at the nodes."""
         dim = self.surface.domain.dim
         return np.asarray(self.normal.x.array.reshape(-1, dim)[self.surface.blocks])
+
+    @normals.setter
+    def normals(self, values: FloatArray) -> None:
+        dim = self.surface.domain.dim
+        self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = values
+        self.normal.x.scatter_forward()
 
     @property
     def gaps(self) -> FloatArray:
@@ -136,7 +144,10 @@ class Contact:
         return self.friction.evaluate(pressure, self.slips(u))
 
     def increment(self, u: fem.Function) -> FloatArray:
-        """The slip of the step, ``u_tau - u_{k-1,tau}`` (k, d), at the nodes."""
+        """The slip of the step, ``u_tau - u_{k-1,tau}`` (k, d), at the nodes.
+
+        On a foundation that moves the slip is relative to it.
+        """
         return self.split(u)[1] - self.memory.tangential
 
     def slips(self, u: fem.Function) -> FloatArray:
@@ -150,8 +161,10 @@ class Contact:
         the solver, which would add up over many steps: these nodes keep their place.
         """
         holds = sticks & (float(self.regularisation.value) == 0.0)
-        place = np.where(holds[:, None], self.memory.tangential, self.split(u)[1])
-        self.memory.set(place, np.where(holds, self.memory.slip, self.slips(u)))
+        along, tangential = self.split(u)
+        place = np.where(holds[:, None], self.memory.tangential, tangential)
+        slip = np.where(holds, self.memory.slip, self.slips(u))
+        self.memory.set(place, slip, along[:, None] * self.normals)
 
     @property
     def bounds(self) -> FloatArray:

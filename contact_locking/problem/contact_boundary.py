@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -12,16 +11,15 @@ from mpi4py import MPI
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import TIME, parse
-from contact_locking.laws.foundation import Foundation, HalfSpace, Round
+from contact_locking.expressions import parse
 from contact_locking.laws.friction_law import FrictionLaw
-from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
-from contact_locking.parameters import ContactParameters, Parameters, rigid_body
-from contact_locking.problem.clock import Clock, is_timed
-from contact_locking.problem.coefficients import evaluate
+from contact_locking.parallel import agree, maximum, on_any_rank
+from contact_locking.parameters import ContactParameters, Parameters
+from contact_locking.problem.clock import Clock
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact, FrictionBound
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.obstacles import obstacle_of
 from contact_locking.problem.plausibility import about_the_gap
 from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Identity
 from contact_locking.problem.smoothing import Smoothing as SmoothingOperator
@@ -37,26 +35,6 @@ _LARGEST_RADIUS_SHARE = 1e4
 # A negative friction coefficient smaller than this share of the largest value is zero with
 # rounding.
 _COEFFICIENT_ROUNDING = 1e-12
-
-
-def _half_space(given: rigid_body.HalfSpace, dim: int) -> Foundation:
-    return HalfSpace(given.point, given.normal)
-
-
-def _sphere(given: rigid_body.Sphere, dim: int) -> Foundation:
-    return Round(given.centre, given.radius)
-
-
-def _cylinder(given: rigid_body.Cylinder, dim: int) -> Foundation:
-    return Round(given.centre, given.radius, None if dim == 2 else given.axis or (0.0, 1.0, 0.0))
-
-
-#: For each key of a section ``foundation``: the foundation of that section in 2 or 3 dimensions.
-FOUNDATIONS: dict[str, Callable[[Any, int], Foundation]] = {
-    "half_space": _half_space,
-    "sphere": _sphere,
-    "cylinder": _cylinder,
-}
 
 
 def build_contacts(
@@ -79,7 +57,8 @@ def build_contacts(
     found = []
     for given in parameters.contacts:
         surface = ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
-        gap, normals = _foundation_from(surface, given, clock.now)
+        obstacle = obstacle_of(domain.comm, domain.dim, given, clock)
+        gap, normals = obstacle.at_nodes(surface)
         kind = "gap" if given.foundation is None else "foundation"
         warnings += about_the_gap(domain, gap, f"{given.key}.{kind}")
         free = surface.free_nodes(normals, constraints)
@@ -91,80 +70,71 @@ def build_contacts(
             frictionless=given.friction.coefficient == 0,
         )
         slip = penalty_slip if regularisation is None else regularisation
-        found.append(
-            Contact(
-                key=given.key,
-                on=given.on,
-                surface=surface,
-                normal=surface.vector_function(normals, "contact_normal"),
-                gap=_limited_gap(surface, gap),
-                friction=bound,
-                regularisation=fem.Constant(domain.mesh, slip),
-                free=free,
-            )
+        contact = Contact(
+            key=given.key,
+            on=given.on,
+            surface=surface,
+            obstacle=obstacle,
+            normal=surface.vector_function(normals, "contact_normal"),
+            gap=surface.scalar_function(surface.limited_values(gap), "gap"),
+            friction=bound,
+            regularisation=fem.Constant(domain.mesh, slip),
+            free=free,
         )
+        if obstacle.moves:
+            contact.memory.drag_by(obstacle.drag(surface, None), normals)
+        found.append(contact)
     return tuple(found)
 
 
-@dataclass(frozen=True)
+@dataclass
 class MovingGap:
-    """The gap of a contact whose foundation depends on the time."""
+    """The gap, the normal and the drag of a contact whose obstacle depends on the time.
+
+    ``given`` is what the study file says.  ``since`` is the time of the last step that has ended,
+    None before the first.
+    """
 
     contact: Contact
     given: ContactParameters
     clock: Clock
+    constraints: Constraints
+    since: float | None = None
 
     def advance(self) -> None:
-        """Evaluate the gap at the present time; collective."""
-        self.contact.gaps = _foundation_from(self.contact.surface, self.given, self.clock.now)[0]
+        """Put gap, normal and drag to the present time; collective.
+
+        Raises InputError for a foundation that has moved behind Gamma_C.
+        """
+        contact, surface = self.contact, self.contact.surface
+        gap, normals = contact.obstacle.at_nodes(surface)
+        contact.gaps = surface.limited_values(gap)
+        if not contact.obstacle.moves:
+            return
+        contact.normals = normals
+        contact.memory.drag_by(contact.obstacle.drag(surface, self.since), normals)
+        free = surface.free_nodes(normals, self.constraints)
+        if on_any_rank(surface.domain.comm, free != contact.free):
+            # R leaves out the nodes that are not free.
+            contact.friction.smoothing.destroy()
+            contact.friction.smoothing = _smoothing(surface, free, self.given, [])
+            contact.free = free
+
+    def end_step(self) -> None:
+        """The step has ended; the next one begins at the present time."""
+        self.since = self.clock.now
 
 
 def moving_gaps(
-    contacts: Sequence[Contact], parameters: Parameters, clock: Clock
+    contacts: Sequence[Contact], parameters: Parameters, constraints: Constraints, clock: Clock
 ) -> list[MovingGap]:
-    """The gaps that depend on the time."""
+    """The gaps of the contacts with obstacles that depend on the time."""
     pairs = zip(contacts, parameters.contacts, strict=True)
     return [
-        MovingGap(contact, given, clock)
+        MovingGap(contact, given, clock, constraints)
         for contact, given in pairs
-        if is_timed(parse(given.gap, (*AXES, TIME)))
+        if contact.obstacle.is_timed
     ]
-
-
-def _foundation_from(
-    surface: ContactSurface, given: ContactParameters, time: float
-) -> tuple[FloatArray, FloatArray]:
-    """The gap (k,) to the foundation and the contact normal (k, d) at the nodes; collective."""
-    comm, dim, points = surface.domain.comm, surface.domain.dim, surface.points.T
-    body_normals = surface.body_normals()
-    if given.foundation is None:
-        gap = evaluate(comm, given.gap, points, f"{given.key}.gap", time=time)
-        return gap, body_normals
-    shape, section = next(entry for entry in given.foundation if entry[1] is not None)
-    body, key = FOUNDATIONS[shape](section, dim), f"{given.key}.foundation"
-    with np.errstate(all="ignore"):
-        gap, normals = body.gap(points), body.contact_normal(points).T
-    if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
-        raise InputError(
-            "its distance is not a finite number: the foundation is too far away or too large", key
-        )
-    facing = np.sum(normals * body_normals, axis=1)
-    if on_any_rank(comm, facing <= 0.0):
-        raise InputError(
-            "the foundation lies behind a part of Gamma_C, where the outward normal of the body "
-            "points away from the foundation; turn the normal of the half space towards the body, "
-            f"or remove from {given.key}.on the boundary parts that do not face the foundation",
-            key,
-        )
-    return gap, normals
-
-
-def _limited_gap(surface: ContactSurface, gap: FloatArray) -> fem.Function:
-    """The limited values of the gap (k,) as values at the nodes; collective."""
-    function = surface.scalar_function(gap, "gap")
-    function.x.array[surface.nodes] = surface.limited.of_function(function)
-    function.x.scatter_forward()
-    return function
 
 
 def _smoothing(

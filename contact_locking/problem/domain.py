@@ -19,6 +19,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
+from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
 from contact_locking.mesh_file.gmsh_model import extract
@@ -37,6 +38,7 @@ class Domain:
     ``unusable`` gives, for the name of every other group of facets, why the group bounds nothing.
     ``is_refined`` tells a mesh that was made by the refinement of the mesh of a study, and
     ``smoothing_radii`` then gives, for the key of a contact, the default radius of R on that mesh.
+    ``axisymmetric`` says that the mesh is the half section of a body of revolution about x = 0.
     """
 
     mesh: dmesh.Mesh
@@ -51,6 +53,7 @@ class Domain:
     origin: str = field(default="the mesh")
     is_refined: bool = False
     smoothing_radii: dict[str, float] = field(default_factory=dict)
+    axisymmetric: bool = False
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -59,6 +62,10 @@ class Domain:
     @property
     def dim(self) -> int:
         return int(self.mesh.topology.dim)
+
+    @property
+    def kinematics(self) -> Kinematics:
+        return REVOLUTION if self.axisymmetric else STRAIGHT
 
     @cached_property
     def num_cells(self) -> int:
@@ -78,9 +85,19 @@ class Domain:
 
     def ds(self, names: Iterable[str], key: str | None = None, **metadata: Any) -> ufl.Measure:
         """The surface measure of the named boundary parts; the form compiler takes ``metadata``."""
+        return self.kinematics.weighted(self.plain_ds(names, key, **metadata))
+
+    def plain_ds(
+        self, names: Iterable[str], key: str | None = None, **metadata: Any
+    ) -> ufl.Measure:
+        """The measure of the named boundary parts as parts of the mesh, without ``2 pi r``."""
         tags = tuple(self._tag(name, self.facet_names, key) for name in names)
         measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)
         return measure(tags, metadata=metadata)
+
+    def dx(self, **metadata: Any) -> ufl.Measure:
+        """The measure of the body; the form compiler takes ``metadata``."""
+        return self.kinematics.weighted(ufl.Measure("dx", domain=self.mesh, metadata=metadata))
 
     def owners(self, facets: IndexArray) -> IndexArray:
         """The local cells (k,) of exterior facets (k,)."""

@@ -13,7 +13,6 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.laws.elasticity import strain
 from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.signorini import contact_energy, contact_pressure
 from contact_locking.problem.contact import Contact
@@ -45,6 +44,10 @@ class ProblemData:
     element: Element
     limits: tuple[StrainSet, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
+
+    def strain(self, u: Expr) -> Expr:
+        """``eps(u)`` of the body."""
+        return self.element.strain(u)
 
     def limited(self, v: Expr) -> Expr:
         """The field of the space of limited values for a displacement or an argument."""
@@ -78,7 +81,7 @@ class ProblemData:
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
     """``a(u, v) = int A eps(u) : eps(v)``."""
     dx = data.element.elastic_dx(data.dx)
-    return ufl.inner(data.elastic_stress(strain(u)), strain(v)) * dx
+    return ufl.inner(data.elastic_stress(data.strain(u)), data.strain(v)) * dx
 
 
 def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:
@@ -142,7 +145,7 @@ def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
 def _of_body(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     form = elastic_form(u, v, data)
     for item in data.sets:
-        form += item.virtual_work(strain(u), strain(v), data.n) * data.locking_dx
+        form += item.virtual_work(data.strain(u), data.strain(v), data.n) * data.locking_dx
     if data.own_energy is not None:
         form += own_forces(u, v, data)
     return form - external_work(v, data)
@@ -163,7 +166,7 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     """The potential of (25) at a fixed friction bound; its derivative is :func:`residual`."""
     form = 0.5 * elastic_form(u, u, data) - external_work(u, data)
     for item in data.sets:
-        form += item.energy(strain(u), data.n) * data.locking_dx
+        form += item.energy(data.strain(u), data.n) * data.locking_dx
     for contact in data.contacts:
         limited = contact.limited(u)
         density = contact_energy(contact.parts(limited)[0], contact.gap, data.epsilon)

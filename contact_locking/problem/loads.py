@@ -65,8 +65,7 @@ def build_loads(
         low, high = domain.bounding_box()
         stress = largest * float((high - low).max())
         warnings += about_a_load(stress, stiffness, "loads.body_force")
-        dx = ufl.Measure("dx", domain=domain.mesh, metadata=load.metadata)
-        found.add(load, dx, domain.dim, cells)
+        found.add(load, domain.dx(**load.metadata), domain.dim, cells)
     on_boundary: list[tuple[tuple[str, ...], str, _Load]] = []
     for i, traction in enumerate(given.tractions):
         key = f"loads.tractions.{i}"
@@ -129,7 +128,9 @@ class _Load:
     @property
     def metadata(self) -> dict[str, Any]:
         """The quadrature degree for the form compiler."""
-        return {"quadrature_degree": self._element.degree if self._constant else _DEGREE}
+        # The factor 2 pi r of an axisymmetric body has the degree 1.
+        degree = self._element.degree + int(self._domain.axisymmetric)
+        return {"quadrature_degree": degree if self._constant else _DEGREE}
 
     def ufl(self) -> Any:
         if self._constant:

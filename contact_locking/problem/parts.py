@@ -129,7 +129,7 @@ class _Motions:
     ) -> None:
         part = _dofs(domain, space, number)
         self.free = free_motions(domain, space, constraints, part)
-        motions = (self.free.T @ rigid_motions(space)) * part
+        motions = (self.free.T @ rigid_motions(space, domain.axisymmetric)) * part
         self.work = np.zeros(len(motions))
         self.at_contacts: list[_AtContact] = []
         self.normals: FloatArray = np.zeros((0, len(motions)))

@@ -13,10 +13,11 @@ from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.domain import Domain
 
 
-def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
+def rigid_motions(space: fem.FunctionSpace, axisymmetric: bool = False) -> FloatArray:
     """The translations and the rotations about the origin, as values at the local dofs.
 
-    The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.
+    The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.  An
+    axisymmetric body has one rigid motion, the translation along its axis.
     """
     x = space.tabulate_dof_coordinates()
     dim = space.mesh.topology.dim
@@ -27,6 +28,8 @@ def rigid_motions(space: fem.FunctionSpace) -> FloatArray:
     for k, (i, j) in enumerate(pairs):
         motions[dim + k, :, i] = -x[:, j]
         motions[dim + k, :, j] = x[:, i]
+    if axisymmetric:
+        motions = motions[1:2]
     return motions.reshape(len(motions), -1)
 
 
@@ -37,7 +40,7 @@ def free_motions(
 
     The conditions are those of one part of the body; ``part`` marks the local dofs of the part.
     """
-    motions = rigid_motions(space)
+    motions = rigid_motions(space, domain.axisymmetric)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     held = constraints.dofs[constraints.dofs < owned]
     fixed = motions[:, held[part[held]]]
@@ -146,7 +149,9 @@ def sliding_motions(contact: FloatArray) -> FloatArray:
 
 
 def describe_motion(motion: FloatArray, dim: int) -> str:
-    """A rigid motion (3 or 6 coefficients) in words."""
+    """A rigid motion (3 or 6 coefficients, 1 of an axisymmetric body) in words."""
+    if len(motion) == 1:
+        return "translation along y, the axis"
     share = np.abs(motion) / np.abs(motion).max()
     along = [axis for axis, size in zip(AXES, share[:dim], strict=False) if size > 0.1]
     about = [axis for axis, size in zip("zyx", share[dim:], strict=False) if size > 0.1]

@@ -13,9 +13,12 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
+from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.parameters import DiscretisationParameters
 from contact_locking.problem import gauss_points
 from contact_locking.problem.trace import Rule, Trace
@@ -35,7 +38,7 @@ class Element:
     be the points of the strains: the limit then holds at these points, with the weights of the
     rule.  ``elastic_rule`` is the rule for integrals of the elastic stress; the empty rule is exact
     for elastic coefficients that are affine in a cell.  ``trace`` tells at which points of Gamma_C
-    contact and friction act.
+    contact and friction act.  ``kinematics`` are those of the body.
     """
 
     degree: int
@@ -44,17 +47,29 @@ class Element:
     trace: Trace
     limit_at: str = "vertices"
     elastic_rule: Rule = field(default_factory=dict)
+    kinematics: Kinematics = STRAIGHT
 
     def __str__(self) -> str:
         """The element in words."""
         where = {"vertices": "the vertices", "gauss": "the Gauss points"}[self.limit_at]
+        body = ", axisymmetric" if self.kinematics.axisymmetric else ""
         if self.strain_degree == 0:
-            return f"degree {self.degree}"
-        return f"degree {self.degree}, the locking limit at {where} of each cell"
+            return f"degree {self.degree}{body}"
+        return f"degree {self.degree}{body}, the locking limit at {where} of each cell"
 
     def facts(self) -> dict[str, Any]:
         """The keys of the study file that choose the element."""
-        return {"degree": self.degree, "limit_at": self.limit_at}
+        body = {"axisymmetric": True} if self.kinematics.axisymmetric else {}
+        return {"degree": self.degree, "limit_at": self.limit_at, **body}
+
+    def strain(self, u: Expr) -> Expr:
+        """``eps(u)``, a symmetric (m, m) tensor: m is d, and 3 for a body of revolution."""
+        return self.kinematics.strain(u)
+
+    def tensor_space(self, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
+        """The space of strains and stresses, (m, m) tensors; collective."""
+        size = self.kinematics.tensor_size(mesh.topology.dim)
+        return self.strain_space(mesh, (size, size))
 
     def nodal_space(self, mesh: dolfinx.mesh.Mesh, size: int) -> fem.FunctionSpace:
         """Continuous fields of the displacement's degree with ``size`` components; collective."""
@@ -95,9 +110,12 @@ class Element:
         """The element with strains at points where |eps(u)| is largest in each cell.
 
         A convex function of an affine strain is largest at a corner.  This is the element itself if
-        its strain is constant in a cell or has its points at the corners.
+        its strain is constant in a cell or has its points at the corners, and for bodies of
+        revolution, where the hoop strain is not affine and not a number at a corner on the axis.
         """
-        if self.degree == 1 or (self.strain_degree == 1 and self.limit_at == "vertices"):
+        if self.kinematics.axisymmetric or self.degree == 1:
+            return self
+        if self.strain_degree == 1 and self.limit_at == "vertices":
             return self
         return replace(self, strain_degree=1, limit_at="vertices")
 
@@ -173,9 +191,31 @@ _GAUSS: Rule = {"quadrature_degree": 2}
 #: may be negative.
 P2_GAUSS = replace(P2, locking_rule=_GAUSS, limit_at="gauss", elastic_rule=_GAUSS)
 
+_MIDPOINT: Rule = {"quadrature_degree": 1}
+
+#: P1 for bodies of revolution: all laws hold at the midpoints of the cells, where the hoop strain
+#: is the quotient of the means of u_r and r.  The rule is exact for ``2 pi r Z : eps(v)`` with Z
+#: constant in a cell.
+P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kinematics=REVOLUTION)
+
+#: P2 for bodies of revolution.  Corners can lie on the axis, Gauss's points cannot.
+P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
+
 _ELEMENTS = {(1, "vertices"): P1, (1, "gauss"): P1, (2, "vertices"): P2, (2, "gauss"): P2_GAUSS}
+_OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
 
-def element_of(given: DiscretisationParameters) -> Element:
-    """The element that a study file asks for."""
-    return _ELEMENTS[given.degree, given.limit_at]
+def element_of(given: DiscretisationParameters, axisymmetric: bool = False) -> Element:
+    """The element that a study file asks for.
+
+    Raises InputError for limits at the vertices of the cells of an axisymmetric body.
+    """
+    if not axisymmetric:
+        return _ELEMENTS[given.degree, given.limit_at]
+    if given.degree > 1 and given.limit_at == "vertices":
+        raise InputError(
+            "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is not a number at "
+            "a vertex on the axis; take gauss",
+            "discretisation.limit_at",
+        )
+    return _OF_REVOLUTION[given.degree]

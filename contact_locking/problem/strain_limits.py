@@ -39,7 +39,8 @@ class _Builder:
     """Evaluates limits; numbers of points are those of :class:`Points`."""
 
     def __init__(self, domain: Domain, points: Points) -> None:
-        self._domain, self._points, self._dim = domain, points, domain.dim
+        self._domain, self._points = domain, points
+        self._dim = domain.kinematics.tensor_size(domain.dim)
 
     def sets(self, given: MaterialParameters) -> tuple[StrainSet, ...]:
         dim = self._dim
@@ -88,7 +89,8 @@ class _Builder:
     def _direction(self, limit: StrainLimit, where: IndexArray, key: str) -> Iterator[HalfSpaceSet]:
         """The half spaces ``a . eps a <= M`` and ``-a . eps a <= -m``."""
         assert limit.along is not None
-        values = np.empty((len(where), self._dim))
+        # The hoop component of an axisymmetric body may be left out.
+        values = np.zeros((len(where), self._dim))
         for axis, component in enumerate(limit.along):
             place = f"{key}.along.{axis}"
             values[:, axis] = self._points.evaluate(component, where, place)

@@ -106,8 +106,7 @@ class NormSet(StrainSet):
         return self.inverse_limit * ufl.sqrt(ufl.inner(measured, measured))
 
     def multipliers(self, element: Element, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
-        dim = mesh.topology.dim
-        return element.strain_space(mesh, (dim, dim))
+        return element.tensor_space(mesh)
 
 
 @dataclass(frozen=True)

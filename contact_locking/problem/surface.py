@@ -15,6 +15,7 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.problem import compiled
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.domain import Domain
@@ -51,25 +52,30 @@ class ContactSurface:
         self._pieces = np.array(element.trace.pieces[domain.dim], dtype=np.int32)
         self.domain = domain
         self.facets = domain.facets(names, key)
-        self.ds = domain.ds(names, key, **element.trace.rules[domain.dim])
         self.vector_space = space
         self.scalar_space, to_vector = _compat.collapse(space.sub(0))
         owned = self.scalar_space.dofmap.index_map.size_local
+        test = ufl.TestFunction(self.scalar_space)
+        lengths = domain.plain_ds(names, key, **element.trace.rules[domain.dim])
         # The weights also find a node of Gamma_C that the rank owns without a facet beside the
         # node.
-        mass = self._assemble(ufl.TestFunction(self.scalar_space) * self.ds)
+        mass = self._assemble(test * lengths)
         self.nodes = np.flatnonzero(mass[:owned] > 0.0).astype(np.int32)
         self.blocks = to_vector[self.nodes] // domain.dim
         self.weights = mass[self.nodes]
         self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
-        # Every rule is exact for the gradients of affine fields.
-        self._exact_ds = self.ds if element.degree == 1 else domain.ds(names, key)
         if limited is None:
             limited = element.trace.limited_space(space)
         #: The values of fields that contact and friction limit at the points.
         self.limited = PointValues(
             element.trace, self.scalar_space, limited, self.nodes, to_vector // domain.dim
         )
+        self.ds = lengths
+        # Every rule is exact for the gradients of affine fields.
+        self._exact_ds = lengths if element.degree == 1 else domain.ds(names, key)
+        if domain.axisymmetric:
+            self._exact_ds = domain.ds(names, key)
+            self.ds = self._with_circumference(lengths, self._assemble(test * self._exact_ds))
 
     def is_of(self, dofs: BoolArray) -> BoolArray:
         """(k,) whether each node is marked; ``dofs`` marks the local dofs of the vector space."""
@@ -78,6 +84,9 @@ class ContactSurface:
     def body_normals(self) -> FloatArray:
         """The outward unit normals (k, d) of the body, averaged over the facets; collective."""
         normals = self.average(ufl.FacetNormal(self.domain.mesh))()
+        if self.domain.axisymmetric:
+            # The facets around a point of the axis are those of a whole circle.
+            normals[self.points[:, 0] == 0.0, 0] = 0.0
         return normals / np.linalg.norm(normals, axis=1)[:, None]
 
     def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
@@ -115,6 +124,10 @@ class ContactSurface:
         function.x.array[self.nodes] = values
         function.x.scatter_forward()
         return function
+
+    def limited_values(self, values: FloatArray) -> FloatArray:
+        """The limited values (k,) of a scalar field with nodal values (k,); collective."""
+        return self.limited.of_function(self.scalar_function(values))
 
     def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
         """A vector function with the given values (k, d) on Gamma_C; collective."""
@@ -184,6 +197,23 @@ class ContactSurface:
         to_nodal.destroy()
         nodal.destroy()
         return surface
+
+    def _with_circumference(self, lengths: ufl.Measure, integrals: FloatArray) -> ufl.Measure:
+        """The measure of Gamma_C of an axisymmetric body; sets ``weights``; collective.
+
+        The rule of the trace would give the nodes on the axis, where r is 0, no weight.  The weight
+        of a node is therefore the integral of ``2 pi r`` times the function of its limited value, a
+        hat function or one of Bernstein's; ``integrals`` are those of the nodal functions.  The
+        density of the measure, which counts at the nodes alone, is the quotient of both weights.
+        """
+        values = fem.Function(self.scalar_space)
+        to_nodal = self.limited.inverse(self.nodes, np.arange(len(values.x.array)))
+        values.x.array[:] = to_nodal.T @ integrals[self.nodes]
+        values.x.scatter_reverse(la.InsertMode.add)
+        weights = values.x.array[self.nodes]
+        density = self.scalar_function(weights / self.weights)
+        self.weights = weights
+        return WeightedMeasure(lengths, density)
 
     def _piece_nodes(self) -> IndexArray:
         """The pieces (m, d) of the facets of Gamma_C, as local nodes of the scalar space."""

@@ -182,9 +182,8 @@ class PenalisedSystem:
 
         A residual of ``tolerance`` times this force is at least the rounding in ``u``.
         """
-        largest = maximum(self.comm, np.linalg.norm(self.u.x.array.reshape(-1, self.dim), axis=1))
         # An upper bound of the rounding, which saves the assembly where larger forces act.
-        if largest * self._rounding_of_one <= tolerance * acting:
+        if self.largest_displacement() * self._rounding_of_one <= tolerance * acting:
             return acting
         return max(acting, self.force_rounding() / tolerance)
 
@@ -201,6 +200,11 @@ class PenalisedSystem:
         """The rounding in ``a(u, .)``, as a norm over all dofs; collective."""
         self._assemble(self._magnitudes)
         return ROUNDING * float(la.norm(self._work.x))
+
+    def largest_displacement(self) -> float:
+        """The largest ``|u|`` of all nodes; collective."""
+        vectors = self.u.x.array.reshape(-1, self.dim)
+        return maximum(self.comm, np.linalg.norm(vectors, axis=1))
 
     def energy(self) -> float:
         """The elastic energy ``a(u, u)/2``; collective."""

@@ -12,7 +12,6 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.expressions import LARGEST
-from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.problem import forms
 from contact_locking.problem.coefficients import Material
@@ -41,11 +40,11 @@ class BodyFields:
         m: Material,
         found: Multipliers,
     ) -> None:
-        eps, tensor = strain(u), (domain.dim, domain.dim)
+        eps = data.strain(u)
         stress = data.elastic_stress(eps)
         norm = ufl.sqrt(ufl.inner(eps, eps))
         self.strain_norm = _at_points(data.element, domain, norm, "strain_norm")
-        self.elastic_stress = _at_points(data.element, domain, stress, "elastic_stress", tensor)
+        self.elastic_stress = _at_points(data.element, domain, stress, "elastic_stress")
         self.locking_stress, self.locking_parts = found.locking_stress, found.parts
         limits = [(item, item.utilisation(eps)) for item in data.limits]
         #: The utilisation of each set of strains but the ball.
@@ -137,10 +136,8 @@ def _largest(domain: Domain, values: fem.Function, over: fem.Function | None = N
     return maximum(domain.comm, ratio)
 
 
-def _at_points(
-    element: Element, domain: Domain, expr: Expr, name: str, shape: tuple[int, ...] = ()
-) -> fem.Function:
-    space = element.strain_space(domain.mesh, shape)
+def _at_points(element: Element, domain: Domain, expr: Expr, name: str) -> fem.Function:
+    space = element.strain_space(domain.mesh, expr.ufl_shape)
     function = fem.Function(space, name=name)
     function.interpolate(_compat.interpolation_expression(expr, space))
     function.x.scatter_forward()

@@ -11,7 +11,6 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import IntArray
-from contact_locking.laws.elasticity import strain
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.contact import Contact
@@ -45,6 +44,7 @@ class ContactFields:
         # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.old_place, self.old_slip = contact.memory.tangential, contact.memory.slip
+        self.drag, self.free = contact.memory.drag, contact.free
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
@@ -104,7 +104,7 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
         forces.append(ContactForces(pressure, friction, pressure > 0.0))
     found = Multipliers.none(data, domain.mesh, tuple(forces))
     for item, part in zip(data.sets, found.parts, strict=True):
-        law = item.multiplier(strain(u), data.n)
+        law = item.multiplier(data.strain(u), data.n)
         part.interpolate(_compat.interpolation_expression(law, part.function_space))
         part.x.scatter_forward()
     found.add_up(data)

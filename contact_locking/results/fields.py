@@ -18,7 +18,6 @@ from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.elasticity import strain
 from contact_locking.results.solution import Solution
 
 FIELD_NAMES = (
@@ -43,9 +42,10 @@ def discontinuous(solution: Solution) -> list[fem.Function]:
 
     All functions of a VTX file have one element, and these functions contain the displacements and
     the strains.  For degree 1 all values are copied.  For degree 2 the strain norm is |eps(u)| at
-    each node.  The other fields of the space of strains are extended to the nodes as the affine
-    functions that they are, except ``locked``: each corner has the value of the point beside the
-    corner, so that 0 and 1 stay 0 and 1, and the middle of an edge has the mean of its ends.
+    each node, unless the body is axisymmetric.  The other fields of the space of strains are
+    extended to the nodes as the affine functions that they are, except ``locked``: each corner has
+    the value of the point beside the corner, so that 0 and 1 stay 0 and 1, and the middle of an
+    edge has the mean of its ends.
     """
     degree, mesh = solution.element.degree, solution.domain.mesh
     spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
@@ -70,8 +70,10 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
     given, wanted = function.function_space.dofmap, space.dofmap
     values = function.x.array.reshape(-1, given.bs)[given.list]
     number = wanted.list.shape[1]
-    if name == "strain_norm" and solution.element.degree > 1:
-        eps = strain(solution.displacement)
+    # On the axis of an axisymmetric body the hoop strain is no number at a node.
+    kinematics = solution.element.kinematics
+    if name == "strain_norm" and solution.element.degree > 1 and not kinematics.axisymmetric:
+        eps = kinematics.strain(solution.displacement)
         norm = ufl.sqrt(ufl.inner(eps, eps))
         copy.interpolate(_compat.interpolation_expression(norm, space))
     elif values.shape[1] in (1, number):

@@ -37,17 +37,20 @@ def sample(
 ) -> ProbeSample:
     """The fields at the points; collective.
 
-    The columns ``stress`` are the whole stress, ``A eps(u) + Z``.
+    The columns ``stress`` are the whole stress, ``A eps(u) + Z``, with the hoop stress of an
+    axisymmetric body.
     """
-    dim = points.x.shape[1]
+    dim, size = points.x.shape[1], elastic_stress.ufl_shape[0]
     axes = AXES[:dim]
-    pairs = [(i, j) for i in range(dim) for j in range(i, dim)]
-    places = [i * dim + j for i, j in pairs]
+    pairs = {f"{axes[i]}{axes[j]}": (i, j) for i in range(dim) for j in range(i, dim)}
+    if size > dim:
+        pairs["hoop"] = (dim, dim)
+    places = [i * size + j for i, j in pairs.values()]
     names = [
         *(f"u_{axis}" for axis in axes),
         "strain_norm",
-        *(f"stress_{axes[i]}{axes[j]}" for i, j in pairs),
-        *(f"locking_stress_{axes[i]}{axes[j]}" for i, j in pairs),
+        *(f"stress_{pair}" for pair in pairs),
+        *(f"locking_stress_{pair}" for pair in pairs),
     ]
     elastic, locking = (_own(points, field) for field in (elastic_stress, locking_stress))
     own = np.column_stack(

@@ -18,6 +18,7 @@ from contact_locking.checkpoint import saved_steps
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
+from contact_locking.results.output_folder import on_root_of
 from contact_locking.results.solution import Solution
 
 
@@ -42,7 +43,7 @@ def run_steps(
     keeps = checkpoint.unavailable() is None
     if keeps:
         name = on_root(comm, lambda: study_file.fingerprint(parameters))
-        found = writing.on_root_of(comm, target, lambda: saved_steps.unfinished(target, name))
+        found = on_root_of(comm, target, lambda: saved_steps.unfinished(target, name))
     if found and restart is None:
         monitor.message(f"going on from step {int(found[-1].name)} of an earlier run")
         restart = target

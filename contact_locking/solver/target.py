@@ -38,11 +38,12 @@ class Target:
         mean = math.sqrt(2.0 * max(energy, 0.0) / (self.ellipticity * self.volume))
         return max(mean, ROUNDING * displacement / (self.length * tolerance))
 
-    def least_bound(self, energy: float, dim: int) -> float:
+    def least_bound(self, mean_strain: float, dim: int) -> float:
         """The L2 norm on Gamma_C below which changes of the friction bound are judged absolutely.
 
-        It is a thousandth of the mean elastic stress over a face of the body: where contact only
-        grazes, relative changes of next to nothing say nothing.
+        It is a thousandth of the stress of :meth:`mean_strain` over a face of the body: where
+        contact only grazes, relative changes of next to nothing say nothing, and where the strain
+        itself is next to nothing beside the displacement, they are rounding.
         """
-        stress = math.sqrt(2.0 * max(energy, 0.0) * self.stiffness / self.volume)
+        stress = math.sqrt(self.stiffness * self.ellipticity) * mean_strain
         return 1e-3 * stress * self.length ** (0.5 * (dim - 1))

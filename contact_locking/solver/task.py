@@ -40,7 +40,10 @@ class Task:
 
     def least_bound(self) -> float:
         """The norm below which changes of the friction bound are judged absolutely; collective."""
-        return self.target.least_bound(self.system.energy(), self.system.dim)
+        system, tolerance = self.system, self.settings.tolerance
+        displacement = system.largest_displacement()
+        strain = self.target.mean_strain(system.energy(), displacement, tolerance)
+        return self.target.least_bound(strain, system.dim)
 
     def add_stage(self, penalty: Penalty, tangents: int) -> None:
         """Report a stage of the solve that took so many tangents."""

@@ -114,6 +114,7 @@ class Steps(Iterator[Solution]):
         """End a step; collective."""
         for fields in state.contacts:
             fields.contact.remember(self.problem.u, fields.state == STICK)
+        self.problem.end_step()
 
     def _solve_at(self, at: float, saved: SavedState | None) -> SolverReport:
         """Solve at a time; collective."""

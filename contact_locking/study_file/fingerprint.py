@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from contact_locking.parameters import Parameters
+from contact_locking.parameters import Foundation, Parameters
 
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
@@ -60,6 +60,9 @@ def _normalised(
         if not section["locking"]:
             # A body with the ball alone keeps the fingerprint that it had before.
             del section["locking"]
+    if parameters.material.plane == "strain":
+        # A body in plane strain keeps the fingerprint that it had before.
+        del data["material"]["plane"]
     if not parameters.loads.pressures:
         # A body without pressures or supports keeps the fingerprint that it had before.
         del data["loads"]["pressures"]
@@ -82,13 +85,23 @@ def _contact(parameters: Parameters) -> dict[str, Any]:
             "contact": {
                 "on": part.on,
                 "gap": part.gap,
-                "foundation": part.foundation and part.foundation.model_dump(),
+                "foundation": part.foundation and _foundation(part.foundation),
             },
             "friction": part.friction.model_dump(),
         }
         for part in contacts
     ]
     return parts[0] if len(parts) == 1 else {"contacts": parts}
+
+
+def _foundation(given: Foundation) -> dict[str, Any]:
+    data = given.model_dump()
+    if given.moved is None:
+        # A body at rest keeps the fingerprint that it had before there was motion.
+        del data["motion"]
+    else:
+        data["motion"] = given.moved.model_dump()
+    return data
 
 
 def mesh_identity(
@@ -99,7 +112,8 @@ def mesh_identity(
     Raises OSError if the file cannot be read.
     """
     if parameters.mesh.file is not None:
-        return {"content": digest(parameters.mesh.file)}
+        revolution = {"axisymmetric": True} if parameters.mesh.axisymmetric else {}
+        return {"content": digest(parameters.mesh.file), **revolution}
     return dict(json.loads(json.dumps(parameters.mesh.model_dump())))
 
 

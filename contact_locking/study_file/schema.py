@@ -13,7 +13,7 @@ from pydantic import BaseModel, TypeAdapter
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.parameters import MeshParameters, Parameters
-from contact_locking.parameters.keys import may_be_list, section_in, visible_fields
+from contact_locking.parameters.keys import may_be_list, may_be_vector, section_in, visible_fields
 from contact_locking.parameters.mesh import builder_types
 from contact_locking.parameters.study import MAX_CASES
 from contact_locking.parameters.wording import show
@@ -54,11 +54,15 @@ def _with_empty(section: dict[str, Any]) -> None:
 def _mesh_schema() -> dict[str, Any]:
     about = visible_fields(MeshParameters)
     file = {"type": "string", "description": about["file"].description}
-    kinds: list[dict[str, Any]] = [_object({"file": file}, required=["file"])]
+    told = about["axisymmetric"].description
+    revolution = {"type": "boolean", "default": False, "description": told}
+    kinds: list[dict[str, Any]] = [
+        _object({"file": file, "axisymmetric": revolution}, required=["file"])
+    ]
     for name, cls in BUILDERS.items():
         # An editor shows the description when it completes the name of the builder.
         builder = {"const": name, "default": name, "description": _first_line(cls)}
-        properties: dict[str, Any] = {"builder": builder}
+        properties: dict[str, Any] = {"builder": builder, "axisymmetric": revolution}
         types = builder_types(cls)
         for entry in fields(cls):
             kind = TypeAdapter(types[entry.name]).json_schema()
@@ -103,6 +107,8 @@ def _places(
         path, section = section_in(field.annotation)
         paths = [path, ("INDEX", *path)] if may_be_list(field.annotation) else [path]
         yield key, description
+        if may_be_vector(field.annotation):
+            yield (*key, "INDEX"), description
         for steps in paths:
             yield from (((*key, *steps[: end + 1]), description) for end in range(len(steps)))
             if section is not None:

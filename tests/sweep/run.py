@@ -23,11 +23,20 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.files.atomic import write_text
-from sweep.solve import BROKEN, INFEASIBLE, NOT_SOLVED, REFUSED, SOLVED, WRONG, Outcome
+from sweep.solve import (
+    BROKEN,
+    INFEASIBLE,
+    NOT_SOLVED,
+    REFUSED,
+    SOLVED,
+    WEDGED,
+    WRONG,
+    Outcome,
+)
 
 Task = tuple[str, int, bool]
 
-KINDS = (SOLVED, INFEASIBLE, REFUSED, NOT_SOLVED, WRONG, BROKEN)
+KINDS = (SOLVED, INFEASIBLE, REFUSED, WEDGED, NOT_SOLVED, WRONG, BROKEN)
 
 
 class Worker:
@@ -141,6 +150,8 @@ def table(outcomes: Sequence[Outcome]) -> str:
         lines.append(f"{line}{middle:>12g}{max(tangents):>6}{seconds:>9.1f}")
     good = sum(outcome.is_good for outcome in outcomes)
     lines.append(f"right: {good} of {len(outcomes)}, {100.0 * good / max(len(outcomes), 1):.2f} %")
+    wedged = sum(outcome.kind == WEDGED for outcome in outcomes)
+    lines.append(f"of these wedged, told to have no equilibrium that is known: {wedged}")
     return "\n".join(lines)
 
 

@@ -26,9 +26,9 @@ from .families import case_of
 from .transforms import Transform
 
 # The outcomes of a problem; those of GOOD are what the sweep is for.
-SOLVED, INFEASIBLE, REFUSED = "solved", "infeasible", "refused"
+SOLVED, INFEASIBLE, REFUSED, WEDGED = "solved", "infeasible", "refused", "wedged"
 NOT_SOLVED, WRONG, BROKEN = "not solved", "wrong", "broken"
-GOOD = (SOLVED, INFEASIBLE, REFUSED)
+GOOD = (SOLVED, INFEASIBLE, REFUSED, WEDGED)
 
 # Beyond this the problem is impossible for certain, Clarabel's accuracy considered.
 _EXCESS = 1e-7
@@ -36,6 +36,9 @@ _EXCESS = 1e-7
 _ENERGY, _DIFFERENCE = 1e-6, 2e-6
 # The same for the problem in other units.
 _TRANSFORMED = 1e-14
+# Two penalties over Young's modulus, and how much larger the second makes a pressure that has no
+# limit; where there is one, both penalties give nearly the same.
+_PENALTIES, _GROWTH = (1e6, 1e7), 5.0
 
 
 @dataclass
@@ -93,6 +96,32 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     outcome.seconds = time.perf_counter() - start
     outcome.tangents = int(solution.summary["iterations"]["tangents"])
     _judge(case.truth, solution, discrete, outcome, checks)
+    is_told = outcome.kind == NOT_SOLVED and "grow with the penalty" in outcome.reason
+    if is_told and forces_grow(outcome.study, problem):
+        outcome.kind = WEDGED
+
+
+def forces_grow(study: Study, problem: Problem) -> bool:
+    """Whether the largest pressure grows in proportion to the penalty of contact and locking.
+
+    Then the penalised solutions, each of which is judged by the sums of the sweep, have no limit.
+    """
+    largest = []
+    for share in _PENALTIES:
+        n, length = share * problem.material.young, problem.domain.extent()
+        changed = copy.deepcopy(study)
+        changed["penalty"] = {"n": n, "epsilon": length / n}
+        changed["friction"]["regularisation"] = length / share
+        penalised = assemble(Parameters.model_validate(changed), MPI.COMM_SELF, problem.domain)
+        discrete = discretise(penalised.parameters, penalised.domain, penalised.u.function_space)
+        solution = solve_assembled(penalised)
+        if not solution.converged:
+            return False
+        state = state_of(solution, discrete)
+        if judge.complaint(judge.violations(solution.parameters, discrete, state)):
+            return False
+        largest.append(float(np.max(state.pressure)))
+    return largest[1] > _GROWTH * largest[0]
 
 
 def at_the_verge(case: Case, problem: Problem) -> Study:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.arrays import BoolArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.contact_tractions import ContactTractions
 from contact_locking.certificate.guaranteed.facet_polynomials import bernstein
@@ -12,9 +12,6 @@ from contact_locking.certificate.guaranteed.macro_element import CORNERS, FACETS
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum
-from contact_locking.parameters import ContactParameters
-from contact_locking.problem.coefficients import evaluate
-from contact_locking.problem.contact_boundary import FOUNDATIONS
 
 # Values are compared at so many points of each facet, both ends included.
 _SAMPLES = 8
@@ -61,21 +58,13 @@ def require_exact_gaps(
     given = {item.key: item for item in state.problem.parameters.contacts}
     worst = 0.0
     for contact in contacts:
-        key = contact.fields.contact.key
-        if key not in given:
+        if contact.fields.contact.key not in given:
             continue
         ends = triangles.ends[contact.cells, contact.sides]
         places = ends[:, :1] * (1.0 - s)[:, None] + ends[:, 1:] * s[:, None]
-        exact = _gap_at(state, given[key], places.reshape(-1, 2).T).reshape(len(places), _SAMPLES)
+        at_places = contact.fields.contact.obstacle.gap(places.reshape(-1, 2).T)
+        exact = at_places.reshape(len(places), _SAMPLES)
         own = np.einsum("mr,sr->ms", contact.gap, bernstein(contact.gap.shape[1] - 1, s))
         worst = max(worst, float(np.abs(exact - own).max(initial=0.0)))
     if maximum(state.comm, worst) > _ROUNDING_OF_DISTANCES * state.target.length:
         raise NotApplicable("the gap is not met between the nodes of the mesh")
-
-
-def _gap_at(state: SolvedState, given: ContactParameters, points: FloatArray) -> FloatArray:
-    """The gap (k,) at points (2, k) of Gamma_C; collective."""
-    if given.foundation is None:
-        return evaluate(state.comm, given.gap, points, f"{given.key}.gap")
-    shape, section = next(entry for entry in given.foundation if entry[1] is not None)
-    return np.asarray(FOUNDATIONS[shape](section, 2).gap(points))

@@ -147,12 +147,16 @@ def _require_applicable(state: SolvedState) -> None:
     problem = state.problem
     if state.dim != 2:
         raise NotApplicable(_THREE_DIMENSIONS)
+    if problem.domain.axisymmetric:
+        raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
     if not state.report.converged:
         raise NotApplicable("the solve did not converge")
     if problem.data.own_energy is not None:
         raise NotApplicable("no proof covers the user's own energy")
     memories = [contact.memory.tangential for contact in problem.contacts]
     if on_any_rank(state.comm, any(bool(np.any(values)) for values in memories)):
+        if any(contact.obstacle.moves for contact in problem.contacts):
+            raise NotApplicable("friction counts the slip on a tool that moves")
         raise NotApplicable("friction counts the slip from an earlier step")
     if not problem.data.only_ball:
         raise NotApplicable("the proof is not for other sets of strains than the ball |eps| <= M")

@@ -9,7 +9,6 @@ import ufl
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.elasticity import strain
 from contact_locking.problem import compiled
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Family, Reaction
@@ -100,6 +99,7 @@ def _work_beyond(system: PenalisedSystem, displacement: FloatArray, unlimited: f
     data = system.data
     inverse = data.inverse_strain_bound
     limit = ufl.conditional(ufl.gt(inverse, 0.0), 1.0 / ufl.max_value(inverse, 1e-300), unlimited)
-    sizes = [ufl.sqrt(ufl.inner(strain(w), strain(w))) for w in (v, system.u)]
+    strains = [data.strain(w) for w in (v, system.u)]
+    sizes = [ufl.sqrt(ufl.inner(eps, eps)) for eps in strains]
     form = data.largest_eigenvalue * sizes[0] * (limit + sizes[1]) * data.dx
     return float(system.comm.allreduce(fem.assemble_scalar(compiled.form(form))))

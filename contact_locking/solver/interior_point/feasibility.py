@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.laws.penalty import Penalty
+from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.solver_report import SolverReport
@@ -27,6 +28,9 @@ _ROUNDS = 8
 # on.
 _LITTLE = 1e-3
 _HALVINGS = 4
+# Under the stiff penalty a body that comes to rest enters its foundation by some millionths of its
+# displacement; one that enters by more than this share is wedged in by forces that grow with it.
+_WEDGED = 1e-3
 
 _INFEASIBLE_WAY_OUT = (
     "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
@@ -164,9 +168,43 @@ def share_of_friction(task: Task) -> str | None:
                 contact.friction.share = 1.0
             solver.destroy()
     growth = f" (and {last / first:.3g} times the contact force of none)" if first else ""
+    wedged = f"; {words}" if (words := growth_with_the_penalty(task)) else ""
     return (
         f"a solution was found with {100.0 * low:.0f} % of friction.coefficient{growth}, but "
-        f"not with {100.0 * high:.0f} %"
+        f"not with {100.0 * high:.0f} %{wedged}"
+    )
+
+
+def growth_with_the_penalty(task: Task) -> str:
+    """Whether the forces of penalised solutions grow with the penalty, in words; collective.
+
+    Where they do, the penalised solutions have no limit that the inequality could be solved by.
+    This is one solve with a stiff penalty, and proves nothing; "" where it says nothing.
+    Displacement and friction bounds of the system are left as they are; what it took is added to
+    the report.
+    """
+    system = task.system
+    if task.target.penalty.epsilon > 0.0:
+        return ""
+    prescribed = system.held_part(system.u.x.array)
+    with _tries(task) as tries:
+        target = _stiff(task.target, smooth=True)
+        solver = InteriorPoint(task.aside(tries, target))
+        try:
+            system.u.x.array[:] = prescribed
+            forces = solver.solve().contacts
+        except NotConverged:
+            return ""
+        finally:
+            solver.destroy()
+        pressure = max(maximum(system.comm, item.pressure) for item in forces)
+        share = target.penalty.epsilon * pressure / (system.largest_displacement() or 1.0)
+    if share < _WEDGED:
+        return ""
+    return (
+        f"a stiff penalty has a solution, which enters the foundation by {100.0 * share:.2g} % of "
+        "its largest displacement: its forces grow with the penalty, and there seems to be no "
+        "equilibrium without one"
     )
 
 
@@ -182,13 +220,16 @@ def _tries(task: Task) -> Iterator[SolverReport]:
             task.report.linear += tries.linear
 
 
-def _stiff(target: Target) -> Target:
+def _stiff(target: Target, smooth: bool = False) -> Target:
     """A penalised problem, the multipliers of which balance where nothing is admissible.
 
-    They grow with the penalty there.
+    They grow with the penalty there.  With ``smooth`` friction is regularised, too.
     """
     epsilon = target.length / (_STIFF * target.stiffness)
     regularisations = target.penalty.regularisations
+    if smooth:
+        least = epsilon * target.young
+        regularisations = tuple(max(length, least) for length in regularisations)
     return target.with_penalty(Penalty(_STIFF * target.stiffness, epsilon, regularisations))
 
 

@@ -10,7 +10,6 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.laws.elasticity import strain
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, norm
@@ -106,7 +105,7 @@ class LockingCones(LorentzCones):
         places, law = self._strains, self._strains.law
         self._a, self._b = fem.Function(places.scalars), fem.Function(places.scalars)
         self._w = fem.Function(places.tensors)
-        eps, eps_v = law.measured(strain(du)), law.measured(strain(v))
+        eps, eps_v = (law.measured(places.strain(w)) for w in (du, v))
         isotropic = self._a * ufl.inner(eps, eps_v) * places.dx
         along = self._b * ufl.inner(self._w, eps) * ufl.inner(self._w, eps_v)
         return isotropic + along * places.dx

@@ -185,8 +185,7 @@ class InteriorPoint:
         """Look at the iterate and judge it; collective."""
         iterate, tangent, target = self._iterate, self._tangent, self._task.target
         iterate.visit()
-        tolerance = self._task.settings.tolerance
-        strain = target.mean_strain(tangent.energy, tangent.largest_displacement(), tolerance)
+        strain = self._mean_strain()
         energy = 0.5 * target.ellipticity * strain**2 * target.volume
         energy = max(energy, self._tuning.locking_share * iterate.body_work())
         return Measures(
@@ -195,6 +194,12 @@ class InteriorPoint:
             iterate.total_product() / max(energy, self._least_energy),
             self._friction_change,
         )
+
+    def _mean_strain(self) -> float:
+        """The strain that the iterate is judged by; collective."""
+        tolerance = self._task.settings.tolerance
+        displacement = self._task.system.largest_displacement()
+        return self._task.target.mean_strain(self._tangent.energy, displacement, tolerance)
 
     def _stop_if_infeasible(self, measures: Measures) -> None:
         """Raise Infeasible if multipliers that grow, while laws stay violated, prove it."""
@@ -237,12 +242,12 @@ class InteriorPoint:
         Where it came hardly closer the bounds are set to that: the linearisation fails where slips
         stop, start or turn round.
         """
-        tangent, tuning, moving = self._tangent, self._tuning, self._moving
+        tuning, moving = self._tuning, self._moving
         contacts = [item.contact for item in moving]
         wanted = [item.wanted() for item in moving]
         used = [item.used(values) for item, values in zip(moving, wanted, strict=True)]
         left = [a - b for a, b in zip(wanted, used, strict=True)]
-        least = self._task.target.least_bound(tangent.energy, self._task.system.dim)
+        least = self._task.target.least_bound(self._mean_strain(), self._task.system.dim)
         size = max(joint_norm(contacts, wanted), least)
         before = self._friction_change
         self._friction_change = joint_norm(contacts, left) / size if size > 0.0 else 0.0

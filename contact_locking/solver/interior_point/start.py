@@ -79,6 +79,6 @@ class ElasticStart:
 
     def _is_admissible(self, margin: float) -> bool:
         """Whether all limits are kept, but for a share of them; collective."""
-        displacement = self._tangent.largest_displacement()
+        displacement = self._system.largest_displacement()
         keeps = all(family.is_kept(margin, displacement) for family in self._tangent.families)
         return on_every_rank(self._tangent.comm, keeps)

@@ -9,7 +9,6 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.laws.elasticity import strain
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.measures import relative_rms
@@ -64,7 +63,8 @@ class StrainHalfLines(HalfLines):
         """``int k (N : eps(du)) (N : eps(v))``."""
         places, law = self._strains, self._strains.law
         self._k = fem.Function(places.scalars)
-        return self._k * law.measured(strain(du)) * law.measured(strain(v)) * places.dx
+        eps, eps_v = (law.measured(places.strain(w)) for w in (du, v))
+        return self._k * eps * eps_v * places.dx
 
     def write_block(self) -> None:
         self._strains.set_scalars(self._k, self.stiffness)

@@ -10,7 +10,7 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
-from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor, mandel_vector, strain
+from contact_locking.laws.elasticity import mandel_factor, mandel_vector
 from contact_locking.problem import compiled
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.strain_sets import StrainSet
@@ -30,11 +30,16 @@ class StrainOperator:
     def __init__(self, space: fem.FunctionSpace, data: ProblemData, law: StrainSet) -> None:
         mesh, element, dx = space.mesh, data.element, data.locking_dx
         self.comm, self.dim = mesh.comm, mesh.topology.dim
-        self.space, self.dx, self.law = space, dx, law
+        self.space, self.dx, self.law, self.strain = space, dx, law, element.strain
         self.dofs, self.cells, self.limit = _limited_points(law.inverse_limit)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        measured = law.measured(strain(ufl.TrialFunction(space)))
-        vector = mandel_vector(measured) if measured.ufl_shape else ufl.as_vector([measured])
+        measured = law.measured(element.strain(ufl.TrialFunction(space)))
+        self._pairs = element.kinematics.mandel_pairs(self.dim)
+        vector = (
+            mandel_vector(measured, self._pairs)
+            if measured.ufl_shape
+            else ufl.as_vector([measured])
+        )
         self.rows = vector.ufl_shape[0]
         vectors = element.strain_space(mesh, (self.rows,))
         form = compiled.form(ufl.inner(vector, ufl.TestFunction(vectors)) * dx)
@@ -46,7 +51,7 @@ class StrainOperator:
         self._matrix = self._by_component(by_cell)
         by_cell.destroy()
         self.scalars = element.strain_space(mesh)
-        self.tensors = element.strain_space(mesh, (self.dim, self.dim))
+        self.tensors = element.tensor_space(mesh)
         self.weights: FloatArray = fem.assemble_vector(
             compiled.form(ufl.TestFunction(self.scalars) * dx)
         ).array[self.dofs]
@@ -65,8 +70,8 @@ class StrainOperator:
 
     def set_tensors(self, function: fem.Function, mandel: FloatArray) -> None:
         """Give a function of ``tensors`` Mandel vectors (m, k) as values; collective."""
-        tensors = function.x.array.reshape(-1, self.dim, self.dim)
-        for row, (i, j) in zip(mandel, MANDEL_PAIRS[self.dim], strict=True):
+        tensors = function.x.array.reshape(-1, *function.ufl_shape)
+        for row, (i, j) in zip(mandel, self._pairs, strict=True):
             tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
         function.x.scatter_forward()
 

@@ -11,7 +11,6 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.joint_forms import JointForm
 from contact_locking.solver.interior_point.family import Family, Reaction
@@ -132,10 +131,6 @@ class Tangent:
     def direct(self) -> PETSc.KSP | None:
         """The direct solver of the tangents, if any, until :meth:`destroy`."""
         return self._linear.direct
-
-    def largest_displacement(self) -> float:
-        """The largest component of the system's displacement; collective."""
-        return maximum(self.comm, np.abs(self.system.u.x.array))
 
     def take_iterations(self) -> int:
         """The Krylov iterations since the last call."""

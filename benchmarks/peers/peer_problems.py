@@ -1,0 +1,122 @@
+"""The problems, their reference solutions by contact_locking at n = inf, and its two methods.
+
+``hertz``: a cylinder on a plane (V6).  ``block``: a block pressed and dragged with Coulomb friction
+of the local pressure.  ``locking``: the same block with a strain limit.  ``smooth``: that one
+without friction.  ``plate``: SSNV128.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from exchange import Problem
+
+from contact_locking import Parameters, Solution
+
+# Lengths are in units of the body's, stresses in units of Young's modulus, as the tests of
+# convergence of some programs add forces and displacements.
+STUDIES: dict[str, dict[str, Any]] = {
+    # R = 8, E = 200, F = 10 per length.
+    "hertz": {
+        "mesh": {
+            "builder": "disc",
+            "quarter": True,
+            "radius": 1.0,
+            "h": 0.1,
+            "h_contact": 0.03 / 8.0,
+            "contact_width": 1.2 / 8.0,
+        },
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+        "loads": {
+            "tractions": [{"on": "top", "value": [0.0, -0.625 / 200.0]}],
+            "displacements": [{"on": "symmetry", "value": [0.0, None]}],
+        },
+        "contact": {
+            "on": "contact",
+            "foundation": {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}},
+        },
+    },
+    "block": {
+        "mesh": {"builder": "block", "h": 1.0 / 32.0, "structured": True},
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+        "loads": {
+            "tractions": [{"on": "top", "value": [0.03, -0.05]}],
+            "displacements": [{"on": "left", "value": [0.0, 0.0]}],
+        },
+        "contact": {"on": "bottom"},
+        "friction": {"coefficient": 0.3, "smoothing": {"kernel": "none"}},
+    },
+    # 40 mm, E = 1.3e11 Pa, 5e7 and 15e7 Pa: 32 x 32 squares, cut into triangles.
+    "plate": {
+        "mesh": {"builder": "block", "h": 1.0 / 32.0, "structured": True},
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.2}},
+        "loads": {
+            "tractions": [
+                {"on": "top", "value": [0.0, -5e7 / 1.3e11]},
+                {"on": "left", "value": [15e7 / 1.3e11, 0.0]},
+            ],
+            "displacements": [{"on": "right", "value": [0.0, None]}],
+        },
+        "contact": {"on": "bottom"},
+        "friction": {"coefficient": 1.0, "smoothing": {"kernel": "none"}},
+    },
+}
+STUDIES["locking"] = STUDIES["block"] | {
+    "material": STUDIES["block"]["material"] | {"locking_limit": 0.02}
+}
+STUDIES["smooth"] = STUDIES["locking"] | {"friction": {"coefficient": 0.0}}
+
+
+def parameters(name: str, **penalty: Any) -> Parameters:
+    """The parameters of a problem: n = inf, the inequality, unless ``penalty`` says otherwise."""
+    return Parameters.model_validate(STUDIES[name] | penalty)
+
+
+def problem(name: str, solution: Solution) -> Problem:
+    """A problem on the mesh of a solution, with the friction bound of the solution."""
+    given, domain = STUDIES[name], solution.domain
+    x, cells = displaced(solution)[0], solution.displacement.function_space.dofmap.list
+    space = solution.displacement.function_space
+    parts = {}
+    for part, tag in domain.facet_names.items():
+        facets = domain.facet_tags.find(tag)
+        nodes = [fem.locate_dofs_topological(space, 1, np.array([facet])) for facet in facets]
+        parts[part] = np.array(nodes)
+    held = given["loads"]["displacements"]
+    return Problem(
+        x=x,
+        cells=cells,
+        parts=parts,
+        young=given["material"]["elasticity"]["young"],
+        poisson=given["material"]["elasticity"]["poisson"],
+        limit=given["material"].get("locking_limit", math.inf),
+        friction=given.get("friction", {}).get("coefficient", 0.0),
+        contact=given["contact"]["on"],
+        tractions={item["on"]: item["value"] for item in given["loads"]["tractions"]},
+        held={
+            item["on"]: [j for j, value in enumerate(item["value"]) if value is not None]
+            for item in held
+        },
+        bound=solution.friction_bound.x.array,
+    )
+
+
+def displaced(solution: Solution) -> tuple[Any, Any]:
+    """The nodes and their displacements, both (k, 2)."""
+    space = solution.displacement.function_space
+    return space.tabulate_dof_coordinates()[:, :2], solution.displacement.x.array.reshape(-1, 2)
+
+
+def write(name: str, folder: Path) -> Solution:
+    """Solve a problem at n = inf and write it for the peers."""
+    from contact_locking import solve
+
+    solution = solve(parameters(name))
+    assert solution.converged, solution.summary["reason"]
+    problem(name, solution).save(folder / f"{name}.npz")
+    np.save(folder / f"{name}-reference.npy", displaced(solution)[1])
+    return solution

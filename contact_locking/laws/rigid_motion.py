@@ -1,0 +1,73 @@
+"""Rigid motions of tools: ``X -> x = about + R (X - about) + translation``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.laws.foundation import Foundation
+
+
+@dataclass(frozen=True)
+class RigidMotion:
+    """``x = about + R (X - about) + translation`` for the points X of a tool at rest.
+
+    ``translation`` and ``about`` are (d,), and ``turn`` (d, d) is the rotation R.  The point
+    ``about`` of the tool moves by the translation alone.
+    """
+
+    translation: FloatArray
+    turn: FloatArray
+    about: FloatArray
+
+    @classmethod
+    def rest(cls, dim: int) -> RigidMotion:
+        """The motion that moves nothing."""
+        return cls(np.zeros(dim), np.eye(dim), np.zeros(dim))
+
+    def place(self, points: FloatArray) -> FloatArray:
+        """Where the points X (d, k) of the tool at rest are now."""
+        about = self.about[:, None]
+        return about + self.turn @ (points - about) + self.translation[:, None]
+
+    def origin(self, places: FloatArray) -> FloatArray:
+        """The points X (d, k) of the tool at rest that are now at ``places`` (d, k)."""
+        about = self.about[:, None]
+        return about + self.turn.T @ (places - about - self.translation[:, None])
+
+    def step_from(self, before: RigidMotion, places: FloatArray) -> FloatArray:
+        """How far (d, k) the points of the tool at ``places`` have moved since ``before``."""
+        return self.place(before.origin(places)) - places
+
+
+def rotation(angles: FloatArray) -> FloatArray:
+    """The rotation R by an angle (1,) in the plane, or by a rotation vector (3,), in radians.
+
+    In space ``R = exp([w])`` by Rodrigues' formula, a turn by the angle ``|w|`` about w.
+    """
+    if len(angles) == 1:
+        cosine, sine = np.cos(angles[0]), np.sin(angles[0])
+        return np.array([[cosine, -sine], [sine, cosine]])
+    angle = float(np.linalg.norm(angles))
+    x, y, z = angles
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # sin(a)/a and (1 - cos(a))/a^2, which have limits at a = 0.
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    return np.asarray(np.eye(3) + first * cross + second * cross @ cross)
+
+
+@dataclass(frozen=True)
+class MovedFoundation:
+    """``phi(x) = phi_0(X)`` with the point X of the body at rest that is now at x."""
+
+    body: Foundation
+    motion: RigidMotion
+
+    def gap(self, x: FloatArray) -> FloatArray:
+        return self.body.gap(self.motion.origin(x))
+
+    def contact_normal(self, x: FloatArray) -> FloatArray:
+        return self.motion.turn @ self.body.contact_normal(self.motion.origin(x))

@@ -1,0 +1,241 @@
+"""Tools: rigid foundations that move, and the friction by which they drag the body."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import block
+
+from contact_locking import Parameters, save, solve, solve_steps
+from contact_locking.arrays import FloatArray
+from contact_locking.laws.foundation import HalfSpace, Round
+from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
+from contact_locking.parallel import maximum
+from contact_locking.parameters import Foundation
+from contact_locking.results.contact_points import SLIP, STICK
+from contact_locking.results.solution import Solution
+from contact_locking.study_file import from_mapping
+from contact_locking.study_file.fingerprint import fingerprint
+
+WAY = ["0.02*sin(6*t)", "0.02*min(4*t, 1)"]
+
+
+def pressed(dim: int, n: float, top: list[Any], motion: Any, **changes: Any) -> Parameters:
+    """A block held at its top, and a half space below."""
+    point, normal = [0.0] * dim, [*[0.0] * (dim - 1), 1.0]
+    foundation: dict[str, Any] = {"half_space": {"point": point, "normal": normal}}
+    if motion is not None:
+        foundation["motion"] = motion
+    given: dict[str, Any] = {
+        "h": 0.25 if dim == 2 else 0.5,
+        "loads": {"displacements": [{"on": "top", "value": top}]},
+        "contact": {"on": "bottom", "foundation": foundation},
+        "steps": {"times": [0.25, 0.4, 0.75]},
+        "material__locking_limit": 0.04,
+        "friction__coefficient": 0.2,
+        "penalty__n": n,
+        "solver__tolerance": 1e-11,
+        "solver__friction_tolerance": 1e-11,
+    }
+    return block(dim, **(given | changes))
+
+
+def in_space(way: list[str], dim: int) -> list[str]:
+    return way if dim == 2 else [way[0], "0.01*t", way[1]]
+
+
+def all_of(parameters: Parameters) -> list[Solution]:
+    solutions = list(solve_steps(parameters))
+    assert all(found.converged for found in solutions), solutions[-1].summary["reason"]
+    return solutions
+
+
+@pytest.mark.parametrize(("dim", "n"), [(2, 1e3), (2, math.inf), (3, math.inf)])
+def test_a_tool_that_moves_is_a_body_that_moves_the_other_way(dim: int, n: float) -> None:
+    way = in_space(WAY, dim)
+    moved = all_of(pressed(dim, n, [0.0] * dim, way))
+    fixed = all_of(pressed(dim, n, [f"-({value})" for value in way], None))
+    states: set[int] = set()
+    for a, b in zip(moved, fixed, strict=True):
+        t = a.time
+        by = [0.02 * math.sin(6 * t), *[0.01 * t] * (dim - 2), 0.02 * min(4 * t, 1)]
+        u, w = (found.displacement.x.array.reshape(-1, dim) for found in (a, b))
+        assert np.abs(u - by - w).max(initial=0.0) < 1e-9
+        one, other = a.contacts[0], b.contacts[0]
+        for name in ("pressure", "traction", "bound", "slip", "increment"):
+            x, y = getattr(one, name), getattr(other, name)
+            assert np.abs(x - y).max(initial=0.0) < 1e-9, name
+        assert np.array_equal(one.state, other.state)
+        states |= set(MPI.COMM_WORLD.allreduce(one.state.tolist()))
+        for name in ("elastic_energy", "contact_force", "friction_force"):
+            assert a.summary[name] == pytest.approx(b.summary[name], abs=1e-9)
+        # The work differs only by the force with which the support moved or did not.
+        for name in ("stored", "dissipated"):
+            x, y = (found.history.last(name) for found in (a, b))
+            assert x == pytest.approx(y, abs=1e-10)
+        assert a.summary["certificate"]["criteria"]["energy_balance"]["holds"]
+    assert {SLIP, STICK} <= states
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_in_one_static_solve_friction_sees_that_the_tool_has_moved(n: float) -> None:
+    way = [0.03, 0.02]
+    moved = solve(pressed(2, n, [0.0, 0.0], way, steps=None))
+    fixed = solve(pressed(2, n, [-value for value in way], None, steps=None))
+    u, w = (found.displacement.x.array.reshape(-1, 2) for found in (moved, fixed))
+    assert np.abs(u - way - w).max() < 1e-9
+    assert moved.summary["friction_force"][0] > 1e-3
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+@pytest.mark.parametrize(
+    "motion",
+    [
+        ["0.3*t", "0.03*min(3*t, 1)"],
+        {"translation": [0, 0.03], "rotation": "0.1*sin(5*t)", "about": [0.4, -1.0]},
+    ],
+    ids=["slides", "rolls"],
+)
+def test_no_tool_creates_energy_whatever_its_normals_do(n: float, motion: Any) -> None:
+    disc = {"sphere": {"centre": [0.4, -1.0], "radius": 1.0}, "motion": motion}
+    found = all_of(
+        pressed(
+            2,
+            n,
+            [0.0, 0.0],
+            None,
+            h=0.125,
+            contact={"on": "bottom", "foundation": disc},
+            steps={"to": 0.8, "count": 4},
+            material__locking_limit=0.08,
+        )
+    )
+    for before, after in itertools.pairwise(found):
+        assert after.history.last("numerical") >= -1e-12
+        assert after.history.last("energy_defect") < 1e-8
+        turned = np.abs(after.contacts[0].normal - before.contacts[0].normal).max(initial=0.0)
+        assert (maximum(MPI.COMM_WORLD, turned) > 1e-3) == isinstance(motion, list)
+    assert found[-1].history.last("dissipated_total") > 0.0
+
+
+def test_a_tool_stands_where_its_motion_has_brought_it() -> None:
+    def solved(centre: list[float], motion: Any) -> Solution:
+        disc: dict[str, Any] = {"sphere": {"centre": centre, "radius": 1.0}}
+        contact = {"on": "bottom", "foundation": disc | motion}
+        return solve(
+            pressed(2, 1e3, [0, 0], None, contact=contact, friction__coefficient=0.0, steps=None)
+        )
+
+    there = solved([0.4, -0.97], {})
+    moved = solved([0.1, -1.0], {"motion": [0.3, 0.03]})
+    # Without friction a turn about the centre changes nothing.
+    turned = {"translation": [0.3, 0.03], "rotation": 0.3, "about": [0.1, -1.0]}
+    for other in (moved, solved([0.1, -1.0], {"motion": turned})):
+        difference = there.displacement.x.array - other.displacement.x.array
+        assert np.abs(difference).max() < 1e-10
+
+
+def test_a_process_with_a_tool_goes_on_from_a_saved_step(tmp_path: Path) -> None:
+    folder = Path(MPI.COMM_WORLD.bcast(tmp_path)) / "step"
+    disc = {
+        "sphere": {"centre": [0.4, -1.0], "radius": 1.0},
+        "motion": ["0.3*t", "0.03*min(3*t, 1)"],
+    }
+    contact = {"on": "bottom", "foundation": disc}
+    given: dict[str, Any] = {"contact": contact}
+
+    def parameters(count: int) -> Parameters:
+        times = [0.2, 0.4, 0.6, 0.7][:count]
+        return pressed(2, math.inf, [0, 0], None, **given, steps={"times": times})
+
+    straight = all_of(parameters(4))
+    save(all_of(parameters(2))[-1], folder)
+    later = list(solve_steps(parameters(4), restart=folder))
+    assert later[0].time == 0.4 and later[-1].time == 0.7
+    difference = straight[-1].displacement.x.array - later[-1].displacement.x.array
+    assert np.abs(difference).max() < 1e-9
+    assert later[-1].history.last("dissipated_total") == pytest.approx(
+        straight[-1].history.last("dissipated_total"), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("angles", [[0.7], [0.3, -0.2, 0.5], [0.0, 0.0, 0.0]])
+def test_a_rotation_is_the_exponential_of_its_vector(angles: list[float]) -> None:
+    from scipy.linalg import expm
+
+    x, y, z = angles if len(angles) == 3 else (0.0, 0.0, angles[0])
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    size = 2 if len(angles) == 1 else 3
+    assert rotation(np.array(angles)) == pytest.approx(expm(cross)[:size, :size], abs=1e-14)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_moved_body_has_the_distance_of_the_body_where_it_was(dim: int) -> None:
+    random = np.random.default_rng(3)
+
+    def vector() -> FloatArray:
+        return random.normal(size=dim)
+
+    motion = RigidMotion(vector(), rotation(random.normal(size=1 if dim == 2 else 3)), vector())
+    x = random.normal(size=(dim, 20))
+    assert motion.place(motion.origin(x)) == pytest.approx(x)
+    centre = vector()
+    ball = MovedFoundation(Round(tuple(centre), 0.3), motion)
+    there = Round(tuple(motion.place(centre[:, None])[:, 0]), 0.3)
+    assert ball.gap(x) == pytest.approx(there.gap(x))
+    assert ball.contact_normal(x) == pytest.approx(there.contact_normal(x))
+    plane = MovedFoundation(HalfSpace(tuple(vector()), tuple(vector())), motion)
+    step = 1e-6 * np.array([vector()]).T
+    slope = plane.gap(x + step) - plane.gap(x)
+    assert slope == pytest.approx(-np.sum(plane.contact_normal(x) * step, axis=0), abs=1e-13)
+
+
+def test_the_short_and_the_long_form_of_a_motion_are_one(tmp_path: Path) -> None:
+    def given(motion: Any) -> Parameters:
+        plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": motion}
+        return from_mapping(
+            {"contact": {"on": "bottom", "foundation": plane}, "steps": {"to": 1, "count": 2}}
+        )
+
+    short, long = given([0, "-0.01*t"]), given({"translation": [0, "-0.01*t"]})
+    assert fingerprint(short) == fingerprint(long) != fingerprint(given([0, "-0.02*t"]))
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        ([0, 0, 0], "contact.foundation.motion: must have 2 components in 2D, not 3"),
+        ([0, "x"], "contact.foundation.motion.1: in the expression 'x': unknown name 'x'"),
+        ({}, "contact.foundation.motion: moves nothing: give translation, rotation or both"),
+        ({"rotation": "t"}, "contact.foundation.motion.about: is missing beside rotation"),
+        (
+            {"rotation": [0, 0, "t"], "about": [0, 0]},
+            "contact.foundation.motion.rotation: is one angle in 2D, and no list",
+        ),
+        ({"about": [0, 0], "angle": 1}, "contact.foundation.motion.angle: unknown key"),
+    ],
+)
+def test_a_motion_that_means_nothing_is_refused(motion: Any, message: str) -> None:
+    from contact_locking import InputError
+
+    plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": motion}
+    with pytest.raises(InputError) as error:
+        from_mapping(
+            {"contact": {"on": "bottom", "foundation": plane}, "steps": {"to": 1, "count": 2}}
+        )
+    assert message in str(error.value)
+
+
+def test_time_in_a_motion_needs_steps() -> None:
+    from contact_locking import InputError
+
+    plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": [0, "0.1*t"]}
+    with pytest.raises(InputError, match=r"contact\.foundation\.motion\.1: depends on the time t"):
+        from_mapping({"contact": {"on": "bottom", "foundation": plane}})
+    assert Foundation.model_validate(plane).moved is not None
