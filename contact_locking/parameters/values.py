@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections import Counter
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
@@ -21,7 +22,15 @@ from pydantic import (
 )
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, SMALLEST, TIME, parse
+from contact_locking.expressions import (
+    ANY_TABLE,
+    NO_TABLES,
+    POSITION,
+    SMALLEST,
+    TIME,
+    Table,
+    parse,
+)
 
 from .wording import show
 
@@ -106,13 +115,17 @@ def _names(value: Any) -> tuple[str, ...]:
 class _ScalarRule(NamedTuple):
     variables: tuple[str, ...]
     infinite: bool = False
+    # The names of tables are checked where the tables are known.
+    tables: Mapping[str, Table] = NO_TABLES
 
     def __call__(self, value: Any) -> float | str:
         """The number, also if it is written as an expression, or the expression's text."""
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError(f"must be a number or an expression, not {show(value)}")
         try:
-            expression = parse(value, self.variables, allow_infinite=self.infinite)
+            expression = parse(
+                value, self.variables, allow_infinite=self.infinite, tables=self.tables
+            )
             return float(expression.numpy()) if expression.is_constant else expression.text
         except InputError as error:
             if isinstance(value, str):
@@ -137,10 +150,10 @@ def _number_or_text(value: Any) -> str:
     return TEXT if isinstance(value, str) else NUMBER
 
 
-_IN_SPACE_AND_TIME = _ScalarRule((*POSITION, TIME))
+_IN_SPACE_AND_TIME = _ScalarRule((*POSITION, TIME), tables=ANY_TABLE)
 _IN_SPACE, _OR_INFINITE = _ScalarRule(POSITION), _ScalarRule(POSITION, infinite=True)
-_OF_SLIP = _ScalarRule((*POSITION, "s"))
-_OF_TIME = _ScalarRule((TIME,))
+_OF_SLIP = _ScalarRule((*POSITION, "s"), tables=ANY_TABLE)
+_OF_TIME = _ScalarRule((TIME,), tables=ANY_TABLE)
 _Text = Annotated[str, Tag(TEXT)]
 _PositiveOrText = Annotated[
     Annotated[float, Field(gt=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)

@@ -36,6 +36,7 @@ from contact_locking.problem.probe_points import ProbePoints, locate
 from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
 from contact_locking.problem.supports import Support
+from contact_locking.problem.table_files import read_tables
 
 
 @dataclass
@@ -155,7 +156,8 @@ def assemble(
     _check_parts(domain, parameters)
     probes = locate(domain, parameters.output.probes)
     steps = parameters.steps
-    clock = Clock(domain.mesh, 0.0 if steps is None else steps.planned[0])
+    start = 0.0 if steps is None else steps.planned[0]
+    clock = Clock(domain.mesh, start, read_tables(domain.comm, parameters.tables or {}))
     constraints = constrain(
         domain,
         space,
@@ -239,7 +241,7 @@ def _conditions(domain: Domain, loads: LoadParameters, clock: Clock) -> list[Com
         for j, value in enumerate(condition.value):
             if value is not None:
                 key = f"loads.displacements.{i}.value.{j}"
-                timed = is_timed(parse(value, (*AXES, TIME)))
+                timed = is_timed(parse(value, (*AXES, TIME), tables=clock.tables))
                 field = partial(_at_present, domain.comm, value, key, clock)
                 wanted.append(ComponentCondition(condition.on, j, field, key, timed))
     return wanted
@@ -251,7 +253,7 @@ def _supports(domain: Domain, loads: LoadParameters, clock: Clock) -> list[Suppo
         key = f"loads.supports.{i}"
         field = partial(_at_present, domain.comm, support.value, f"{key}.value", clock)
         along = None if support.along == "normal" else support.along
-        timed = is_timed(parse(support.value, (*AXES, TIME)))
+        timed = is_timed(parse(support.value, (*AXES, TIME), tables=clock.tables))
         wanted.append(Support(support.on, along, field, key, timed))
     return wanted
 
@@ -260,7 +262,7 @@ def _at_present(
     comm: MPI.Intracomm, value: float | str, key: str, clock: Clock, x: FloatArray
 ) -> FloatArray:
     """The values (k,) of a number or an expression at points (d, k), at the present time."""
-    return evaluate(comm, value, x, key, time=clock.now)
+    return evaluate(comm, value, x, key, time=clock.now, tables=clock.tables)
 
 
 def _quoted(names: tuple[str, ...]) -> str:

@@ -66,7 +66,7 @@ def build_contacts(
         bound = FrictionBound(
             surface,
             _smoothing(surface, free, given, warnings),
-            _friction_law(domain.comm, given),
+            _friction_law(domain.comm, given, clock),
             frictionless=given.friction.coefficient == 0,
         )
         slip = penalty_slip if regularisation is None else regularisation
@@ -181,10 +181,10 @@ def _extent(surface: ContactSurface) -> float:
     return float(distances.max())
 
 
-def _friction_law(comm: MPI.Intracomm, part: ContactParameters) -> FrictionLaw:
+def _friction_law(comm: MPI.Intracomm, part: ContactParameters, clock: Clock) -> FrictionLaw:
     """``mu(x, s)`` from a number or an expression; every evaluation is collective."""
     key = part.friction_key("coefficient")
-    expression = parse(part.friction.coefficient, (*AXES, "s"))
+    expression = parse(part.friction.coefficient, (*AXES, "s"), tables=clock.tables)
 
     def local(points: FloatArray, slip: FloatArray) -> FloatArray:
         places = dict(zip(AXES, points.T, strict=False))

@@ -52,10 +52,11 @@ class GivenGap:
     def __init__(self, comm: MPI.Intracomm, given: ContactParameters, clock: Clock) -> None:
         self._comm, self._gap, self._clock = comm, given.gap, clock
         self._key = f"{given.key}.gap"
-        self.is_timed = is_timed(parse(given.gap, (*AXES, TIME)))
+        self.is_timed = is_timed(parse(given.gap, (*AXES, TIME), tables=clock.tables))
 
     def gap(self, x: FloatArray) -> FloatArray:
-        return evaluate(self._comm, self._gap, x, self._key, time=self._clock.now)
+        clock = self._clock
+        return evaluate(self._comm, self._gap, x, self._key, time=clock.now, tables=clock.tables)
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         return self.gap(surface.points.T), surface.body_normals()
@@ -104,10 +105,17 @@ class Tool:
         zero = (0.0,) * self._dim
         angles = given.angles or (0.0,) * (1 if self._dim == 2 else 3)
         return RigidMotion(
-            _at_time(given.translation or zero, time, f"{key}.translation"),
-            rotation(_at_time(angles, time, f"{key}.rotation")),
+            self._at_time(given.translation or zero, time, f"{key}.translation"),
+            rotation(self._at_time(angles, time, f"{key}.rotation")),
             np.array(given.about or zero, dtype=float),
         )
+
+    def _at_time(self, components: tuple[float | str, ...], time: float, key: str) -> FloatArray:
+        def value(component: float | str) -> float:
+            expression = parse(component, (TIME,), tables=self._clock.tables)
+            return float(expression.numpy(**{TIME: time}))
+
+        return np.array([with_key(key, partial(value, component)) for component in components])
 
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
         now = self.motion(self._clock.now)
@@ -132,13 +140,6 @@ class Tool:
                 self._key,
             )
         return gap, normals
-
-
-def _at_time(components: tuple[float | str, ...], time: float, key: str) -> FloatArray:
-    def value(component: float | str) -> float:
-        return float(parse(component, (TIME,)).numpy(**{TIME: time}))
-
-    return np.array([with_key(key, partial(value, component)) for component in components])
 
 
 def obstacle_of(comm: MPI.Intracomm, dim: int, given: ContactParameters, clock: Clock) -> Obstacle:

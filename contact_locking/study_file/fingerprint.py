@@ -13,7 +13,7 @@ from contact_locking.parameters import Foundation, Parameters
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
 # The sections that define a solution, beside contact and friction.
-_PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "penalty")
+_PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "tables", "penalty")
 
 
 def file_digest(path: str) -> str:
@@ -26,8 +26,8 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """16 hexadecimal digits of the parameters that define the results.
 
     All parameters count except the title, the study and the folder of the results.  A mesh file
-    counts by the ``digest`` of its content and not by its path.  Raises OSError if it cannot be
-    read.
+    and the files of tables count by the ``digest`` of their content and not by their path.  Raises
+    OSError if a file cannot be read.
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
@@ -68,6 +68,11 @@ def _normalised(
         del data["loads"]["pressures"]
     if not parameters.loads.supports:
         del data["loads"]["supports"]
+    if not parameters.tables:
+        # A problem without tables keeps the fingerprint that it had before.
+        del data["tables"]
+    for table in data.get("tables", {}).values():
+        table["file"] = digest(table["file"])
     if parameters.steps is None:
         # One static load keeps the fingerprint that it had before there were steps.
         del data["steps"]
