@@ -11,13 +11,14 @@ import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
-from contact_locking.problem.conditions import Constraints, rigid_motions
+from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.joint_forms import JointForm
+from contact_locking.problem.near_nullspace import near_nullspace
 from contact_locking.problem.surface import NodalAverage
 from contact_locking.problem.tool_balance import Tools
 
@@ -113,56 +114,50 @@ class PenalisedSystem:
 
     def create_matrix(self) -> PETSc.Mat:
         """A matrix with the tangent's sparsity and its near-nullspace; collective."""
-        matrix, near_nullspace = self._tangent.create_matrix(), self.near_nullspace()
-        matrix.setNearNullSpace(near_nullspace)
-        near_nullspace.destroy()
+        matrix, motions = self._tangent.create_matrix(), self.near_nullspace()
+        matrix.setNearNullSpace(motions)
+        motions.destroy()
         return matrix
 
     def near_nullspace(self) -> PETSc.NullSpace:
-        """The rigid body motions, orthonormalised, for algebraic multigrid; collective."""
-        basis: list[PETSc.Vec] = []
-        # Away from its axis an axisymmetric body resists the motions of the plane little: with all
-        # three of them multigrid took a third of the iterations.
-        for motion in rigid_motions(self.u.function_space):
-            vector = self.u.x.petsc_vec.duplicate()
-            vector.array_w[:] = motion[: self._owned]
-            for other in basis:
-                vector.axpy(-vector.dot(other), other)
-            vector.normalize()
-            basis.append(vector)
-        nullspace = PETSc.NullSpace().create(vectors=basis, comm=self.comm)
-        for vector in basis:
-            vector.destroy()
-        return nullspace
+        """The rigid body motions, for algebraic multigrid; collective."""
+        return near_nullspace(self.u)
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """``f = F(x)``, zero at constrained dofs; sets ``u = x``; collective."""
+        """``f``, the free part of ``F(x)``; sets ``u = x``; collective."""
         self.set_displacement(x)
         self.assemble_free(self._residual, f)
 
     def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
-        """The tangent at ``x``, rows and columns of constrained dofs replaced by the identity.
+        """The tangent at ``x``, see :meth:`assemble_tangent`.
 
         The matrix is declared symmetric positive definite each time, because PETSc forgets this
         property with new values, and MUMPS would then look for pivots.  Collective.
         """
         self.set_displacement(x)
-        self._tangent.assemble_matrix(matrix, self._constraints.conditions)
+        self.assemble_tangent(self._tangent, matrix)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
 
-    @property
-    def conditions(self) -> list[fem.DirichletBC]:
-        return self._constraints.conditions
+    def assemble_tangent(self, form: JointForm, matrix: PETSc.Mat) -> None:
+        """Assemble a bilinear form, with the identity for what the conditions hold; collective."""
+        self._constraints.assemble_matrix(form, matrix)
 
-    def free_dofs(self) -> FloatArray:
-        """1 at free and 0 at constrained local dofs of ``u``, ghosts included."""
-        return self._constraints.free_dofs(self.u)
+    def free_part(self, values: FloatArray) -> FloatArray:
+        """Local or owned values of a displacement without what the conditions prescribe."""
+        return self._constraints.free_part(values)
+
+    def free_nodes(self) -> BoolArray:
+        """Whether each owned node has a free direction."""
+        return self._constraints.free_nodes()
+
+    def held_part(self, values: FloatArray) -> FloatArray:
+        """What the conditions prescribe of local or owned values of a displacement."""
+        return self._constraints.held_part(values)
 
     def assemble_free(self, form: JointForm, f: PETSc.Vec) -> None:
-        """Assemble a linear form into ``f``, with zero at constrained dofs; collective."""
+        """Assemble the free part of a linear form into ``f``; collective."""
         self._assemble(form)
-        self._work.x.array[self._constraints.dofs] = 0.0
-        f.array_w[:] = self._work.x.array[: self._owned]
+        f.array_w[:] = self.free_part(self._work.x.array[: self._owned])
 
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, or :meth:`above_rounding`.

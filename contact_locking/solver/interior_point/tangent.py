@@ -41,7 +41,6 @@ class Tangent:
         space = system.u.function_space
         self._dim = system.dim
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self._free = system.free_dofs()[: self._owned]
         self.energy = self.force_scale = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         elastic = forms.elastic_form(du, v, data)
@@ -180,7 +179,7 @@ class Tangent:
             item.destroy()
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
-        self._form.assemble_matrix(matrix, self.system.conditions)
+        self.system.assemble_tangent(self._form, matrix)
 
     def _stiff_part(self) -> StiffPart:
         """What the filter of the multigrid takes; collective."""
@@ -197,7 +196,7 @@ class Tangent:
         """The owned nodes with something free that are stiffer than the material; collective."""
         found = (family.stiff_nodes(factor, self._material) for family in self.families)
         nodes = functools.reduce(np.union1d, found)
-        is_free = np.any(self._free.reshape(-1, self._dim) > 0.0, axis=1)
+        is_free = self.system.free_nodes()
         return nodes[is_free[nodes]].astype(np.int32)
 
     def _refresh_border(self) -> None:
@@ -222,10 +221,10 @@ class Tangent:
     def _with_travels(self, answer: PETSc.Vec) -> FloatArray:
         """The displacement with the travels for an answer without them; collective."""
         if not self.system.tools:
-            return answer.array_r * self._free
+            return self.system.free_part(answer.array_r)
         answer.copy(self._whole)
         travels = self._border.solve(self._whole, self._right_tools)
-        return np.concatenate([self._whole.array_r * self._free, travels])
+        return np.concatenate([self.system.free_part(self._whole.array_r), travels])
 
     def _find_residual(self, reactions: Sequence[Reaction]) -> None:
         self._start_right(self._unbalanced, -1.0)
@@ -253,7 +252,7 @@ class Tangent:
             self._right_tools = self._right_tools + self.comm.allreduce(local)
         # PETSc keeps the norm of a vector until the array is given back.
         with self._right as right:
-            right *= self._free
+            right[:] = self.system.free_part(np.asarray(right))
 
     def _solve_for(
         self, reactions: Sequence[Reaction], sign: float, accuracy: float, is_rough: bool = False
