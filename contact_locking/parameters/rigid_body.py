@@ -130,7 +130,7 @@ class Foundation(Section):
     force: tuple[TimeScalar, ...] | None = entry(
         None,
         "components of the force that pushes the rigid body against the body: its displacement "
-        "along the force is an unknown; null: no force moves the rigid body",
+        "along the force is an unknown; null: the place of the rigid body is known",
         "force, in 2D force/length",
         scalar="t",
         optional=True,
@@ -206,6 +206,7 @@ class Foundation(Section):
         if self.cylinder is not None:
             message = "is no body of revolution about x = 0; take sphere, or half_space"
             yield Fault(("cylinder",), message)
+        yield from _radial_faults(("force",), self.force)
         if self.moved is not None:
             where = ("motion",) if isinstance(self.motion, tuple) else ("motion", "translation")
             yield from _radial_faults(where, self.moved.translation)

@@ -14,7 +14,7 @@ from contact_locking.parameters.base import Section
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
 # The keys of a foundation that there were not at first.
-_LATER = ("expression", "polyline", "surface", "motion")
+_LATER = ("expression", "polyline", "surface", "motion", "force")
 # The sections that define a solution, beside contact and friction.
 _PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "penalty")
 
@@ -107,9 +107,6 @@ def _foundation(given: Foundation, digest: Callable[[str], str]) -> dict[str, An
         data[shape] = {"content": digest(given.file), **more}
     if given.moved is not None:
         data["motion"] = given.moved.model_dump()
-    if given.force is None:
-        # A body that no force pushes keeps the fingerprint that it had before there were forces.
-        del data["force"]
     return data
 
 
