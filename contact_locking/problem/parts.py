@@ -24,7 +24,7 @@ from contact_locking.problem.conditions import (
 )
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
-from contact_locking.problem.tool import Tool
+from contact_locking.problem.pushed_tool import PushedTool
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ class _Motions:
                 )
 
 
-def _is_at(tool: Tool, part: BoolArray) -> bool:
+def _is_at(tool: PushedTool, part: BoolArray) -> bool:
     """Whether all nodes of a tool's contact are on one part of the body; collective."""
     return on_every_rank(tool.contact.surface.domain.comm, tool.contact.surface.is_of(part))
 
@@ -187,7 +187,7 @@ class _AtContact:
     """Rigid motions at the owned nodes of one contact on one part of the body, less its tool's."""
 
     def __init__(
-        self, contact: Contact, motions: FloatArray, part: BoolArray, tools: Sequence[Tool]
+        self, contact: Contact, motions: FloatArray, part: BoolArray, tools: Sequence[PushedTool]
     ) -> None:
         self.contact, self._own = contact, contact.surface.is_of(part)
         blocks = contact.surface.blocks[self._own]
