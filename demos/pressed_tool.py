@@ -2,8 +2,8 @@
 # # A tool from an STL file
 #
 # A pestle is pressed into a box of packed grains and withdrawn. Grains that touch each other cannot
-# be packed closer, but they may come apart: the volume shrinks by 2 % at most and may grow. This
-# is the half space tr ε ≥ −0.02 of strains.
+# be packed closer, but they may come apart: the volume shrinks by 2 % at most and may grow. This is
+# the half space tr ε ≥ −0.02 of strains.
 #
 # The tool is a surface of triangles, and it moves as a rigid body:
 #

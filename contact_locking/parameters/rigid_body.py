@@ -9,7 +9,17 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from .base import Fault, Place, Section, entry, refuse_if, vector_faults
 from .motion import Motion, MotionOrTranslation
-from .values import LIST, SECTION, TEXT, Number, Positive, Switch, Text, TimedScalar
+from .values import (
+    LIST,
+    SECTION,
+    TEXT,
+    Number,
+    Positive,
+    Switch,
+    Text,
+    TimedScalar,
+    TimeScalar,
+)
 from .wording import show
 
 #: A longer polyline is not read.
@@ -88,7 +98,7 @@ def _zero_faults(key: str, direction: tuple[float, ...] | None) -> Iterator[Faul
 
 
 class Foundation(Section):
-    """A rigid body that the deformed body does not enter: exactly one shape, and its motion."""
+    """A rigid body that the deformed body does not enter: one shape, its motion, or a force."""
 
     half_space: HalfSpace | None = entry(None, "a half space", optional=True)
     sphere: Sphere | None = entry(None, "a sphere, in 2D a disc", optional=True)
@@ -117,15 +127,25 @@ class Foundation(Section):
         scalar="t",
         optional=True,
     )
+    force: tuple[TimeScalar, ...] | None = entry(
+        None,
+        "components of the force that pushes the rigid body against the body: its displacement "
+        "along the force is an unknown; null: the place of the rigid body is known",
+        "force, in 2D force/length",
+        scalar="t",
+        optional=True,
+    )
 
     @model_validator(mode="after")
-    def _exactly_one(self) -> Foundation:
+    def _check(self) -> Foundation:
         given = [name for name in SHAPES if getattr(self, name) is not None]
         if len(given) != 1:
-            message = (
-                f"give exactly one of {', '.join(SHAPES)}, not {' and '.join(given) or 'none'}"
-            )
+            listed = ", ".join(SHAPES)
+            message = f"give exactly one of {listed}, not {' and '.join(given) or 'none'}"
             refuse_if([Fault((), message)])
+        if self.force is not None and not any(self.force):
+            message = "is zero, so that nothing pushes the foundation; leave it out for a fixed one"
+            refuse_if([Fault(("force",), message)])
         return self
 
     @property
@@ -154,6 +174,7 @@ class Foundation(Section):
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The vectors that do not have ``dim`` components, and an axis in 2D."""
+        yield from vector_faults(("force",), self.force, dim)
         if self.half_space is not None:
             yield from vector_faults(("half_space", "point"), self.half_space.point, dim)
             yield from vector_faults(("half_space", "normal"), self.half_space.normal, dim)
@@ -185,6 +206,7 @@ class Foundation(Section):
         if self.cylinder is not None:
             message = "is no body of revolution about x = 0; take sphere, or half_space"
             yield Fault(("cylinder",), message)
+        yield from _radial_faults(("force",), self.force)
         if self.moved is not None:
             where = ("motion",) if isinstance(self.motion, tuple) else ("motion", "translation")
             yield from _radial_faults(where, self.moved.translation)
@@ -200,4 +222,4 @@ def _radial_faults(place: Place, vector: tuple[float | str, ...] | None) -> Iter
 
 
 #: The keys of a foundation that describe a shape.
-SHAPES = tuple(name for name in Foundation.model_fields if name != "motion")
+SHAPES = tuple(name for name in Foundation.model_fields if name not in ("motion", "force"))

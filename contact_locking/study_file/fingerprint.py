@@ -14,7 +14,7 @@ from contact_locking.parameters.base import Section
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
 # The keys of a foundation that there were not at first.
-_LATER = ("expression", "polyline", "surface", "motion")
+_LATER = ("expression", "polyline", "surface", "motion", "force")
 # The sections that define a solution, beside contact and friction.
 _PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "penalty")
 
