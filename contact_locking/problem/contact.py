@@ -102,7 +102,8 @@ class Contact:
         # The travel when the step began, and the gaps without travel.
         self._travelled: FloatArray = np.zeros(self.surface.domain.dim)
         self.travel, self._gaps = self._travelled, self.gaps
-        self._drag = np.zeros_like(self.surface.points)
+        # How far the obstacle itself has moved in the step.
+        self._drag: FloatArray = np.zeros((count, self.surface.domain.dim))
         self.bound = self.surface.scalar_function(np.zeros(count), "friction_bound")
         self.memory = SlipMemory(self.surface)
 
@@ -112,42 +113,34 @@ class Contact:
         dim = self.surface.domain.dim
         return np.asarray(self.normal.x.array.reshape(-1, dim)[self.surface.blocks])
 
-    @normals.setter
-    def normals(self, values: FloatArray) -> None:
-        dim = self.surface.domain.dim
-        self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = values
-        self.normal.x.scatter_forward()
-
     @property
     def gaps(self) -> FloatArray:
         """The gap (k,) at the nodes."""
         return np.asarray(self.gap.x.array[self.surface.nodes])
-
-    @gaps.setter
-    def gaps(self, values: FloatArray) -> None:
-        """Set the gaps (k,) of the foundation without its travel; collective."""
-        self._gaps = values
-        self._enter_gaps()
 
     @property
     def moves(self) -> bool:
         """Whether the foundation moves, by a given motion or by a force."""
         return self.obstacle.moves or self.is_pushed
 
-    def drag_by(self, drag: FloatArray) -> None:
-        """Let the given motion of the step move the foundation by ``drag`` (k, d); collective."""
-        self._drag = drag
+    def place_obstacle(self, gaps: FloatArray, normals: FloatArray, drag: FloatArray) -> None:
+        """Put the obstacle to its place at the present time; collective.
+
+        ``gaps`` (k,) and ``normals`` (k, d) are those without the travel, and ``drag`` (k, d) is
+        how far the obstacle has moved in the step.
+        """
+        self._gaps, self._drag = gaps, drag
+        dim = self.surface.domain.dim
+        self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = normals
+        self.normal.x.scatter_forward()
         self.move_foundation(self.travel)
 
     def move_foundation(self, travel: FloatArray) -> None:
         """Let the force move the foundation by ``travel`` (d,) in all; collective."""
-        self.travel = travel
-        self._enter_gaps()
-        self.memory.drag_by(self._drag + (travel - self._travelled), self.normals)
-
-    def _enter_gaps(self) -> None:
-        self.gap.x.array[self.surface.nodes] = self._gaps + self.normals @ self.travel
+        self.travel, normals = travel, self.normals
+        self.gap.x.array[self.surface.nodes] = self._gaps + normals @ travel
         self.gap.x.scatter_forward()
+        self.memory.drag_by(self._drag + (travel - self._travelled), normals)
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""

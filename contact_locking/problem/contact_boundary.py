@@ -63,6 +63,7 @@ def build_contacts(
         gap, normals = obstacle.at_nodes(surface)
         kind = "gap" if given.foundation is None else "foundation"
         warnings += about_the_gap(domain, gap, f"{given.key}.{kind}")
+        warnings += obstacle.warnings(surface, gap)
         free = surface.free_nodes(normals, free_dofs)
         regularisation = given.friction.regularisation
         bound = FrictionBound(
@@ -84,7 +85,7 @@ def build_contacts(
             free=free,
         )
         if obstacle.moves:
-            contact.drag_by(obstacle.drag(surface, None))
+            contact.place_obstacle(contact.gaps, normals, obstacle.drag(surface, None))
         found.append(contact)
     return tuple(found)
 
@@ -110,11 +111,10 @@ class MovingGap:
         """
         contact, surface = self.contact, self.contact.surface
         gap, normals = contact.obstacle.at_nodes(surface)
-        contact.gaps = surface.limited_values(gap)
+        drag = contact.obstacle.drag(surface, self.since)
+        contact.place_obstacle(surface.limited_values(gap), normals, drag)
         if not contact.obstacle.moves:
             return
-        contact.normals = normals
-        contact.drag_by(contact.obstacle.drag(surface, self.since))
         free = surface.free_nodes(normals, self.free_dofs)
         if on_any_rank(surface.domain.comm, free != contact.free):
             # R leaves out the nodes that are not free.

@@ -45,6 +45,8 @@ class ContactFields:
         # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.old_place, self.old_slip = contact.memory.tangential, contact.memory.slip
+        self.outline = contact.obstacle.outline(contact.surface.domain.dim) + contact.travel
+        # How far the foundation has moved in the step.
         self.drag, self.free = contact.memory.drag, contact.free
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
