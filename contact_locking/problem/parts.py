@@ -114,6 +114,22 @@ def describe_slide(
     return None
 
 
+def describe_loose(
+    domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
+) -> str | None:
+    """The rigid motion that present loads and forces of tools do not resist, in words, or None.
+
+    Tools may press the body less than at other times.  Collective.
+    """
+    for number in range(len(domain.part_names)):
+        found = _Motions(domain, space, data, constraints, number)
+        try:
+            check_held(found.free, found.normals, found.rubs, found.work, domain.dim)
+        except InputError as error:
+            return str(error)
+    return None
+
+
 class _Motions:
     """The f rigid motions of a part and its tools that the displacement conditions leave free.
 
