@@ -13,7 +13,7 @@ optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test test-all lint sandbox serial serial-all parallel parallel-all bench sweep verification studies docs format image image-test clean
+.PHONY: help demo test test-all lint sandbox serial serial-all parallel parallel-all bench peers sweep verification studies docs format image image-test clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 13
@@ -47,6 +47,9 @@ bench: ## measure tangents, times and errors (minutes) and write benchmarks/resu
 	./in-env python3 benchmarks/bound_cost.py
 	./in-env python3 benchmarks/accuracy.py
 	./in-env python3 benchmarks/accuracy.py --figure docs/figures/error_over_time.svg
+
+peers: ## solve the same problems by GetFEM, Clarabel and others (five minutes): benchmarks/peers/results.md
+	CONTACT_LOCKING_PACKAGES=benchmarks/peers/debian-packages.txt ./in-env python3 benchmarks/peers/run.py
 
 SEEDS = 20
 FAMILIES =

@@ -26,6 +26,7 @@ COARSE = {
     "stiffening": ("mesh.h=0.1", *PLAIN),
     "fabric": ("mesh.h=0.1", *PLAIN),
     "adaptive": ("mesh.h=0.25", "adapt.max_meshes=2", *PLAIN),
+    "indentation": ("mesh.h=0.1", "steps.count=3", *PLAIN),
     "two_foundations": ("mesh.h=0.1", *PLAIN),
     "ball_3d": ("mesh.h=0.5", "mesh.h_contact=0.06", *PLAIN),
     "notch": ("mesh.h=0.2", "mesh.h_contact=0.05", *PLAIN),

@@ -195,6 +195,9 @@ def _uniqueness(
     if all(bound.frictionless for bound in bounds):
         return _verdict(COVERED, "there is no friction: the problem is convex")
     report = {"contraction": state.report.contraction}
+    if state.problem.data.tools:
+        why = "a force pushes a foundation, and the slip is relative to the unknown travel"
+        return _verdict(UNKNOWN, why) | report
     if not all(bound.is_coulomb for bound in bounds):
         return _verdict(UNKNOWN, "the friction bound is the user's own") | report
     if coefficient.exceeded:

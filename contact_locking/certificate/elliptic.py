@@ -26,6 +26,14 @@ class NotApplicable(Exception):
     """A part of the certificate does not exist for this problem; the message says why."""
 
 
+def require_still_foundations(state: SolvedState) -> None:
+    """Raise NotApplicable if a force pushes a foundation, whose place is then an unknown."""
+    if state.problem.data.tools:
+        raise NotApplicable(
+            "a force pushes a foundation, and the proof is for foundations in a known place"
+        )
+
+
 class EllipticProblem:
     """``b(z, v) = r(v)`` for all v without a held part; made by :func:`elliptic_problem`.
 

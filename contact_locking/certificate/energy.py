@@ -187,7 +187,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
         ):
             opened = new.room(placed.displacement) - old.room(placed.displacement)
             total -= state.sum(acting.weights * acting.pressure * opened)
-            if fields.contact.obstacle.moves:
+            if fields.contact.moves:
                 total += state.sum(acting.weights * _dragged(acting, fields))
         return total
 
@@ -198,7 +198,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     outside = max(quadratic - numerical, numerical - highest, 0.0)
     size = max(after.work, before.work, state.sum(np.abs(after.forces * moved)))
     for fields, _, acting in places:
-        if fields.contact.obstacle.moves:
+        if fields.contact.moves:
             size = max(size, state.sum(np.abs(acting.weights * _dragged(acting, fields))))
     defect = outside / size if size > 0.0 else outside
     return EnergyBalance(work, after.stored, change, dissipated, numerical, defect), after

@@ -30,7 +30,8 @@ class Record:
     fingerprint of everything that defines the solution.  ``degree`` is the degree of the
     displacement, and ``limit_at`` names the points of the strains.  ``contacts`` is the number of
     contacts, ``strain_sets`` that of the sets of strains, and ``regularisations`` has one length
-    for each contact.  ``step`` is about the step of a process, None for a problem without steps.
+    for each contact.  ``travels`` are those of the tools.  ``step`` is about the step of a
+    process, None for a problem without steps.
     """
 
     version: str
@@ -48,6 +49,7 @@ class Record:
     mesh: dict[str, Any]
     problem: str
     step: dict[str, Any] | None = None
+    travels: tuple[float, ...] = ()
 
 
 def save(record: Record, folder: Path) -> None:
@@ -130,6 +132,7 @@ def _record(data: Mapping[str, Any]) -> Record:
         step=dict(data["step"]) if "step" in data else None,
         # Older versions know the ball alone.
         strain_sets=int(data.get("strain_sets", 1)),
+        travels=tuple(float(value) for value in data.get("travels", ())),
         **numbers,
     )
 

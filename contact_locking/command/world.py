@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -48,8 +49,16 @@ def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
             "the folder of your configuration is the place for it: ~/.config/dolfinx or ffcx"
         )
     if MPI.COMM_WORLD.rank == 0:
-        compiled_forms.clear_unfinished()
+        _clear_unfinished_forms()
     return MPI.COMM_WORLD
+
+
+@functools.cache
+def _clear_unfinished_forms() -> None:
+    """Once in a process: a worker of a study has hundreds of cases, and the cache many files."""
+    from contact_locking.problem import compiled_forms
+
+    compiled_forms.clear_unfinished()
 
 
 @contextlib.contextmanager

@@ -247,9 +247,8 @@ class Parameters(Section):
         for fault in self.material.dimension_faults(dim, self.mesh.axisymmetric):
             yield Fault(("material", *fault.place), fault.message)
         for place, contact in self._contact_sections() if self.mesh.axisymmetric else ():
-            if contact.foundation is not None and contact.foundation.cylinder is not None:
-                message = "is no body of revolution about x = 0; take sphere, or half_space"
-                yield Fault((*place, "foundation", "cylinder"), message)
+            for fault in contact.foundation.revolution_faults() if contact.foundation else ():
+                yield Fault((*place, "foundation", *fault.place), fault.message)
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from pydantic import model_validator
 
-from .base import Fault, Section, entry, refuse_if, vector_faults
+from .base import Fault, Place, Section, entry, refuse_if, vector_faults
 from .motion import Motion, MotionOrTranslation
-from .values import Number, Positive
+from .values import Number, Positive, TimeScalar
 from .wording import show
 
 
@@ -54,7 +54,7 @@ def _zero_faults(key: str, direction: tuple[float, ...] | None) -> Iterator[Faul
 
 
 class Foundation(Section):
-    """A rigid body that the deformed body does not enter: exactly one shape, and its motion."""
+    """A rigid body that the deformed body does not enter: one shape, its motion, or a force."""
 
     half_space: HalfSpace | None = entry(None, "a half space", optional=True)
     sphere: Sphere | None = entry(None, "a sphere, in 2D a disc", optional=True)
@@ -66,15 +66,25 @@ class Foundation(Section):
         scalar="t",
         optional=True,
     )
+    force: tuple[TimeScalar, ...] | None = entry(
+        None,
+        "components of the force that pushes the rigid body against the body: its displacement "
+        "along the force is an unknown; null: no force moves the rigid body",
+        "force, in 2D force/length",
+        scalar="t",
+        optional=True,
+    )
 
     @model_validator(mode="after")
-    def _exactly_one(self) -> Foundation:
+    def _check(self) -> Foundation:
         given = [name for name in SHAPES if getattr(self, name) is not None]
         if len(given) != 1:
-            message = (
-                f"give exactly one of {', '.join(SHAPES)}, not {' and '.join(given) or 'none'}"
-            )
+            listed = ", ".join(SHAPES)
+            message = f"give exactly one of {listed}, not {' and '.join(given) or 'none'}"
             refuse_if([Fault((), message)])
+        if self.force is not None and not any(self.force):
+            message = "is zero, so that nothing pushes the foundation; leave it out for a fixed one"
+            refuse_if([Fault(("force",), message)])
         return self
 
     @property
@@ -91,6 +101,7 @@ class Foundation(Section):
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The vectors that do not have ``dim`` components, and an axis in 2D."""
+        yield from vector_faults(("force",), self.force, dim)
         if self.half_space is not None:
             yield from vector_faults(("half_space", "point"), self.half_space.point, dim)
             yield from vector_faults(("half_space", "normal"), self.half_space.normal, dim)
@@ -108,6 +119,24 @@ class Foundation(Section):
             for fault in self.motion.dimension_faults(dim):
                 yield Fault(("motion", *fault.place), fault.message)
 
+    def revolution_faults(self) -> Iterator[Fault]:
+        """A shape or a motion that is not one of revolution about x = 0."""
+        if self.cylinder is not None:
+            message = "is no body of revolution about x = 0; take sphere, or half_space"
+            yield Fault(("cylinder",), message)
+        if self.moved is not None:
+            where = ("motion",) if isinstance(self.motion, tuple) else ("motion", "translation")
+            yield from _radial_faults(where, self.moved.translation)
+            if self.moved.rotation is not None:
+                message = "must be left out: an axisymmetric body has no rotation in its section"
+                yield Fault(("motion", "rotation"), message)
+
+
+def _radial_faults(place: Place, vector: tuple[float | str, ...] | None) -> Iterator[Fault]:
+    if vector is not None and vector[0] != 0:
+        message = f"must be 0 across the axis of an axisymmetric body, not {show(vector[0])}"
+        yield Fault((*place, 0), message)
+
 
 #: The keys of a foundation that describe a shape.
-SHAPES = tuple(name for name in Foundation.model_fields if name != "motion")
+SHAPES = tuple(name for name in Foundation.model_fields if name not in ("motion", "force"))

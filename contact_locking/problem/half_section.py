@@ -44,6 +44,11 @@ def half_section(domain: Domain) -> Domain:
     return replace(domain, axisymmetric=True)
 
 
+def is_on_axis(domain: Domain, x: FloatArray) -> BoolArray:
+    """Which of the points x (d, k) lie on the axis, (k,); collective."""
+    return np.asarray(np.abs(x[0]) <= _ON_AXIS * domain.bounding_box()[1, 0])
+
+
 def axis_condition(
     domain: Domain,
     space: fem.FunctionSpace,
@@ -58,16 +63,12 @@ def axis_condition(
     sub = space.sub(0)
     scalar = _compat.collapse(sub)[0]
     zero = fem.Function(scalar)
-    scale = float(domain.bounding_box()[1, 0])
-
-    def is_axial(x: FloatArray) -> BoolArray:
-        return np.asarray(x[0] <= _ON_AXIS * scale)
-
-    dofs = fem.locate_dofs_geometrical((sub, scalar), is_axial)
+    small = _ON_AXIS * float(domain.bounding_box()[1, 0])
+    dofs = fem.locate_dofs_geometrical((sub, scalar), lambda x: np.abs(x[0]) <= small)
     for condition, key in zip(given, radial, strict=True):
         values = fem.Function(space)
         condition.set(values.x.array)
-        moved = np.abs(values.x.array[dofs[0]]) > _ON_AXIS * scale
+        moved = np.abs(values.x.array[dofs[0]]) > small
         if key is not None and on_any_rank(domain.comm, moved):
             raise InputError("moves points of the axis x = 0 along x, where u_r is zero", key)
     return fem.dirichletbc(zero, dofs, sub)

@@ -16,6 +16,11 @@ from scipy.sparse import csr_matrix
 from contact_locking.arrays import FloatArray
 from contact_locking.problem.surface_mesh import SurfaceMesh
 
+# The angles of Gauss's rule around a circle: k is smooth.
+_ANGLES = 24
+# The largest distance over the radius at which k is computed; k is 0 there in double precision.
+_LARGEST = 1.0 - 1e-4
+
 
 class Smoothing(Protocol):
     """A linear map of the nodal values on Gamma_C that keeps constants at the free nodes."""
@@ -48,7 +53,9 @@ class Convolution:
 
     The kernel k is smooth and vanishes for ``d >= r``.  Because of the denominator, R keeps
     constants at every point, also near the ends of Gamma_C.  Integrals use the vertex rule, and
-    ``|x-y|`` is the distance along Gamma_C (``SurfaceMesh.within``).
+    ``|x-y|`` is the distance along Gamma_C (``SurfaceMesh.within``).  Of an axisymmetric body, y
+    runs around the circles as well: with the distance s along the half section,
+    ``|x-y|^2 = s^2 + 4 r_x r_y sin^2(angle/2)``.
 
     ``surface`` is Gamma_C with the weight 0 at held nodes, whose normal displacement is prescribed:
     held nodes carry no pressure, and their weights in the denominator would lower R at the nodes
@@ -59,7 +66,13 @@ class Convolution:
         self._comm = comm
         weights = surface.weights
         row, column, distance = surface.within(radius)
-        kernel = np.exp(-1.0 / (1.0 - (distance / radius) ** 2)) * weights[column]
+        distance = np.asarray(distance / radius)
+        kernel = _kernel(distance)
+        if surface.axisymmetric:
+            radii = surface.points[:, 0]
+            chord = 2.0 / radius * np.sqrt(radii[surface.own][row] * radii[column])
+            kernel = _around(distance, np.asarray(chord))
+        kernel = kernel * weights[column]
         count = len(weights[surface.own])
         total = np.bincount(row, kernel, minlength=count)
         # A held node without free nodes around has nothing to average, and no friction.
@@ -78,6 +91,26 @@ class Convolution:
 
     def destroy(self) -> None:
         pass
+
+
+def _kernel(distance: FloatArray) -> FloatArray:
+    """K of distances below 1, as multiples of the radius."""
+    return np.asarray(np.exp(-1.0 / (1.0 - distance**2)))
+
+
+def _around(distance: FloatArray, chord: FloatArray) -> FloatArray:
+    """The mean of ``k(sqrt(distance^2 + chord^2 sin^2(angle/2)))`` over a whole turn.
+
+    The part of the turn where k is positive ends at an angle that Gauss's rule goes up to.
+    """
+    room = np.sqrt(1.0 - distance**2)
+    end = 2.0 * np.arcsin(np.minimum(1.0, room / np.maximum(chord, room)))
+    places, weights = np.polynomial.legendre.leggauss(_ANGLES)
+    mean = np.zeros_like(distance)
+    for place, weight in zip(0.5 * (1.0 + places), 0.5 * weights, strict=True):
+        apart = np.hypot(distance, chord * np.sin(0.5 * place * end))
+        mean += weight * _kernel(np.minimum(apart, _LARGEST))
+    return mean * end / np.pi
 
 
 class HelmholtzFilter:

@@ -19,6 +19,7 @@ from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.problem import compiled
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.half_section import is_on_axis
 from contact_locking.problem.spaces import P1, Element
 from contact_locking.problem.surface_mesh import SurfaceMesh
 from contact_locking.problem.trace import PointValues
@@ -64,6 +65,8 @@ class ContactSurface:
         self.blocks = to_vector[self.nodes] // domain.dim
         self.weights = mass[self.nodes]
         self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
+        if domain.axisymmetric:
+            self.points[is_on_axis(domain, self.points.T), 0] = 0.0
         if limited is None:
             limited = element.trace.limited_space(space)
         #: The values of fields that contact and friction limit at the points.
@@ -116,6 +119,7 @@ class ContactSurface:
             np.concatenate(comm.allgather(weights)),
             np.unique(facets, axis=0),
             slice(first, first + len(self.nodes)),
+            self.domain.axisymmetric,
         )
 
     def scalar_function(self, values: FloatArray, name: str = "f") -> fem.Function:

@@ -28,13 +28,15 @@ class SurfaceMesh:
     """The nodes of Gamma_C with their weights, and its facets; made by ``ContactSurface.whole``.
 
     ``points`` (k, d), ``weights`` (k,) and ``facets`` (m, d), as numbers of nodes, are the same on
-    every rank; ``own`` is the range of the nodes that this rank owns.
+    every rank; ``own`` is the range of the nodes that this rank owns.  ``axisymmetric`` says that
+    the points (r, z) stand for circles.
     """
 
     points: FloatArray
     weights: FloatArray
     facets: IntArray
     own: slice
+    axisymmetric: bool = False
 
     @cached_property
     def edges(self) -> csr_matrix:

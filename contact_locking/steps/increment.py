@@ -185,7 +185,7 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
         slide = describe_slide(domain, u.function_space, data, problem.constraints)
     warnings = [*problem.warnings]
     numbers = body_summary(domain, u, data, body)
-    touching = contact_summary(state.contacts, domain.dim)
+    touching = contact_summary(state.contacts, data.tools, domain.dim)
     if report.converged:
         warnings += plausibility.about_the_strain(numbers["strain_norm_max"])
         warnings += plausibility.about_the_overstrain(

@@ -106,6 +106,9 @@ def _foundation(given: Foundation) -> dict[str, Any]:
         del data["motion"]
     else:
         data["motion"] = given.moved.model_dump()
+    if given.force is None:
+        # A body that no force pushes keeps the fingerprint that it had before there were forces.
+        del data["force"]
     return data
 
 

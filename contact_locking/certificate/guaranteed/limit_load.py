@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
 from contact_locking.certificate.guaranteed.body import Body
 from contact_locking.certificate.guaranteed.boundary_conditions import (
     held_components,
@@ -77,6 +77,7 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
 def _excluded(state: SolvedState) -> float:
     """The least factor on u_D that a stress excludes, infinite if no stress excludes any."""
     problem = state.problem
+    require_still_foundations(state)
     if state.dim != 2:
         raise NotApplicable("there are no equilibrated stresses in three dimensions here")
     if problem.domain.axisymmetric:
