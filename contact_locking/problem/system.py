@@ -11,7 +11,7 @@ import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
 
-from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
@@ -51,7 +51,7 @@ class PenalisedSystem:
         v = ufl.TestFunction(space)
         self.data, self.u, self.contacts = data, u, data.contacts
         self.comm, self.dim = space.mesh.comm, space.mesh.topology.dim
-        self._constraints = constraints
+        self.constraints = constraints
         constraints.apply(u)
         self.held_by_contact, self.held_by_friction = held_by_contact, held_by_friction
         self._elastic = JointForm(forms.elastic_form(u, v, data))
@@ -129,35 +129,19 @@ class PenalisedSystem:
         self.assemble_free(self._residual, f)
 
     def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
-        """The tangent at ``x``, see :meth:`assemble_tangent`.
+        """The tangent at ``x``, with the identity for what the conditions hold.
 
         The matrix is declared symmetric positive definite each time, because PETSc forgets this
         property with new values, and MUMPS would then look for pivots.  Collective.
         """
         self.set_displacement(x)
-        self.assemble_tangent(self._tangent, matrix)
+        self.constraints.assemble_matrix(self._tangent, matrix)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
-
-    def assemble_tangent(self, form: JointForm, matrix: PETSc.Mat) -> None:
-        """Assemble a bilinear form, with the identity for what the conditions hold; collective."""
-        self._constraints.assemble_matrix(form, matrix)
-
-    def free_part(self, values: FloatArray) -> FloatArray:
-        """Local or owned values of a displacement without what the conditions prescribe."""
-        return self._constraints.free_part(values)
-
-    def free_nodes(self) -> BoolArray:
-        """Whether each owned node has a free direction."""
-        return self._constraints.free_nodes()
-
-    def held_part(self, values: FloatArray) -> FloatArray:
-        """What the conditions prescribe of local or owned values of a displacement."""
-        return self._constraints.held_part(values)
 
     def assemble_free(self, form: JointForm, f: PETSc.Vec) -> None:
         """Assemble the free part of a linear form into ``f``; collective."""
         self._assemble(form)
-        f.array_w[:] = self.free_part(self._work.x.array[: self._owned])
+        f.array_w[:] = self.constraints.free_part(self._work.x.array[: self._owned])
 
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, or :meth:`above_rounding`.
@@ -207,7 +191,7 @@ class PenalisedSystem:
         Tools travel to where the penalty laws hold their forces.
         """
         self.u.x.array[: self._owned] = x.array_r
-        self._constraints.apply(self.u)
+        self.constraints.apply(self.u)
         self.tools.settle(self.u)
 
     def take_over(
@@ -220,7 +204,7 @@ class PenalisedSystem:
         of the penalty law.
         """
         self.u.x.array[:] = displacement
-        self._constraints.apply(self.u)
+        self.constraints.apply(self.u)
         self.tools.travels = tuple(travels) or self.tools.travels
         if not pressures:
             return self.update_bounds()
@@ -243,7 +227,7 @@ class PenalisedSystem:
     def clear(self) -> None:
         """``u = 0`` at free dofs, all friction bounds and travels zero; collective."""
         self.u.x.array[:] = 0.0
-        self._constraints.apply(self.u)
+        self.constraints.apply(self.u)
         self.remove_friction()
         self.tools.travels = (0.0,) * len(self.tools)
 

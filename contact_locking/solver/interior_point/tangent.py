@@ -179,7 +179,7 @@ class Tangent:
             item.destroy()
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
-        self.system.assemble_tangent(self._form, matrix)
+        self.system.constraints.assemble_matrix(self._form, matrix)
 
     def _stiff_part(self) -> StiffPart:
         """What the filter of the multigrid takes; collective."""
@@ -210,7 +210,7 @@ class Tangent:
         found = [part for part in given if part is not None]
         rows = stacked([matrix for matrix, _ in found], self.matrix)
         free = self.matrix.createVecRight()
-        free.array_w[:] = self._free
+        free.array_w[:] = self.system.constraints.free_dofs()[: self._owned]
         rows.diagonalScale(None, free)
         free.destroy()
         return rows, np.concatenate([stiffness for _, stiffness in found])
@@ -219,7 +219,7 @@ class Tangent:
         """The owned nodes with something free that are stiffer than the material; collective."""
         found = (family.stiff_nodes(factor, self._material) for family in self.families)
         nodes = functools.reduce(np.union1d, found)
-        is_free = self.system.free_nodes()
+        is_free = self.system.constraints.free_nodes()
         return nodes[is_free[nodes]].astype(np.int32)
 
     def _refresh_border(self) -> None:
@@ -244,10 +244,10 @@ class Tangent:
     def _with_travels(self, answer: PETSc.Vec) -> FloatArray:
         """The displacement with the travels for an answer without them; collective."""
         if not self.system.tools:
-            return self.system.free_part(answer.array_r)
+            return self.system.constraints.free_part(answer.array_r)
         answer.copy(self._whole)
         travels = self._border.solve(self._whole, self._right_tools)
-        return np.concatenate([self.system.free_part(self._whole.array_r), travels])
+        return np.concatenate([self.system.constraints.free_part(self._whole.array_r), travels])
 
     def _find_residual(self, reactions: Sequence[Reaction]) -> None:
         self._start_right(self._unbalanced, -1.0)
@@ -275,7 +275,7 @@ class Tangent:
             self._right_tools = self._right_tools + self.comm.allreduce(local)
         # PETSc keeps the norm of a vector until the array is given back.
         with self._right as right:
-            right[:] = self.system.free_part(np.asarray(right))
+            right[:] = self.system.constraints.free_part(np.asarray(right))
 
     def _solve_for(
         self, reactions: Sequence[Reaction], sign: float, accuracy: float, is_rough: bool = False
