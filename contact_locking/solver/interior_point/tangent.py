@@ -51,7 +51,7 @@ class Tangent:
         self._load, self._stretched, self._unbalanced, self._right = vectors[:4]
         self._step, self._answer = vectors[4:]
         self._load.array_w[:] = system.load
-        self._linear = TangentSolver(self.matrix, self._dim, task.settings)
+        self._linear = TangentSolver(self.matrix, self._dim, task.settings, task.monitor.linear)
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
