@@ -58,7 +58,7 @@ class Tangent:
         self._right_tools: FloatArray = np.zeros(len(system.tools))
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
-        self._linear = TangentSolver(self.matrix, self._dim, task.settings)
+        self._linear = TangentSolver(self.matrix, self._dim, task.settings, task.monitor.linear)
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""

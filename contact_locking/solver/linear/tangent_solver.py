@@ -56,16 +56,21 @@ class TangentSolver:
     Where a tangent takes more iterations than the filter would cost, it is filtered from there on,
     and so are all that follow.  Options of the user may replace all of this.
 
-    The matrix is stored in blocks and has its near-nullspace.
+    The matrix is stored in blocks and has its near-nullspace.  ``listen`` is told the number of
+    each Krylov iteration.
     """
 
-    def __init__(self, matrix: PETSc.Mat, dim: int, settings: Settings) -> None:
+    def __init__(
+        self, matrix: PETSc.Mat, dim: int, settings: Settings, listen: Callable[[int], None]
+    ) -> None:
         self._matrix, self._dim = matrix, dim
         comm, size = matrix.getComm(), matrix.getSize()[0]
         name = chosen(settings.linear, dim, size)
         defaults = _ITERATIVE if name == "iterative" else default_options(name, dim, size, comm)
         self._ksp = create_ksp(comm, defaults, settings.petsc)
         self._factorises = name == "direct"
+        if not self._factorises:
+            self._ksp.setMonitor(lambda ksp, k, norm: listen(k))
         self._iterations = 0
         self._unblocked = Unblocked()
         self._multigrid: FilteredMultigrid | None = None
