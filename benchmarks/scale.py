@@ -84,7 +84,7 @@ class Tangents(Monitor):
             self.rows[-1] = (preconditioner(solver._multigrid), seconds, counts)
 
         TangentSolver.refresh = refresh_and_note  # type: ignore[method-assign]
-        TangentSolver.solve = solve_and_note  # type: ignore[method-assign]
+        TangentSolver.solve = solve_and_note  # type: ignore[method-assign,assignment]
 
 
 def preconditioner(multigrid: FilteredMultigrid | None) -> str:
