@@ -71,9 +71,11 @@ def checked(corners: FloatArray, origin: str) -> ToolSurface:
     if flat.any():
         warnings.append(f"{origin}: {flat.sum()} degenerate triangles were left out")
     kept = corners[~flat]
-    points, numbers = np.unique(kept.reshape(-1, 3), axis=0, return_inverse=True)
-    triangles: IntArray = numbers.reshape(-1, 3).astype(np.int64)
-    _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
+    places = kept.reshape(-1, 3)
+    once, numbers = _distinct(places)
+    points: FloatArray = places[once]
+    triangles: IntArray = numbers.reshape(-1, 3)
+    first, _ = _distinct(np.sort(triangles, axis=1))
     if len(first) < len(triangles):
         warnings.append(
             f"{origin}: {len(triangles) - len(first)} copies of triangles were left out"
@@ -115,6 +117,19 @@ def _degenerate(corners: FloatArray) -> BoolArray:
     return np.asarray(area <= _FLAT * longest**2)
 
 
+def _distinct(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
+    """The numbers of the first of equal rows (n, m), and for each row (n,) which of them it equals.
+
+    Column after column gets numbers, as NumPy sorts whole rows ten times slower than numbers.
+    """
+    known = np.zeros(len(rows), dtype=np.int64)
+    for column in rows.T:
+        values, place = np.unique(column, return_inverse=True)
+        known = np.unique(known * len(values) + place, return_inverse=True)[1]
+    _, first, number = np.unique(known, return_index=True, return_inverse=True)
+    return first.astype(np.int64), number.astype(np.int64)
+
+
 class _Edges:
     """The edges of triangles (n, 3): their ``ends`` (e, 2) and in how many triangles they are.
 
@@ -125,10 +140,9 @@ class _Edges:
     def __init__(self, triangles: IntArray) -> None:
         sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
         self.forward = sides[:, 0] < sides[:, 1]
-        self.ends, self.of_side, self.counts = np.unique(
-            np.sort(sides, axis=1), axis=0, return_inverse=True, return_counts=True
-        )
-        self.of_side = self.of_side.reshape(-1)
+        ends = np.sort(sides, axis=1)
+        first, self.of_side = _distinct(ends)
+        self.ends, self.counts = ends[first], np.bincount(self.of_side)
 
 
 def _to_turn(triangles: IntArray, edges: _Edges, origin: str) -> BoolArray:
