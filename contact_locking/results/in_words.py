@@ -77,7 +77,7 @@ def rows(summary: Mapping[str, Any], ratio: float | None) -> list[tuple[str, str
         ("contact force", _vector(summary["contact_force"])),
         ("friction force", _vector(summary["friction_force"])),
         *_reactions(summary["reactions"]),
-        *_tools(summary["contacts"]),
+        *_tools(summary.get("contacts", ())),
         ("contact area", _areas(summary["contact_area"], summary["slip_area"])),
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary["bounds"], certificate["errors"])),
