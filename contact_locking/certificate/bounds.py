@@ -14,6 +14,7 @@ from contact_locking.certificate.elliptic import (
     elasticity,
     elliptic_problem,
     inner_product,
+    require_still_foundations,
     springs,
 )
 from contact_locking.certificate.lifting import Lifting
@@ -67,6 +68,7 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
     """
     values = _measured(state)
     try:
+        require_still_foundations(state)
         w = lifting.admissible
         proved = _pressed_bounds(state, w) if state.problem.free else _held_bounds(state, w)
     except NotApplicable as failure:

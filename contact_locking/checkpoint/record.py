@@ -14,6 +14,7 @@ from typing import Any
 from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.errors import InputError
+from contact_locking.plain_text import defect
 
 # A change of the written files raises this number.
 FORMAT = 4
@@ -96,7 +97,7 @@ def load(directory: str | Path) -> tuple[Record, dict[str, tuple[int, str]]]:
         files = {name: (int(size), str(sha)) for name, (size, sha) in data["files"].items()}
         return _record(data), files
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(f"{folder / RECORD} is damaged ({error!r}); {_AGAIN}") from error
+        raise InputError(f"{folder / RECORD} is damaged ({defect(error)}); {_AGAIN}") from error
 
 
 def load_fields(directory: str | Path) -> tuple[Record, Path]:

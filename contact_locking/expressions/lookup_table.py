@@ -35,6 +35,12 @@ class Table:
         """The values at the given arguments, outside of the points that of the nearest point."""
         return np.interp(argument, self.points, self.values)
 
+    def slope(self, argument: Any) -> Any:
+        """The derivatives at the given arguments, at a point of the table the one to its right."""
+        slopes = np.diff(self.values) / np.diff(self.points)
+        place = np.searchsorted(self.points, argument, side="right") - 1
+        return slopes[np.clip(place, 0, len(slopes) - 1)]
+
     def __str__(self) -> str:
         """The name and the range of the table."""
         return f"table '{self.name}' has values from {self.points[0]:.6g} to {self.points[-1]:.6g}"

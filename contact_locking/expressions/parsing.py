@@ -51,7 +51,9 @@ def parse(
     InputError that names the fault, its place in the text and the nearest known name.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise InputError(f"expected a number or an expression, not {value!r}")
+        raise InputError(
+            f"expected a number or an expression, not a value of type {type(value).__name__}"
+        )
     if isinstance(value, str):
         return _Parser(value, tuple(variables), allow_infinite, tables).expression()
     try:

@@ -33,11 +33,11 @@ from contact_locking.problem.half_section import half_section, require_surface
 from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
 from contact_locking.problem.probe_points import ProbePoints, locate
+from contact_locking.problem.pushed_tool import build_tools
 from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
 from contact_locking.problem.supports import Support
 from contact_locking.problem.table_files import read_tables
-from contact_locking.problem.tool import build_tools
 
 
 @dataclass

@@ -79,8 +79,8 @@ class Contact:
     of pressures and slips; ``bound`` is the function with the friction bound that the forms use at
     present.  ``regularisation`` is the length that smooths friction.  ``free`` (k,) marks the nodes
     whose normal displacement is not prescribed; neither pressure nor friction acts at the other
-    nodes.  ``memory`` is what friction remembers of earlier steps.  ``travel`` (d,) is the
-    displacement of a foundation that a force pushes, from the place of the obstacle.
+    nodes.  ``memory`` is what friction remembers of earlier steps.  ``is_pushed`` says that a force
+    pushes the foundation, and ``travel`` (d,) is the displacement that the force gives to it.
     """
 
     key: str
@@ -95,6 +95,7 @@ class Contact:
     bound: fem.Function = field(init=False)
     memory: SlipMemory = field(init=False)
     travel: FloatArray = field(init=False)
+    is_pushed: bool = False
 
     def __post_init__(self) -> None:
         count = len(self.surface.nodes)
@@ -119,8 +120,8 @@ class Contact:
 
     @property
     def moves(self) -> bool:
-        """Whether the foundation moves in a process, by a motion or a force."""
-        return self.obstacle.moves or bool(np.any(self.travel != self._travelled))
+        """Whether the foundation moves, by a given motion or by a force."""
+        return self.obstacle.moves or self.is_pushed
 
     def place_obstacle(self, gaps: FloatArray, normals: FloatArray, drag: FloatArray) -> None:
         """Put the obstacle to its place at the present time; collective.
@@ -135,7 +136,7 @@ class Contact:
         self.move_foundation(self.travel)
 
     def move_foundation(self, travel: FloatArray) -> None:
-        """Displace the foundation by ``travel`` (d,) from the place of the obstacle; collective."""
+        """Let the force move the foundation by ``travel`` (d,) in all; collective."""
         self.travel, normals = travel, self.normals
         self.gap.x.array[self.surface.nodes] = self._gaps + normals @ travel
         self.gap.x.scatter_forward()

@@ -61,6 +61,7 @@ def build_contacts(
         gap, normals = obstacle.at_nodes(surface)
         kind = "gap" if given.foundation is None else "foundation"
         warnings += about_the_gap(domain, gap, f"{given.key}.{kind}")
+        warnings += obstacle.warnings(surface, gap)
         free = surface.free_nodes(normals, constraints)
         regularisation = given.friction.regularisation
         bound = FrictionBound(

@@ -16,9 +16,9 @@ from ufl.core.expr import Expr
 from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.signorini import contact_energy, contact_pressure
 from contact_locking.problem.contact import Contact
+from contact_locking.problem.pushed_tool import PushedTool
 from contact_locking.problem.spaces import Element
 from contact_locking.problem.strain_sets import NormSet, StrainSet
-from contact_locking.problem.tool import Tool
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class ProblemData:
     epsilon: fem.Constant
     element: Element
     limits: tuple[StrainSet, ...] = ()
-    tools: tuple[Tool, ...] = ()
+    tools: tuple[PushedTool, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
 
     def strain(self, u: Expr) -> Expr:

@@ -17,6 +17,7 @@ from contact_locking.problem import compiled, forms
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.pushed_tool import PushedTool
 from contact_locking.problem.rigid_motions import (
     check_held,
     describe_motion,
@@ -24,7 +25,6 @@ from contact_locking.problem.rigid_motions import (
     rigid_motions,
     sliding_motions,
 )
-from contact_locking.problem.tool import Tool
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,22 @@ def describe_slide(
     return None
 
 
+def describe_loose(
+    domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
+) -> str | None:
+    """The rigid motion that present loads and forces of tools do not resist, in words, or None.
+
+    Tools may press the body less than at other times.  Collective.
+    """
+    for number in range(len(domain.part_names)):
+        found = _Motions(domain, space, data, constraints, number)
+        try:
+            check_held(found.free, found.normals, found.rubs, found.work, domain.dim)
+        except InputError as error:
+            return str(error)
+    return None
+
+
 class _Motions:
     """The f rigid motions of a part and its tools that the displacement conditions leave free.
 
@@ -183,7 +199,7 @@ class _Motions:
                 )
 
 
-def _is_at(tool: Tool, part: BoolArray) -> bool:
+def _is_at(tool: PushedTool, part: BoolArray) -> bool:
     """Whether all nodes of a tool's contact are on one part of the body; collective."""
     return on_every_rank(tool.contact.surface.domain.comm, tool.contact.surface.is_of(part))
 
@@ -192,7 +208,7 @@ class _AtContact:
     """Rigid motions at the owned nodes of one contact on one part of the body, less its tool's."""
 
     def __init__(
-        self, contact: Contact, motions: FloatArray, part: BoolArray, tools: Sequence[Tool]
+        self, contact: Contact, motions: FloatArray, part: BoolArray, tools: Sequence[PushedTool]
     ) -> None:
         self.contact, self._own = contact, contact.surface.is_of(part)
         blocks = contact.surface.blocks[self._own]

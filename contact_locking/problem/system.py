@@ -18,7 +18,7 @@ from contact_locking.problem import compiled, forms
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.joint_forms import JointForm
-from contact_locking.problem.rigid_motions import rigid_motions
+from contact_locking.problem.near_nullspace import near_nullspace
 from contact_locking.problem.surface import NodalAverage
 from contact_locking.problem.tool_balance import Tools
 
@@ -114,27 +114,14 @@ class PenalisedSystem:
 
     def create_matrix(self) -> PETSc.Mat:
         """A matrix with the tangent's sparsity and its near-nullspace; collective."""
-        matrix, near_nullspace = self._tangent.create_matrix(), self.near_nullspace()
-        matrix.setNearNullSpace(near_nullspace)
-        near_nullspace.destroy()
+        matrix, motions = self._tangent.create_matrix(), self.near_nullspace()
+        matrix.setNearNullSpace(motions)
+        motions.destroy()
         return matrix
 
     def near_nullspace(self) -> PETSc.NullSpace:
-        """The rigid body motions, orthonormalised, for algebraic multigrid; collective."""
-        basis: list[PETSc.Vec] = []
-        # Away from its axis an axisymmetric body resists the motions of the plane little: with all
-        # three of them multigrid took a third of the iterations.
-        for motion in rigid_motions(self.u.function_space):
-            vector = self.u.x.petsc_vec.duplicate()
-            vector.array_w[:] = motion[: self._owned]
-            for other in basis:
-                vector.axpy(-vector.dot(other), other)
-            vector.normalize()
-            basis.append(vector)
-        nullspace = PETSc.NullSpace().create(vectors=basis, comm=self.comm)
-        for vector in basis:
-            vector.destroy()
-        return nullspace
+        """The rigid body motions, for algebraic multigrid; collective."""
+        return near_nullspace(self.u)
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """``f``, the free part of ``F(x)``; sets ``u = x``; collective."""

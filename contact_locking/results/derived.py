@@ -15,7 +15,7 @@ from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
-from contact_locking.problem.tool import Tool
+from contact_locking.problem.pushed_tool import PushedTool
 from contact_locking.problem.trace import make_nodal
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
@@ -45,6 +45,7 @@ class ContactFields:
         # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.old_place, self.old_slip = contact.memory.tangential, contact.memory.slip
+        self.outline = contact.obstacle.outline(contact.surface.domain.dim) + contact.travel
         # How far the foundation has moved in the step.
         self.drag, self.free = contact.memory.drag, contact.free
         self.pressure = forces.pressure
@@ -114,7 +115,7 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
 
 
 def contact_summary(
-    contacts: Sequence[ContactFields], tools: Sequence[Tool], dim: int
+    contacts: Sequence[ContactFields], tools: Sequence[PushedTool], dim: int
 ) -> dict[str, Any]:
     """The keys of summary.json about all contacts together, and about each contact; collective."""
     total: dict[str, Any] = {

@@ -40,5 +40,6 @@ class ToolBorder:
         self._border.solve(y, [0.0] * len(self._system.tools))
 
     def destroy(self) -> None:
-        """Free the PETSc objects; collective."""
+        """Free the PETSc objects, and the reference to the solver; collective."""
         self._border.destroy()
+        self._ksp.destroy()

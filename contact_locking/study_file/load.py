@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from contact_locking.parameters.wording import show
 
 from .dump import dump
 from .messages import faults_of
+from .paths import with_absolute_paths
 from .source import MAX_BYTES, Source, assign, read, tell
 
 # To check as many takes some 20 s; a file of the demos has 50 values.
@@ -140,9 +140,9 @@ def _with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
 
 
 def _validate(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:
-    data, missing = _with_files(data, folder)
-    if missing:
-        return None, missing
+    data, faults = with_absolute_paths(data, folder)
+    if faults:
+        return None, faults
     try:
         return Parameters.model_validate(data), []
     except ValidationError as error:
@@ -150,26 +150,3 @@ def _validate(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, li
     except UnicodeEncodeError as error:
         lone = ascii(error.object[error.start : error.end])
         return None, [Fault((), f"there is text with {lone}, which is no character")]
-
-
-def _with_files(data: dict[str, Any], folder: Path) -> tuple[dict[str, Any], list[Fault]]:
-    """The data with the absolute paths of their files, and the faults of files that are missing."""
-    faults: list[Fault] = []
-
-    def found(section: Any, place: tuple[str, ...]) -> Any:
-        if not (isinstance(section, dict) and isinstance(section.get("file"), str)):
-            return section
-        file = folder.absolute() / section["file"]
-        # Not Path.is_file, which raises for a name that no file can have.
-        if not os.path.isfile(file):
-            there = "is a folder" if os.path.isdir(file) else "there is no such file"
-            faults.append(Fault((*place, "file"), f"{there}: {file}"))
-        return section | {"file": str(file)}
-
-    if "mesh" in data:
-        data = data | {"mesh": found(data["mesh"], ("mesh",))}
-    tables = data.get("tables")
-    if isinstance(tables, dict):
-        placed = {name: found(table, ("tables", str(name))) for name, table in tables.items()}
-        data = data | {"tables": placed}
-    return data, faults[:MOST_FAULTS]

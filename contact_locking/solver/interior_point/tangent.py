@@ -17,7 +17,7 @@ from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
-from contact_locking.solver.linear.storage import IN_BLOCKS
+from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
 
@@ -184,13 +184,38 @@ class Tangent:
     def _stiff_part(self) -> StiffPart:
         """What the filter of the multigrid takes; collective."""
         stiff, nearly = self._tuning.stiff, self._tuning.nearly_stiff
+        along = self._tuning.stiff_along
 
         def assemble_rest(matrix: PETSc.Mat) -> None:
             for family in self.families:
                 family.soften(stiff, self._material)
             self._assemble(matrix)
 
-        return StiffPart(self._stiff_nodes(stiff), lambda: self._stiff_nodes(nearly), assemble_rest)
+        def assemble_across(matrix: PETSc.Mat) -> None:
+            for family in self.families:
+                family.soften_along(along, self._material)
+            self._assemble(matrix)
+
+        return StiffPart(
+            self._stiff_nodes(stiff),
+            lambda: self._stiff_nodes(nearly),
+            assemble_rest,
+            lambda: self._stiff_strains(along),
+            assemble_across,
+        )
+
+    def _stiff_strains(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
+        """The rows of all families, without the part that is prescribed; collective."""
+        given = (family.stiff_strains(factor, self._material) for family in self.families)
+        found = [part for part in given if part is not None]
+        rows = stacked([matrix for matrix, _ in found], self.matrix)
+        free = self.matrix.createVecRight()
+        constraints = self.system.constraints
+        free.array_w[:] = constraints.free_dofs()[: self._owned]
+        rows.diagonalScale(None, free)
+        free.destroy()
+        rows = constraints.supports.directions.projected_columns(rows)
+        return rows, np.concatenate([stiffness for _, stiffness in found])
 
     def _stiff_nodes(self, factor: float) -> IndexArray:
         """The owned nodes with something free that are stiffer than the material; collective."""

@@ -13,7 +13,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Expression, parse
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.parameters import Parameters
+from contact_locking.parameters import Foundation, Parameters
 from contact_locking.problem.clock import Clock
 from contact_locking.problem.contact import Contact
 
@@ -25,7 +25,7 @@ _STRAIGHT = 1e-9
 _FACING = 1e-9
 
 
-class Tool:
+class PushedTool:
     """The foundation of a contact that the force ``F(t) d`` pushes, with its travel q along d.
 
     The tool is a rigid body.  Its displacement is ``q d`` with the unit vector d, and contact and
@@ -34,15 +34,20 @@ class Tool:
 
         int (sigma_nu nu + sigma_tau) . d = F >= 0.
 
-    The contact holds the tool against other motions.  ``force`` is F at present, and ``largest``
-    is the largest F of the process.
+    Across d, and in its rotations, the tool follows its given motion, or stands still.  ``force``
+    is F at present, and ``largest`` is the largest F of the process.
     """
 
-    def __init__(self, contact: Contact, given: Sequence[float | str], times: Sequence[float]):
+    def __init__(
+        self, contact: Contact, given: Foundation, clock: Clock, times: Sequence[float]
+    ) -> None:
         self.contact, self.key = contact, f"{contact.key}.foundation.force"
-        self._expressions: list[Expression] = [parse(value, (TIME,)) for value in given]
+        translation = () if given.moved is None else given.moved.translation or ()
+        self._force = [_of_time(value, clock) for value in given.force or ()]
+        self._translation = [_of_time(value, clock) for value in translation]
         self._travel = 0.0
-        forces = np.array([self._vector(time) for time in times])
+        contact.is_pushed = True
+        forces = np.array([self._vector(self._force, time) for time in times])
         sizes = np.linalg.norm(forces, axis=1)
         self.largest = float(sizes.max())
         if self.largest == 0.0:
@@ -51,15 +56,11 @@ class Tool:
                 "foundation that stands still",
                 self.key,
             )
-        self.direction: FloatArray = forces[np.argmax(sizes)] / self.largest
+        first = int(np.argmax(sizes > _ROUNDING * self.largest))
+        self.direction: FloatArray = forces[first] / sizes[first]
         for time in times:
             self._size(time)
         self._require_facing()
-        if contact.surface.domain.axisymmetric and self.direction[0] != 0.0:
-            raise InputError(
-                "has a radial component, and an axisymmetric tool moves along the axis alone",
-                self.key,
-            )
         self.force = 0.0
 
     def advance(self, time: float) -> None:
@@ -117,21 +118,21 @@ class Tool:
         direction = [float(x) + 0.0 for x in self.direction]
         return {"force": self.force, "direction": direction, "travel": self.travel + 0.0}
 
-    def _vector(self, time: float) -> FloatArray:
-        values = with_key(self.key, lambda: [float(law.numpy(t=time)) for law in self._expressions])
+    def _vector(self, components: Sequence[Expression], time: float) -> FloatArray:
+        values = with_key(self.key, lambda: [float(law.numpy(t=time)) for law in components])
         if not np.all(np.isfinite(values)):
             raise InputError(f"is not finite at t = {time:g}", self.key)
         return np.array(values)
 
     def _size(self, time: float) -> float:
         """F at a time."""
-        force = self._vector(time)
+        force = self._vector(self._force, time)
         size = float(force @ self.direction)
-        at = f" at t = {time:g}" if any(law.names for law in self._expressions) else ""
+        at = f" at t = {time:g}" if any(law.names for law in self._force) else ""
         if np.linalg.norm(force - size * self.direction) > _STRAIGHT * self.largest:
             raise InputError(
-                f"has another direction{at} than where the force is largest, and a tool moves "
-                "along one line; keep the ratio of the components",
+                f"has another direction{at} than at first, and a tool moves along one line; keep "
+                "the ratio of the components",
                 self.key,
             )
         if size < -_ROUNDING * self.largest:
@@ -140,6 +141,14 @@ class Tool:
                 "tool; a force of 0 lets the body go",
                 self.key,
             )
+        if self._translation:
+            moved = self._vector(self._translation, time)
+            if abs(moved @ self.direction) > _STRAIGHT * np.linalg.norm(moved):
+                raise InputError(
+                    f"is along foundation.motion at t = {time:g}: the force decides how far the "
+                    "tool moves along it; leave out this component of the motion",
+                    self.key,
+                )
         return size if size > _ROUNDING * self.largest else 0.0
 
     def _require_facing(self) -> None:
@@ -153,9 +162,13 @@ class Tool:
             )
 
 
+def _of_time(value: float | str, clock: Clock) -> Expression:
+    return parse(value, (TIME,), tables=clock.tables)
+
+
 def build_tools(
     contacts: Sequence[Contact], parameters: Parameters, clock: Clock
-) -> tuple[Tool, ...]:
+) -> tuple[PushedTool, ...]:
     """The tools among the foundations of the study file; collective.
 
     Raises InputError for a force that is zero at all times of the study, changes its direction, or
@@ -165,7 +178,7 @@ def build_tools(
     found = []
     for contact, given in zip(contacts, parameters.contacts, strict=True):
         if given.foundation is not None and given.foundation.force is not None:
-            found.append(Tool(contact, given.foundation.force, times))
+            found.append(PushedTool(contact, given.foundation, clock, times))
     for tool in found:
         tool.advance(clock.now)
     return tuple(found)
