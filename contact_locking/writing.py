@@ -18,6 +18,7 @@ from contact_locking.files import atomic
 from contact_locking.files.lock import make_folders
 from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
 from contact_locking.results.names import (
+    ANIMATION,
     CONTACT,
     FACETS,
     FIELDS,
@@ -38,7 +39,7 @@ from contact_locking.results.summary import summary_text
 # The summary is the last file: a folder with a summary has all other files.
 _ORDER = (
     *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
-    *(PROBES, SNAPSHOT, PICTURE, checkpoints.NAME, SUMMARY),
+    *(PROBES, SNAPSHOT, PICTURE, ANIMATION, checkpoints.NAME, SUMMARY),
 )
 
 
@@ -83,15 +84,17 @@ def write(
     directory: str | Path,
     checkpoint: bool = False,
     series: Path | None = None,
+    animation: bytes | None = None,
 ) -> list[str]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
     The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv, and meshes.npz
     for adapted meshes.  The section ``output`` of the parameters adds fields.bp or fields.xdmf, and
     picture.png with snapshot.npz; ``checkpoint`` adds the folder checkpoint.  A step of a process
-    adds history.csv, and ``series``, the file of a `FieldSeries`, is fields.bp in place of the
-    fields of this step.  The files are written into a staging folder and moved when all are
-    complete.  No file of an earlier run stays in the folder.
+    adds history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of the fields
+    of this step, and ``animation`` is on rank 0 the content of animation.gif.  The files are
+    written into a staging folder and moved when all are complete.  No file of an earlier run stays
+    in the folder.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
     InputError for a folder that cannot be written to, and ContactLockingError for a full disk; if
@@ -124,6 +127,8 @@ def write(
 
         def finish() -> None:
             _write_texts(solution, staging)
+            if animation is not None:
+                (staging / ANIMATION).write_bytes(animation)
             adapted_meshes.save(solution.meshes, staging / MESHES)
             report.discard(target)
             for name in _ORDER:

@@ -114,6 +114,11 @@ class OutputParameters(Section):
     picture: Switch = entry(
         True, "whether to draw a picture, and save the snapshot that `view` shows"
     )
+    animation: Switch = entry(
+        True,
+        "whether a process in 2D with a picture has an animation, animation.gif, of at most 40 "
+        "frames",
+    )
     probes: tuple[Probe, ...] = entry(
         (), "points where probes.csv has displacement, strain norm and stresses"
     )

@@ -37,10 +37,34 @@ def figure(body: Snapshot) -> Figure:
     return fig
 
 
+def draw_frame(
+    fig: Figure, axes: Axes, body: Snapshot, factor: float, shade: style.Shade, window: FloatArray
+) -> None:
+    """Draw the body of one frame of an animation; ``window`` (2, 2) has the corners of the view."""
+    _deformed(fig, axes, body, factor, shade)
+    axes.set(xlim=window[:, 0], ylim=window[:, 1])
+
+
 def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
     factor = style.magnification(body)
+    handles = _deformed(fig, axes, body, factor, style.shade(body))
+    axes.autoscale_view()
+    axes.set_title(f"Deformed body, {style.scale_words(factor)}", loc="left")
+    # A distance in font sizes leaves room for the labels at any height of the axes.
+    axes.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        borderaxespad=4.0,
+        ncols=len(handles),
+    )
+
+
+def _deformed(
+    fig: Figure, axes: Axes, body: Snapshot, factor: float, shade: style.Shade
+) -> list[Patch | Line2D]:
+    """Draw the body, its locked zone and the foundation; returns what a legend explains."""
     x = style.deformed(body, factor)
-    shade = style.shade(body)
     handles: list[Patch | Line2D] = []
     triangles: Any = x[body.cells]
     colours = PolyCollection(
@@ -57,20 +81,11 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
     if len(body.contact.points):
         handles.append(_foundation(axes, body.contact, factor, body.size))
     axes.set_aspect("equal")
-    axes.autoscale_view()
-    axes.set_title(f"Deformed body, {style.scale_words(factor)}", loc="left")
     axes.set_xlabel("$x$")
     axes.set_ylabel("$y$")
     bar = axes.inset_axes((1.03, 0.08, 0.025, 0.84))
     fig.colorbar(colours, cax=bar, label=shade.label, extend=shade.extend)
-    # A distance in font sizes leaves room for the labels at any height of the axes.
-    axes.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.0),
-        borderaxespad=4.0,
-        ncols=len(handles),
-    )
+    return handles
 
 
 def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line2D]:

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.sparse import eye, lil_matrix
 
 from contact_locking.arrays import FloatArray, IndexArray
 
@@ -105,6 +106,25 @@ class HeldDirections:
                     lines, columns, np.ascontiguousarray(values), PETSc.InsertMode.INSERT_VALUES
                 )
         matrix.assemble()
+
+    def projected_columns(self, rows: PETSc.Mat) -> PETSc.Mat:
+        """``B P`` for linear forms B (n, k) of displacements; B is given away; collective."""
+        if not self._is_anywhere:
+            return rows
+        dim, (first, last) = self._dim, rows.getOwnershipRangeColumn()
+        projection = lil_matrix(eye(last - first, format="lil"))
+        for place in np.flatnonzero(self._mine):
+            own = dim * int(self.nodes[place]) + np.arange(dim)
+            projection[np.ix_(own, own)] = np.eye(dim) - self.held[place]
+        local = projection.tocsr()
+        starts, columns = local.indptr, local.indices + first
+        csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), local.data)
+        size = (last - first, None)
+        matrix = PETSc.Mat().createAIJ((size, size), csr=csr, comm=rows.getComm())
+        found = rows.matMult(matrix)
+        for item in (matrix, rows):
+            item.destroy()
+        return found
 
     def _of(self, values: FloatArray) -> tuple[IndexArray, FloatArray]:
         """The nodes that an array of values has, and their projections."""

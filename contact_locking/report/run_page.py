@@ -15,6 +15,7 @@ from .adapt_charts import adapt_charts, adapted
 from .certificate import certificate
 from .charts import Chart
 from .contact_charts import contact_charts
+from .frames import frames
 from .history_charts import history_charts
 from .pictures import picture
 from .quantities import MEANINGS, QUANTITIES, by_contact, reactions
@@ -41,6 +42,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         states=_states(run.contact),
         contact_charts=charts,
         history_charts=steps,
+        frames=frames(run.animation),
         steps=summary.get("steps"),
         adapted=adapted(summary),
         adapt=summary.get("adapt"),

@@ -12,6 +12,8 @@ CONTACT, FACETS = "contact.csv", "contact_facets.csv"
 PROBES = "probes.csv"
 #: The picture of a run, and the arrays that the picture shows.
 PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
+#: The animation of a process.
+ANIMATION = "animation.gif"
 #: The meshes of a run with adapted meshes.
 MESHES = "meshes.npz"
 #: The table of a study, in CSV and in JSON lines.

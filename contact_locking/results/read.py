@@ -16,6 +16,7 @@ from contact_locking.results import contact_table
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History, read_history
 from contact_locking.results.names import (
+    ANIMATION,
     CONTACT,
     FACETS,
     HISTORY,
@@ -47,6 +48,7 @@ class RunResults:
     picture: Path | None
     history: History
     meshes: Path | None = None
+    animation: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def _run(folder: Path) -> RunResults:
         raise InputError(f"{path}: is damaged: it does not say whether the run converged")
     for key, text in dict(_dict(summary.pop("not_finite", None))).items():
         _restore(summary, key.split("."), text)
-    picture, meshes = folder / PICTURE, folder / MESHES
+    picture, meshes, film = folder / PICTURE, folder / MESHES, folder / ANIMATION
     contact, facets, history = folder / CONTACT, folder / FACETS, folder / HISTORY
     points = contact_table.read_points(_text(contact), str(contact))
     return RunResults(
@@ -122,6 +124,7 @@ def _run(folder: Path) -> RunResults:
         picture if picture.is_file() else None,
         read_history(_text(history), str(history)) if history.is_file() else History(),
         meshes if meshes.is_file() else None,
+        film if film.is_file() else None,
     )
 
 

@@ -20,6 +20,7 @@ from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
 from contact_locking.results.output_folder import on_root_of
 from contact_locking.results.solution import Solution
+from contact_locking.running.filming import film_of
 
 
 def run_steps(
@@ -33,7 +34,8 @@ def run_steps(
 ) -> tuple[Solution, list[str]]:
     """The solution of the last step, its results in ``directory``, and the warnings of writing.
 
-    fields.bp has every step with its time, history.csv a row for each.  ``restart`` is the folder
+    fields.bp has every step with its time, history.csv a row for each, and animation.gif a frame
+    for each, or for some of many.  ``restart`` is the folder
     of another process to go on from; without it the run goes on from what an earlier run with the
     same parameters has left in ``directory``.  ``save_state`` adds the checkpoint of the last step.
     Raises the errors of `solving.solve` and `writing.write`.  Collective.
@@ -52,16 +54,21 @@ def run_steps(
         series = None
         if parameters.output.fields:
             series = stack.enter_context(writing.FieldSeries(target, comm))
+        film = film_of(parameters)
         solutions = solving.solve_steps(parameters, comm, monitor, petsc_options, restart)
         for solution in solutions:
             last = solution
             if series is not None:
                 series.add(solution)
+            film.add(solution)
             if keeps and solution.converged and solution.summary["restart"] is None:
                 _save(solution, target, parameters)
         assert last is not None
         fields = None if series is None else series.finish()
-        warnings = writing.write(last, target, save_state, fields)
+        animation, problem = film.finish(monitor)
+        if problem is not None:
+            last.summary["warnings"] = [*last.summary.get("warnings", []), problem]
+        warnings = writing.write(last, target, save_state, fields, animation)
     if last.converged:
         on_root(comm, lambda: saved_steps.remove(target))
     return last, warnings

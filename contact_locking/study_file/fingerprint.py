@@ -37,6 +37,9 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     if not parameters.output.probes:
         # A run without probes keeps the fingerprint that it had before.
         del data["output"]["probes"]
+    if parameters.output.animation:
+        # The default keeps the fingerprint that there was before animations.
+        del data["output"]["animation"]
     if parameters.adapt is None:
         # One mesh keeps the fingerprint that it had before there were adapted meshes.
         del data["adapt"]

@@ -205,14 +205,16 @@ class Tangent:
         )
 
     def _stiff_strains(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
-        """The rows of all families, with zero columns for what is prescribed; collective."""
+        """The rows of all families, without the part that is prescribed; collective."""
         given = (family.stiff_strains(factor, self._material) for family in self.families)
         found = [part for part in given if part is not None]
         rows = stacked([matrix for matrix, _ in found], self.matrix)
         free = self.matrix.createVecRight()
-        free.array_w[:] = self.system.constraints.free_dofs()[: self._owned]
+        constraints = self.system.constraints
+        free.array_w[:] = constraints.free_dofs()[: self._owned]
         rows.diagonalScale(None, free)
         free.destroy()
+        rows = constraints.supports.directions.projected_columns(rows)
         return rows, np.concatenate([stiffness for _, stiffness in found])
 
     def _stiff_nodes(self, factor: float) -> IndexArray:

@@ -1,0 +1,80 @@
+"""The film of a process: a snapshot of each step, drawn when the process has ended."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from contact_locking.monitor import Monitor
+from contact_locking.parameters import Parameters
+from contact_locking.results.solution import Solution
+
+if TYPE_CHECKING:
+    from contact_locking.plotting.animation import Film
+
+
+class Filming(Protocol):
+    """What a run asks of its film."""
+
+    def add(self, solution: Solution) -> None:
+        """Add a solved step; collective."""
+
+    def finish(self, monitor: Monitor) -> tuple[bytes | None, str | None]:
+        """The GIF file on rank 0, and why there is none if there should be one; collective."""
+
+
+def film_of(parameters: Parameters) -> Filming:
+    """The film that a study file asks for."""
+    wanted = parameters.output
+    return _Recording() if wanted.animation and wanted.picture else _Nothing()
+
+
+class _Nothing:
+    def add(self, solution: Solution) -> None:
+        pass
+
+    def finish(self, monitor: Monitor) -> tuple[bytes | None, str | None]:
+        return None, None
+
+
+class _Recording:
+    """Bodies in two dimensions, on rank 0; there is no film of a body in three dimensions."""
+
+    def __init__(self) -> None:
+        self._film: Film | None = None
+        self._solution: Solution | None = None
+        self._problem: str | None = None
+
+    def add(self, solution: Solution) -> None:
+        self._solution = solution
+        if solution.domain.dim != 2 or self._problem is not None:
+            return
+        try:
+            from contact_locking.plotting.animation import MOST_CELLS, Film, Frame
+        except ImportError as error:
+            self._problem = f"no animation was drawn: {error.name} cannot be imported"
+            return
+        if solution.domain.num_cells > MOST_CELLS:
+            self._problem = f"no animation was drawn: it is for at most {MOST_CELLS} cells"
+            return
+        from contact_locking.plotting.gather import gather
+
+        self._film = self._film or Film()
+        body = gather(solution)
+        if body is not None:
+            self._film.add(Frame(len(solution.history), solution.time, body))
+
+    def finish(self, monitor: Monitor) -> tuple[bytes | None, str | None]:
+        if self._solution is None:
+            return None, None
+        drawn: bytes | None = None
+        if self._film is not None and len(self._film.frames) > 1:
+            from contact_locking.plotting.animation import gif
+
+            monitor.message("drawing the animation")
+            try:
+                drawn = gif(self._film.frames)
+            except Exception as error:
+                # An error of the animation must not lose the results of a long process.
+                self._problem = f"no animation was drawn: {type(error).__name__}: {error}"
+        self._problem = self._solution.domain.comm.bcast(self._problem, root=0)
+        return drawn, self._problem
