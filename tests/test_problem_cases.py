@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from problem_cases import WEDGED as WEDGED_CASES
 from sweep.case import Study, clamp, study
 from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
 
-from contact_locking import solving
+from contact_locking import solving, study_file
 from contact_locking.parameters import Parameters
 from contact_locking.results.solution import Solution
 
@@ -41,6 +42,15 @@ def test_this_problem_is_solved(name: str) -> None:
 def test_this_problem_has_no_solution(name: str) -> None:
     outcome = outcome_of_case(INFEASIBLE_CASES[name])
     assert outcome.kind == INFEASIBLE, outcome.reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", sorted(Path(__file__).with_name("unsolved").glob("*.yml")))
+def test_what_is_left_unsolved_says_so_and_how_much_friction_has_a_solution(file: Path) -> None:
+    """A file of this folder that is solved one day moves to the problems that are."""
+    solution = solving.solve(study_file.load(file).parameters, MPI.COMM_SELF)
+    assert not solution.converged
+    assert "a solution was found with" in solution.summary["reason"]
 
 
 @pytest.mark.parametrize("name", WEDGED_CASES)
