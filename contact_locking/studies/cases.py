@@ -67,7 +67,8 @@ def _case(parameters: Parameters, values: dict[str, Any], directory: Path, diges
         name = study_file.fingerprint(parameters, digest)
     except OSError as error:
         message = f"cannot be read: {error.filename}: {error.strerror}"
-        raise InputError(message, "mesh.file") from error
+        key = "mesh.file" if error.filename == parameters.mesh.file else None
+        raise InputError(message, key) from error
     folder = case_folder(directory, name)
     output = parameters.output.model_copy(update={"directory": str(folder)})
     return Case(values, name, folder, parameters.model_copy(update={"output": output}))
