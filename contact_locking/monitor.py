@@ -31,6 +31,9 @@ class Monitor:
     def iteration(self, k: int, residual: float) -> None:
         """``residual`` is the relative residual after k iterations, from 0."""
 
+    def linear(self, k: int) -> None:
+        """The present linear solve has done k Krylov iterations, from 0."""
+
     def mesh(self, number: int, text: str) -> None:
         """The solve on adapted mesh ``number``, from 1, is over, with the result ``text``."""
 
@@ -65,6 +68,9 @@ class Attentive(Monitor):
 
     def iteration(self, k: int, residual: float) -> None:
         self._listener.iteration(k, residual)
+
+    def linear(self, k: int) -> None:
+        self._listener.linear(k)
 
     def mesh(self, number: int, text: str) -> None:
         self._listener.mesh(number, text)

@@ -279,7 +279,7 @@ def test_proofs_for_foundations_in_a_known_place_say_that_they_do_not_apply() ->
         proofs["errors"]["penalty"],
         proofs["limit_load"],
     ]
-    for entry in entries:
+    for entry in (*entries, *found.summary["bounds"].values()):
         assert "a force pushes a foundation" in entry["reason"]
     assert proofs["errors"]["guaranteed"]["energy_norm"] is None
     assert proofs["errors"]["penalty"]["energy_norm"] is None
@@ -420,6 +420,21 @@ def test_a_body_that_only_tools_hold_is_refused(mu: float) -> None:
     two = [tool([0.0, -0.03], mu=mu), tool([0.0, 0.03], "bottom", mu=mu, **below)]
     with pytest.raises(InputError, match="body and tools can move together"):
         assemble(pressed(two, loads={}), MPI.COMM_WORLD)
+
+
+def test_a_force_that_gets_too_small_to_hold_the_body_is_named() -> None:
+    below = {"on": "bottom"}
+    loads = {
+        "tractions": [{"on": "right", "value": [0.0, 0.005]}],
+        "displacements": [{"on": "left", "value": [0.0, None]}],
+    }
+    steps = {"times": [0.5, 1.0], "least": 0.5}
+    contact = [tool([0.0, "-0.02*(1 - t)"], mu=0.0), below]
+    given: dict[str, Any] = {"loads": loads, "steps": steps, "friction__coefficient": 0.0}
+    found = list(solve_steps(pressed(contact, h=0.5, **given)))
+    assert [one.converged for one in found] == [True, False]
+    assert "translation along y" in found[-1].summary["reason"]
+    assert "hold it by loads.displacements" in found[-1].summary["suggestion"]
 
 
 def test_what_the_gap_and_the_tool_cannot_stop_is_still_infeasible() -> None:

@@ -18,6 +18,8 @@ from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid
 from contact_locking.solver.linear.ksp import FILTER_LIMIT, LINEAR_SOLVERS, default_options
+from contact_locking.solver.linear.projection import Projection
+from contact_locking.solver.linear.tangent_solver import TangentSolver
 
 _NEVER = 10**6
 
@@ -113,17 +115,51 @@ def test_the_filter_takes_iterations_away(monkeypatch: pytest.MonkeyPatch) -> No
     assert 2 * counts[0] < counts[1]
 
 
-def test_locked_zones_too_large_for_the_filter_are_left_to_multigrid_alone(
+def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
-    parameters = block(3, 0.34, solver={"linear": "iterative"})
-    filtered = solving.solve(parameters)
+    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
     monkeypatch.setitem(FILTER_LIMIT, 3, 0)
-    plain = solving.solve(parameters)
-    assert filtered.converged and plain.converged
-    assert plain.summary["iterations"]["linear"] > filtered.summary["iterations"]["linear"]
-    assert plain.summary["compliance"] == pytest.approx(filtered.summary["compliance"], rel=_SAME)
+    counts: list[int] = []
+    solve = TangentSolver._solve
+
+    def counted(self: TangentSolver, right: PETSc.Vec, step: PETSc.Vec) -> int:
+        counts.append(solve(self, right, step))
+        return counts[-1]
+
+    monkeypatch.setattr(TangentSolver, "_solve", counted)
+    projected = _solved(math.inf, "iterative")
+    # At the end the stiffest cells are 1e12 times as stiff as the softest.
+    assert max(counts) <= 25
+    _agree(projected, _solved(math.inf, "direct"))
+
+
+def test_one_sided_limits_of_the_strain_are_projected_as_well(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
+    monkeypatch.setitem(FILTER_LIMIT, 3, 0)
+    made: list[int] = []
+    create = Projection.__init__
+
+    def counted(self: Projection, rows: PETSc.Mat, *given: Any) -> None:
+        made.append(rows.getSize()[0])
+        create(self, rows, *given)
+
+    monkeypatch.setattr(Projection, "__init__", counted)
+    # The pull stretches the body by more than this.
+    limits = [{"norm": "volume", "at_most": 0.005}]
+    material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking": limits}
+    direct, projected = (
+        solving.solve(
+            block(3, 1 / 4, mesh__structured=True, penalty__n=math.inf, material=material,
+                  solver__linear=linear)
+        )
+        for linear in ("direct", "iterative")
+    )  # fmt: skip
+    assert projected.converged, projected.summary["reason"]
+    assert max(made) > 0
+    _agree(direct, projected)
 
 
 def test_where_cg_breaks_down_the_residual_is_filtered_again_and_cg_goes_on(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 
 import pytest
@@ -32,6 +34,34 @@ def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_stand
     assert errors == "warning: [bold]nothing[/bold]\n"
     assert "stage 1/2  n = 10  epsilon = 0.1  2 tangents, 1 friction update, residual" in output
     assert "stage 2/2  n = 100  epsilon = 0.01  3 tangents, residual 1.0e-09" in output
+
+
+def test_the_log_of_a_long_stage_shows_that_the_solve_goes_on(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 0.0
+    monkeypatch.setattr(time, "perf_counter", lambda: now)
+    with TerminalMonitor(Console(force_terminal=False, width=200)) as monitor:
+        monitor.stage(1, 1, math.inf, 0.0)
+        for iteration in range(4):
+            monitor.iteration(iteration, 10.0**-iteration)
+            for k in range(11):
+                monitor.linear(k)
+                now += 1.0
+    lines = capsys.readouterr().out.splitlines()
+    # Nine lines in 44 seconds, and the one at the end of the stage.
+    assert 8 <= len(lines) - 1 <= 9
+    assert "stage 1/1  n = inf" in lines[5]
+    assert "iteration 2, residual 1.0e-02, 28 Krylov iterations, 30 s" in lines[5]
+
+
+def test_the_log_of_a_short_stage_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with TerminalMonitor(Console(force_terminal=False, width=200)) as monitor:
+        monitor.stage(1, 1, math.inf, 0.0)
+        for iteration in range(20):
+            monitor.iteration(iteration, 1.0)
+            monitor.linear(0)
+    assert len(capsys.readouterr().out.splitlines()) == 1
 
 
 def test_an_error_leaves_no_half_finished_stage(capsys: pytest.CaptureFixture[str]) -> None:

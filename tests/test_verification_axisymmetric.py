@@ -235,6 +235,30 @@ def test_v25_a_tube_under_inner_pressure_has_lames_displacement(found: list[Row]
     assert u.x.array.reshape(-1, 2)[:, 0] == pytest.approx(exact, rel=5e-3)
 
 
+def test_v25_the_force_of_a_ball_at_a_depth_pushes_the_ball_to_that_depth(found: list[Row]) -> None:
+    def pushed(lift: float, **driven: Any) -> dict[str, Any]:
+        data: dict[str, Any] = {
+            "mesh": {"builder": "block", "size": [1.0, 0.8], "h": 0.1, "axisymmetric": True},
+            "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.08},
+            "loads": {"displacements": [{"on": "bottom", "value": [0, lift]}]},
+            "contact": {
+                "on": "top",
+                "foundation": {"sphere": {"centre": [0, 1.3], "radius": 0.5}, **driven},
+            },
+        }
+        solution = solving.solve(with_changes(data))
+        assert solution.converged, solution.summary["reason"]
+        return solution.summary
+
+    depth = 0.04
+    force = pushed(depth)["contact_force"][1]
+    reached = pushed(0.0, force=[0.0, force])
+    travel = reached["contacts"][0]["tool"]["travel"]
+    found.append(Row("V25", "ball in a locking layer, by its force", "depth", travel, depth, TEST))
+    assert travel == pytest.approx(depth, rel=1e-5)
+    assert reached["contact_force"][1] == pytest.approx(force, rel=1e-8)
+
+
 RADIUS, DEPTH, STIFF = 0.5, 0.02, 10.0
 HALF_WIDTH = math.sqrt(RADIUS * DEPTH)
 MODULUS = STIFF / (1.0 - POISSON**2)

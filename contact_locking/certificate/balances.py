@@ -84,10 +84,8 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         touching += contact.surface.nodal_forces(tractions)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     unbalanced = (internal - own - load - touching)[:owned]
-    fixed = constraints.dofs[constraints.dofs < owned]
-    reaction = np.zeros(owned)
-    reaction[fixed] = unbalanced[fixed]
-    unbalanced[fixed] = 0.0
+    reaction = constraints.held_part(unbalanced)
+    unbalanced = constraints.free_part(unbalanced)
 
     def norm(vector: FloatArray) -> float:
         return float(np.sqrt(state.sum(vector[:owned] ** 2)))
@@ -118,9 +116,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         loads=total[0],
         contact=total[1],
         reactions=total[2],
-        reactions_by_part=reactions_by_part(
-            state.problem.domain, space, constraints.wanted, reaction
-        ),
+        reactions_by_part=reactions_by_part(state.problem.domain, constraints, reaction),
         tools=_tool_balances(state, rounding / tolerance),
     )
 

@@ -256,9 +256,8 @@ def _external_forces(state: SolvedState) -> FloatArray:
     for fields in state.contacts:
         forces = fields.pressure[:, None] * fields.normal - fields.traction
         inner += fields.surface.nodal_forces(forces)
-    fixed = problem.constraints.dofs[problem.constraints.dofs < owned]
-    load[fixed] = inner[fixed]
-    return load[:owned].copy()
+    constraints = problem.constraints
+    return constraints.free_part(load[:owned]) + constraints.held_part(inner[:owned])
 
 
 def _owned(state: SolvedState) -> int:

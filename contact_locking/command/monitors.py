@@ -14,9 +14,15 @@ from contact_locking.files.atomic import write_text
 from contact_locking.monitor import Monitor
 from contact_locking.plain_text import count, printable
 
+# After so many seconds without a line in a log, the next iteration prints one.  It leaves room for
+# an iteration in the ten seconds that a log of a long run is silent at most.
+_SILENCE = 5.0
+
 
 class TerminalMonitor(Monitor):
     """A live line on a terminal; in a log, a line for each stage and friction update.
+
+    Stages that take longer have further lines in a log, which show that the solve goes on.
 
     Use it as a context manager; ``console`` is a ``rich.console.Console``.
     """
@@ -30,7 +36,8 @@ class TerminalMonitor(Monitor):
         self._counts = self._before = (0, 0)
         self._detail = ""
         self._residual = float("nan")
-        self._began = time.perf_counter()
+        self._krylov = 0
+        self._began = self._printed = time.perf_counter()
 
     def __enter__(self) -> Self:
         if self._live is not None:
@@ -69,7 +76,7 @@ class TerminalMonitor(Monitor):
         self.finish()
         of = f"/{count_estimate}" if index <= count_estimate else ""
         self._stage = f"{self._step}stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
-        self._iterations, self._detail = 0, ""
+        self._iterations, self._detail, self._krylov = 0, "", 0
         self._began = time.perf_counter()
         self._refresh()
 
@@ -85,6 +92,12 @@ class TerminalMonitor(Monitor):
         self._iterations += k > 0
         self._residual = residual
         self._refresh()
+        self._show_life()
+
+    def linear(self, k: int) -> None:
+        # Iteration 0 begins a further linear solve.
+        self._krylov += k > 0
+        self._show_life()
 
     def mesh(self, number: int, text: str) -> None:
         self.finish()
@@ -115,7 +128,17 @@ class TerminalMonitor(Monitor):
                 self._plain("  ".join(filter(None, (self._stage, self._detail, now))))
             )
 
+    def _show_life(self) -> None:
+        """Print how far the stage is, where a log has been silent for long."""
+        now = time.perf_counter()
+        if self._live is not None or now - self._printed < _SILENCE or not self._stage:
+            return
+        krylov = f", {count(self._krylov, 'Krylov iteration')}" if self._krylov else ""
+        done = f"iteration {self._iterations}, residual {self._residual:.1e}{krylov}"
+        self._line(f"  {self._stage}  {done}, {now - self._began:.0f} s")
+
     def _line(self, text: str) -> None:
+        self._printed = time.perf_counter()
         self._console.print(self._plain(text), soft_wrap=True)
 
     def _warn(self, text: str) -> None:
@@ -173,6 +196,9 @@ class ProgressFile(Monitor):
     def iteration(self, k: int, residual: float) -> None:
         self._listener.iteration(k, residual)
         self._write(n=self._n, iteration=str(k), residual=f"{residual:.1e}")
+
+    def linear(self, k: int) -> None:
+        self._listener.linear(k)
 
     def mesh(self, number: int, text: str) -> None:
         self._listener.mesh(number, text)

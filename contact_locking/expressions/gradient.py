@@ -10,7 +10,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 
 from .operations import NUMPY
-from .tree import Apply, Expression, Name, Node, Number
+from .tree import Apply, Expression, Lookup, Name, Node, Number
 
 #: For each operation the partial derivatives by its arguments, from the arguments and the value.
 _PARTIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
@@ -64,6 +64,10 @@ def _forward(node: Node, by: Sequence[str], variables: Mapping[str, Any]) -> tup
             return value, {}
         case Name(name):
             return variables[name], {name: 1.0} if name in by else {}
+        case Lookup(table, argument):
+            value, slopes = _forward(argument, by, variables)
+            slope = table.slope(value) if slopes else 0.0
+            return table(value), {name: slope * inner for name, inner in slopes.items()}
         case Apply(operation, arguments):
             parts = [_forward(argument, by, variables) for argument in arguments]
             values = [value for value, _ in parts]

@@ -90,10 +90,11 @@ class GivenGap:
     def __init__(self, comm: MPI.Intracomm, given: ContactParameters, clock: Clock) -> None:
         self._comm, self._gap, self._clock = comm, given.gap, clock
         self._key = f"{given.key}.gap"
-        self.is_timed = is_timed(parse(given.gap, (*AXES, TIME)))
+        self.is_timed = is_timed(parse(given.gap, (*AXES, TIME), tables=clock.tables))
 
     def gap(self, x: FloatArray) -> FloatArray:
-        return evaluate(self._comm, self._gap, x, self._key, time=self._clock.now)
+        clock = self._clock
+        return evaluate(self._comm, self._gap, x, self._key, time=clock.now, tables=clock.tables)
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         return self.gap(surface.points.T), surface.body_normals()
@@ -122,7 +123,9 @@ class Tool:
         self._body = build(self._shape, value, site)
         self._motion = given.foundation.moved
         text = given.foundation.expression
-        timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME)))
+        timed_shape = text is not None and is_timed(
+            parse(text, (*AXES, TIME), tables=site.clock.tables)
+        )
         self.is_timed = self.moves = self._motion is not None or timed_shape
 
     def gap(self, x: FloatArray) -> FloatArray:
@@ -152,10 +155,17 @@ class Tool:
         key, zero = f"{self._key}.motion", (0.0,) * dim
         angles = given.angles or (0.0,) * (1 if dim == 2 else 3)
         return RigidMotion(
-            _at_time(given.translation or zero, time, f"{key}.translation"),
-            rotation(_at_time(angles, time, f"{key}.rotation")),
+            self._at_time(given.translation or zero, time, f"{key}.translation"),
+            rotation(self._at_time(angles, time, f"{key}.rotation")),
             np.array(given.about or zero, dtype=float),
         )
+
+    def _at_time(self, components: tuple[float | str, ...], time: float, key: str) -> FloatArray:
+        def value(component: float | str) -> float:
+            expression = parse(component, (TIME,), tables=self._site.clock.tables)
+            return float(expression.numpy(**{TIME: time}))
+
+        return np.array([with_key(key, partial(value, component)) for component in components])
 
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
         now = self.motion(self._site.clock.now)
@@ -229,13 +239,6 @@ class Tool:
                 "the tool, or let it reach beyond the body",
                 f"{self._key}.{self._shape}",
             )
-
-
-def _at_time(components: tuple[float | str, ...], time: float, key: str) -> FloatArray:
-    def value(component: float | str) -> float:
-        return float(parse(component, (TIME,)).numpy(**{TIME: time}))
-
-    return np.array([with_key(key, partial(value, component)) for component in components])
 
 
 def obstacle_of(comm: MPI.Intracomm, dim: int, given: ContactParameters, clock: Clock) -> Obstacle:

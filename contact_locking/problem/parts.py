@@ -14,17 +14,17 @@ from contact_locking.errors import InputError
 from contact_locking.parallel import on_every_rank
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem import compiled, forms
-from contact_locking.problem.conditions import (
-    Constraints,
+from contact_locking.problem.conditions import Constraints
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.pushed_tool import PushedTool
+from contact_locking.problem.rigid_motions import (
     check_held,
     describe_motion,
     free_motions,
     rigid_motions,
     sliding_motions,
 )
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.pushed_tool import PushedTool
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,7 @@ class Held:
     name: str
     displacements: tuple[str, ...]
     contact: tuple[str, ...]
+    supports: tuple[str, ...]
     free: int
     sliding: int
 
@@ -45,6 +46,8 @@ class Held:
         words = []
         if self.displacements:
             words.append(f"displacements on {', '.join(self.displacements)}")
+        if self.supports:
+            words.append(f"supports on {', '.join(self.supports)}")
         if self.contact and self.free:
             friction = " and friction" if self.sliding else ""
             words.append(f"contact{friction} on {', '.join(self.contact)}")
@@ -73,6 +76,7 @@ def check_parts_held(
             raise InputError(
                 f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
             ) from None
+        supports = [part for item in loads.supports for part in item.on]
         on = [part for item in loads.displacements for part in item.on]
         touching = [part for contact in data.contacts for part in contact.on]
         found.append(
@@ -80,6 +84,7 @@ def check_parts_held(
                 name,
                 _touching(domain, number, list(dict.fromkeys(on))),
                 _touching(domain, number, list(dict.fromkeys(touching))),
+                _touching(domain, number, list(dict.fromkeys(supports))),
                 motions.of_body,
                 sliding_motions(motions.normals).shape[1],
             )
@@ -106,6 +111,22 @@ def describe_slide(
         if float(push @ found.work) > taken:
             motion = describe_motion(found.free @ push, domain.dim)
             return f"friction cannot hold the body, which is free to move (rigid motion: {motion})"
+    return None
+
+
+def describe_loose(
+    domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
+) -> str | None:
+    """The rigid motion that present loads and forces of tools do not resist, in words, or None.
+
+    Tools may press the body less than at other times.  Collective.
+    """
+    for number in range(len(domain.part_names)):
+        found = _Motions(domain, space, data, constraints, number)
+        try:
+            check_held(found.free, found.normals, found.rubs, found.work, domain.dim)
+        except InputError as error:
+            return str(error)
     return None
 
 

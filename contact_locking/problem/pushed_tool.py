@@ -38,11 +38,13 @@ class PushedTool:
     is F at present, and ``largest`` is the largest F of the process.
     """
 
-    def __init__(self, contact: Contact, given: Foundation, times: Sequence[float]) -> None:
+    def __init__(
+        self, contact: Contact, given: Foundation, clock: Clock, times: Sequence[float]
+    ) -> None:
         self.contact, self.key = contact, f"{contact.key}.foundation.force"
         translation = () if given.moved is None else given.moved.translation or ()
-        self._force = [parse(value, (TIME,)) for value in given.force or ()]
-        self._translation = [parse(value, (TIME,)) for value in translation]
+        self._force = [_of_time(value, clock) for value in given.force or ()]
+        self._translation = [_of_time(value, clock) for value in translation]
         self._travel = 0.0
         contact.is_pushed = True
         forces = np.array([self._vector(self._force, time) for time in times])
@@ -160,6 +162,10 @@ class PushedTool:
             )
 
 
+def _of_time(value: float | str, clock: Clock) -> Expression:
+    return parse(value, (TIME,), tables=clock.tables)
+
+
 def build_tools(
     contacts: Sequence[Contact], parameters: Parameters, clock: Clock
 ) -> tuple[PushedTool, ...]:
@@ -172,7 +178,7 @@ def build_tools(
     found = []
     for contact, given in zip(contacts, parameters.contacts, strict=True):
         if given.foundation is not None and given.foundation.force is not None:
-            found.append(PushedTool(contact, given.foundation, times))
+            found.append(PushedTool(contact, given.foundation, clock, times))
     for tool in found:
         tool.advance(clock.now)
     return tuple(found)

@@ -54,7 +54,7 @@ def _cylinder(given: rigid_body.Cylinder, site: Site) -> Foundation:
 
 def _level_set(given: float | str, site: Site) -> Foundation:
     axes = AXES[: site.dim]
-    expression = parse(given, (*axes, TIME))
+    expression = parse(given, (*axes, TIME), tables=site.clock.tables)
 
     def function(x: FloatArray) -> tuple[FloatArray, FloatArray]:
         variables = {**dict(zip(axes, x, strict=True)), TIME: site.clock.now}

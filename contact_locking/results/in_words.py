@@ -65,10 +65,12 @@ def rows(summary: Mapping[str, Any], ratio: float | None) -> list[tuple[str, str
         count(summary["dofs"], "unknown"),
         count(summary["ranks"], "rank"),
     ]
+    element = summary["discretisation"]
+    body = "; axisymmetric" if element.get("axisymmetric") else ""
     return [
         ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
         *([("restart", restart)] if restart else []),
-        ("size", f"{', '.join(sizes)}; elements of degree {summary['discretisation']['degree']}"),
+        ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
         ("largest strain", _strain(summary, ratio)),
         *([] if ratio is None else [("locked", _locked(summary["locked_fraction"]))]),

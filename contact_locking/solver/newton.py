@@ -14,7 +14,12 @@ import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.errors import NotConverged
-from contact_locking.solver.linear.ksp import LINEAR_FAILURE, configure, default_options
+from contact_locking.solver.linear.ksp import (
+    LINEAR_FAILURE,
+    configure,
+    default_options,
+    is_direct,
+)
 from contact_locking.solver.linear.options import PREFIX
 from contact_locking.solver.task import Task
 from contact_locking.solver.tool_border import ToolBorder
@@ -144,6 +149,8 @@ class NewtonSolver:
         self._step = CriticalPointStep(self._count, self._kept, self._border, near)
         snes.setPythonContext(self._step)
         snes.ksp.setErrorIfNotConverged(True)
+        if not is_direct(settings.linear, system.dim, system.size):
+            snes.ksp.setMonitor(lambda ksp, k, norm: task.monitor.linear(k))
         defaults = default_options(settings.linear, system.dim, system.size, system.comm)
         # SNES's own divergence test takes the growth of the residual norm for divergence.
         defaults |= {"snes_divergence_tolerance": -1.0}

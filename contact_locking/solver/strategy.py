@@ -129,7 +129,7 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
 def _solve_by(solver: InteriorPoint, nested: Sequence[Contact], task: Task) -> None:
     """Solve once, or for each value of ``nested`` bounds; a failure is written into the report."""
     system, report = task.system, task.report
-    start = system.u.x.array * (1.0 - system.free_dofs())
+    start = system.constraints.held_part(system.u.x.array)
     report.reason, report.multipliers = "", None
 
     def solve() -> None:

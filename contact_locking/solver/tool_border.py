@@ -30,8 +30,7 @@ class ToolBorder:
         for balance, column in zip(system.tools.balances, self._border.columns, strict=True):
             tractions, entry = balance.border(system.u, floor)
             forces: FloatArray = balance.tool.contact.surface.nodal_forces(tractions)
-            forces *= system.free_dofs()
-            column.array_w[:] = forces[: column.getLocalSize()]
+            column.array_w[:] = system.constraints.free_part(forces[: column.getLocalSize()])
             corner.append(entry)
         self._border.refresh(corner, self._ksp.solve)
 

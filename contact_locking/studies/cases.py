@@ -67,8 +67,12 @@ def _case(parameters: Parameters, values: dict[str, Any], directory: Path, diges
         name = study_file.fingerprint(parameters, digest)
     except OSError as error:
         message = f"cannot be read: {error.filename}: {error.strerror}"
-        key = "mesh.file" if error.filename == parameters.mesh.file else None
-        raise InputError(message, key) from error
+        tables = parameters.tables or {}
+        paths = {table.file: f"tables.{key}.file" for key, table in tables.items()}
+        for contact in parameters.contacts:
+            if contact.foundation is not None and contact.foundation.file is not None:
+                paths[contact.foundation.file] = f"{contact.key}.foundation"
+        raise InputError(message, paths.get(str(error.filename), "mesh.file")) from error
     folder = case_folder(directory, name)
     output = parameters.output.model_copy(update={"directory": str(folder)})
     return Case(values, name, folder, parameters.model_copy(update={"output": output}))

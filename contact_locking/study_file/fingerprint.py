@@ -16,7 +16,7 @@ _DIGITS = 16
 # The keys of a foundation that there were not at first.
 _LATER = ("expression", "polyline", "surface", "motion", "force")
 # The sections that define a solution, beside contact and friction.
-_PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "penalty")
+_PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "tables", "penalty")
 
 
 def file_digest(path: str) -> str:
@@ -29,8 +29,8 @@ def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_dige
     """16 hexadecimal digits of the parameters that define the results.
 
     All parameters count except the title, the study and the folder of the results.  A file of a
-    mesh or a tool counts by the ``digest`` of its content and not by its path.  Raises OSError if
-    it cannot be read.
+    mesh, a tool or a table counts by the ``digest`` of its content and not by its path.  Raises
+    OSError if it cannot be read.
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
@@ -67,8 +67,15 @@ def _normalised(
         # A body in plane strain keeps the fingerprint that it had before.
         del data["material"]["plane"]
     if not parameters.loads.pressures:
-        # A body without pressures keeps the fingerprint that it had before.
+        # A body without pressures or supports keeps the fingerprint that it had before.
         del data["loads"]["pressures"]
+    if not parameters.loads.supports:
+        del data["loads"]["supports"]
+    if not parameters.tables:
+        # A problem without tables keeps the fingerprint that it had before.
+        del data["tables"]
+    for table in data.get("tables", {}).values():
+        table["file"] = digest(table["file"])
     if parameters.steps is None:
         # One static load keeps the fingerprint that it had before there were steps.
         del data["steps"]

@@ -10,7 +10,7 @@ from typing import Any
 
 from contact_locking.errors import InputError
 from contact_locking.mesh_file.stl import check_size
-from contact_locking.parameters.base import Fault, Place
+from contact_locking.parameters.base import MOST_FAULTS, Fault, Place
 
 #: The shapes of a rigid body that may be in a file.
 _SHAPES = ("surface", "polyline")
@@ -33,13 +33,17 @@ def with_absolute_paths(data: dict[str, Any], folder: Path) -> tuple[dict[str, A
                 except InputError as error:
                     faults.append(Fault(place, str(error)))
         data = _replaced(data, place, file)
-    return data, faults
+    return data, faults[:MOST_FAULTS]
 
 
 def _places(data: dict[str, Any]) -> Iterator[Place]:
     """The places of all names of files."""
     if isinstance(_at(data, ("mesh", "file")), str):
         yield "mesh", "file"
+    tables = data.get("tables")
+    for name in tables if isinstance(tables, dict) else ():
+        if isinstance(_at(data, ("tables", name, "file")), str):
+            yield "tables", name, "file"
     contact = data.get("contact")
     starts: list[Place] = [("contact",)]
     if isinstance(contact, list | tuple):

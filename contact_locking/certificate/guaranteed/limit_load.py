@@ -55,8 +55,7 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
     displacement is prescribed that is not zero.  Takes about 8 solves with the
     hybrid system.  Collective.
     """
-    values = [condition.g.x.array for condition in state.problem.constraints.conditions]
-    if maximum(state.comm, max((np.abs(v).max(initial=0.0) for v in values), default=0.0)) == 0.0:
+    if state.problem.constraints.largest() == 0.0:
         return None
     try:
         excluded = _excluded(state)

@@ -184,6 +184,18 @@ class Family(ABC):
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         """The owned nodes of what is stiffer than the material by a factor; collective."""
 
+    def stiff_strains(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray] | None:
+        """``C`` (k, n) and ``B`` (k,): this family adds ``C^T B C`` where it is stiff; collective.
+
+        ``C`` has a row for each point of a body that is stiffer than the material by the factor
+        along one strain.  None for a family on the surface.
+        """
+        return None
+
+    def soften_along(self, factor: float, material: float) -> None:
+        """Write the block without the stiffness of :meth:`stiff_strains`; collective."""
+        self.write_block()
+
     # The start, and whether anything is admissible.
 
     def pull(self, stiffness: float) -> FloatArray:

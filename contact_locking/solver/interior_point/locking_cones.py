@@ -9,7 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, norm
@@ -120,6 +120,18 @@ class LockingCones(LorentzCones):
 
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self._strains.nodes_at(self._relative_stiffness(material) > factor)
+
+    def stiff_strains(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
+        is_stiff = self._is_stiff_along(factor, material)
+        rows = self._strains.along(is_stiff, self.w[:, is_stiff])
+        return rows, self.b[is_stiff] / self.weights[is_stiff]
+
+    def soften_along(self, factor: float, material: float) -> None:
+        is_stiff = self._is_stiff_along(factor, material)
+        self._write_stiffness(self.a, np.where(is_stiff, 0.0, self.b))
+
+    def _is_stiff_along(self, factor: float, material: float) -> BoolArray:
+        return np.asarray(self.b * np.sum(self.w**2, axis=0) > factor * material)
 
     def _write_stiffness(self, a: FloatArray, b: FloatArray) -> None:
         self._strains.set_scalars(self._a, a)

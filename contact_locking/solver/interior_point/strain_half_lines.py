@@ -76,6 +76,15 @@ class StrainHalfLines(HalfLines):
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self._strains.nodes_at(self._relative_stiffness(material) > factor)
 
+    def stiff_strains(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
+        is_stiff = self.stiffness > factor * material
+        rows = self._strains.along(is_stiff, np.ones((1, np.count_nonzero(is_stiff))))
+        return rows, self.stiffness[is_stiff] / self.weights[is_stiff]
+
+    def soften_along(self, factor: float, material: float) -> None:
+        is_stiff = self.stiffness > factor * material
+        self._strains.set_scalars(self._k, np.where(is_stiff, 0.0, self.stiffness))
+
     def _relative_stiffness(self, material: float) -> FloatArray:
         """How much stiffer points are than the material, and than the softest; collective."""
         least = float(np.min(self.stiffness, initial=np.inf))

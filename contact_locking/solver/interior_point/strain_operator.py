@@ -68,6 +68,28 @@ class StrainOperator:
         self._integrals.array_w[:] = multipliers.reshape(-1)
         self._matrix.multTransposeAdd(self._integrals, forces, forces)
 
+    def along(self, points: BoolArray, directions: FloatArray) -> PETSc.Mat:
+        """The matrix of ``v -> weights directions . L eps(v)`` at marked points (k,); collective.
+
+        ``directions`` (m, p) are Mandel vectors at the p marked points of this rank.
+        """
+        marked = np.flatnonzero(points)
+        columns = len(points) * np.arange(self.rows)[None, :] + marked[:, None]
+        columns += self._matrix.getOwnershipRange()[0]
+        starts = self.rows * np.arange(len(marked) + 1)
+        combination = PETSc.Mat().createAIJ(
+            ((len(marked), None), (self._matrix.getLocalSize()[0], None)),
+            csr=(
+                starts.astype(PETSc.IntType),
+                columns.reshape(-1).astype(PETSc.IntType),
+                directions.T.reshape(-1).astype(float),
+            ),
+            comm=self.comm,
+        )
+        matrix = combination.matMult(self._matrix)
+        combination.destroy()
+        return matrix
+
     def set_tensors(self, function: fem.Function, mandel: FloatArray) -> None:
         """Give a function of ``tensors`` Mandel vectors (m, k) as values; collective."""
         tensors = function.x.array.reshape(-1, *function.ufl_shape)

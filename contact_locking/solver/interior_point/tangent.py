@@ -17,7 +17,7 @@ from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
-from contact_locking.solver.linear.storage import IN_BLOCKS
+from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
 
@@ -41,7 +41,6 @@ class Tangent:
         space = system.u.function_space
         self._dim = system.dim
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self._free = system.free_dofs()[: self._owned]
         self.energy = self.force_scale = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         elastic = forms.elastic_form(du, v, data)
@@ -59,7 +58,7 @@ class Tangent:
         self._right_tools: FloatArray = np.zeros(len(system.tools))
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
-        self._linear = TangentSolver(self.matrix, self._dim, task.settings)
+        self._linear = TangentSolver(self.matrix, self._dim, task.settings, task.monitor.linear)
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
@@ -180,24 +179,47 @@ class Tangent:
             item.destroy()
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
-        self._form.assemble_matrix(matrix, self.system.conditions)
+        self.system.constraints.assemble_matrix(self._form, matrix)
 
     def _stiff_part(self) -> StiffPart:
         """What the filter of the multigrid takes; collective."""
         stiff, nearly = self._tuning.stiff, self._tuning.nearly_stiff
+        along = self._tuning.stiff_along
 
         def assemble_rest(matrix: PETSc.Mat) -> None:
             for family in self.families:
                 family.soften(stiff, self._material)
             self._assemble(matrix)
 
-        return StiffPart(self._stiff_nodes(stiff), lambda: self._stiff_nodes(nearly), assemble_rest)
+        def assemble_across(matrix: PETSc.Mat) -> None:
+            for family in self.families:
+                family.soften_along(along, self._material)
+            self._assemble(matrix)
+
+        return StiffPart(
+            self._stiff_nodes(stiff),
+            lambda: self._stiff_nodes(nearly),
+            assemble_rest,
+            lambda: self._stiff_strains(along),
+            assemble_across,
+        )
+
+    def _stiff_strains(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
+        """The rows of all families, with zero columns for what is prescribed; collective."""
+        given = (family.stiff_strains(factor, self._material) for family in self.families)
+        found = [part for part in given if part is not None]
+        rows = stacked([matrix for matrix, _ in found], self.matrix)
+        free = self.matrix.createVecRight()
+        free.array_w[:] = self.system.constraints.free_dofs()[: self._owned]
+        rows.diagonalScale(None, free)
+        free.destroy()
+        return rows, np.concatenate([stiffness for _, stiffness in found])
 
     def _stiff_nodes(self, factor: float) -> IndexArray:
         """The owned nodes with something free that are stiffer than the material; collective."""
         found = (family.stiff_nodes(factor, self._material) for family in self.families)
         nodes = functools.reduce(np.union1d, found)
-        is_free = np.any(self._free.reshape(-1, self._dim) > 0.0, axis=1)
+        is_free = self.system.constraints.free_nodes()
         return nodes[is_free[nodes]].astype(np.int32)
 
     def _refresh_border(self) -> None:
@@ -222,10 +244,10 @@ class Tangent:
     def _with_travels(self, answer: PETSc.Vec) -> FloatArray:
         """The displacement with the travels for an answer without them; collective."""
         if not self.system.tools:
-            return answer.array_r * self._free
+            return self.system.constraints.free_part(answer.array_r)
         answer.copy(self._whole)
         travels = self._border.solve(self._whole, self._right_tools)
-        return np.concatenate([self._whole.array_r * self._free, travels])
+        return np.concatenate([self.system.constraints.free_part(self._whole.array_r), travels])
 
     def _find_residual(self, reactions: Sequence[Reaction]) -> None:
         self._start_right(self._unbalanced, -1.0)
@@ -253,7 +275,7 @@ class Tangent:
             self._right_tools = self._right_tools + self.comm.allreduce(local)
         # PETSc keeps the norm of a vector until the array is given back.
         with self._right as right:
-            right *= self._free
+            right[:] = self.system.constraints.free_part(np.asarray(right))
 
     def _solve_for(
         self, reactions: Sequence[Reaction], sign: float, accuracy: float, is_rough: bool = False

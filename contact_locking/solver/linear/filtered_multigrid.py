@@ -11,7 +11,10 @@ symmetric and positive definite whatever ``G`` misses.  A residual that vanishes
 degrees of freedom keeps doing so, and for it ``B = (I - F A) G``: one exact solve, not two.  So
 solves start from :meth:`FilteredMultigrid.start`.  A variant of doi:10.48550/arXiv.2505.18576.
 
-Without the filter ``B`` is a multigrid cycle for ``A`` itself, which is faster as long as no cell
+Where more is stiff than can be filtered, the multigrid for the matrix without the stiffness along
+the stiff strains is projected instead (:mod:`projection`).
+
+Without either, ``B`` is a multigrid cycle for ``A`` itself, which is faster as long as no cell
 is much stiffer than others; the iterations grow like the square root of the contrast.
 """
 
@@ -24,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from contact_locking.arrays import FloatArray
 from contact_locking.solver.linear.ksp import (
     configure,
     create_ksp,
@@ -32,6 +36,7 @@ from contact_locking.solver.linear.ksp import (
     multigrid_options,
 )
 from contact_locking.solver.linear.options import PREFIX
+from contact_locking.solver.linear.projection import Projection
 from contact_locking.solver.linear.storage import Unblocked
 
 _CHANGES: dict[str, Any] = {
@@ -50,12 +55,16 @@ class StiffPart(NamedTuple):
 
     ``nodes`` are the local numbers of its owned nodes; ``find_nearly`` finds them together with
     those that may soon be stiff, too; ``assemble_rest`` gives another matrix of the same pattern
-    the values without the stiffness of ``nodes``.  Both are collective.
+    the values without the stiffness of ``nodes``.  ``find_strains`` returns the rows C and the
+    stiffness B of :class:`Projection`, for points that are still stiffer, and ``assemble_across``
+    assembles the matrix without ``C^T B C``.  All are collective.
     """
 
     nodes: npt.NDArray[np.int32]
     find_nearly: Callable[[], npt.NDArray[np.int32]]
     assemble_rest: Callable[[PETSc.Mat], None]
+    find_strains: Callable[[], tuple[PETSc.Mat, FloatArray]]
+    assemble_across: Callable[[PETSc.Mat], None]
 
 
 class Filter:
@@ -113,7 +122,7 @@ class FilteredMultigrid:
     """The context of a PETSc preconditioner of type python.
 
     ``matrix`` is stored in blocks (BAIJ), in which products take half the time, and has its
-    near-nullspace.  ``limit`` is the most that may be filtered.
+    near-nullspace.  ``limit`` is the most that may be filtered; more is projected.
     """
 
     def __init__(self, matrix: PETSc.Mat, limit: int) -> None:
@@ -126,15 +135,20 @@ class FilteredMultigrid:
         # The last filter that was made, and the same if it takes part at present.
         self._made: Filter | None = None
         self._filter: Filter | None = None
+        self._projection: Projection | None = None
 
     @property
     def filters(self) -> bool:
-        """Whether the filter takes part at present."""
-        return self._filter is not None
+        """Whether the filter or the projection takes part at present."""
+        return self._filter is not None or self._projection is not None
 
     def can_filter(self, stiff: StiffPart) -> bool:
-        """Whether there are nodes to filter, and not more than the limit; collective."""
-        return 0 < self._count(stiff.nodes) <= self._limit
+        """Whether there are nodes to filter, or to project; collective."""
+        return self._count(stiff.nodes) > 0
+
+    def must_project(self, stiff: StiffPart) -> bool:
+        """Whether more is stiff than may be filtered; collective."""
+        return self._count(stiff.nodes) > self._limit
 
     def refresh(self, stiff: StiffPart | None = None) -> None:
         """Set up for the present values of the matrix; collective.
@@ -142,15 +156,23 @@ class FilteredMultigrid:
         Without ``stiff``, the multigrid is for the matrix to be solved with, and nothing is
         filtered.
         """
-        smoothed = self._matrix if stiff is None else self._without(stiff)
+        projects = stiff is not None and self.must_project(stiff)
+        smoothed = self._matrix if stiff is None else self._without(stiff, projects)
         # The residuals of its finest level stay those of the first matrix that it was given.
         if smoothed is not self._smoothed:
             self._end()
             self._smoothed = smoothed
             self._begin()
-        self._multigrid.setOperators(smoothed, self._unblocked.of(smoothed))
+        by_entry = self._unblocked.of(smoothed)
+        self._multigrid.setOperators(smoothed, by_entry)
         self._multigrid.setUp()
-        self._filter = None if stiff is None else self._filter_of(stiff)
+        self._filter = None if stiff is None or projects else self._filter_of(stiff)
+        if self._projection is not None:
+            self._projection.destroy()
+            self._projection = None
+        if stiff is not None and projects:
+            self._forget()
+            self._projection = Projection(*stiff.find_strains(), by_entry)
 
     def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""
@@ -161,6 +183,9 @@ class FilteredMultigrid:
 
     def apply(self, _: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` for a residual that vanishes where filtered."""
+        if self._projection is not None:
+            self._projection.apply(self._multigrid, r, z)
+            return
         self._multigrid.apply(r, z)
         if self._filter is not None:
             self._matrix.mult(z, self._product)
@@ -169,18 +194,20 @@ class FilteredMultigrid:
     def destroy(self, _: PETSc.PC | None = None) -> None:
         """Free the PETSc objects; collective."""
         self._forget()
+        if self._projection is not None:
+            self._projection.destroy()
         self._end()
         if self._soft is not None:
             self._soft.destroy()
         self._unblocked.destroy()
         self._product.destroy()
 
-    def _without(self, stiff: StiffPart) -> PETSc.Mat:
-        """The matrix without the stiffness of what is filtered; collective."""
+    def _without(self, stiff: StiffPart, projects: bool) -> PETSc.Mat:
+        """The matrix without the stiffness of what is filtered or projected; collective."""
         if self._soft is None:
             self._soft = self._matrix.duplicate()
             self._soft.setNearNullSpace(self._matrix.getNearNullSpace())
-        stiff.assemble_rest(self._soft)
+        (stiff.assemble_across if projects else stiff.assemble_rest)(self._soft)
         return self._soft
 
     def _filter_of(self, stiff: StiffPart) -> Filter:

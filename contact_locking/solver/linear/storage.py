@@ -6,6 +6,9 @@ multigrid know nothing of blocks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
 from petsc4py import PETSc
 
 IN_BLOCKS, BY_ENTRY = "baij", "aij"
@@ -32,3 +35,24 @@ class Unblocked:
         """Free the matrix; collective."""
         if self._copy is not None:
             self._copy.destroy()
+
+
+def stacked(matrices: Sequence[PETSc.Mat], like: PETSc.Mat) -> PETSc.Mat:
+    """The rows of the matrices, one matrix after another on each rank; collective.
+
+    The matrices have the columns of ``like`` and are destroyed.
+    """
+    lengths, columns, values = [], [], []
+    for matrix in matrices:
+        ends, where, what = matrix.getValuesCSR()
+        lengths.append(np.diff(ends))
+        columns.append(where)
+        values.append(what)
+        matrix.destroy()
+    each = np.concatenate(lengths)
+    ends = np.append(0, np.cumsum(each)).astype(PETSc.IntType)
+    return PETSc.Mat().createAIJ(
+        ((len(each), None), like.getSizes()[1]),
+        csr=(ends, np.concatenate(columns), np.concatenate(values)),
+        comm=like.getComm(),
+    )

@@ -36,6 +36,9 @@ _ROUNDING = 1e-12
 # So many iterations with one tangent, by dimension, may be taken instead of the filter's
 # factorisation: some fifteen in 3D, and two in 2D, for each of the seven solves that it serves.
 _PATIENCE = {2: 16, 3: 100}
+# So many iterations one solve may take by multigrid alone where the projection can take over, which
+# doubles the time of an iteration.
+_PATIENCE_OF_PROJECTION = 40
 # Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
 # down on it: it is filtered again, so often at most.
 _RESTARTS = 3
@@ -53,16 +56,21 @@ class TangentSolver:
     Where a tangent takes more iterations than the filter would cost, it is filtered from there on,
     and so are all that follow.  Options of the user may replace all of this.
 
-    The matrix is stored in blocks and has its near-nullspace.
+    The matrix is stored in blocks and has its near-nullspace.  ``listen`` is told the number of
+    each Krylov iteration.
     """
 
-    def __init__(self, matrix: PETSc.Mat, dim: int, settings: Settings) -> None:
+    def __init__(
+        self, matrix: PETSc.Mat, dim: int, settings: Settings, listen: Callable[[int], None]
+    ) -> None:
         self._matrix, self._dim = matrix, dim
         comm, size = matrix.getComm(), matrix.getSize()[0]
         name = chosen(settings.linear, dim, size)
         defaults = _ITERATIVE if name == "iterative" else default_options(name, dim, size, comm)
         self._ksp = create_ksp(comm, defaults, settings.petsc)
         self._factorises = name == "direct"
+        if not self._factorises:
+            self._ksp.setMonitor(lambda ksp, k, norm: listen(k))
         self._iterations = 0
         self._unblocked = Unblocked()
         self._multigrid: FilteredMultigrid | None = None
@@ -84,7 +92,9 @@ class TangentSolver:
         self._ksp.setOperators(self._matrix)
         self._stiff = split()
         self._can_filter = self._multigrid.can_filter(self._stiff)
-        self._patience = min(_PATIENCE[self._dim], self._max_iterations)
+        self._projects = self._multigrid.must_project(self._stiff)
+        patience = _PATIENCE_OF_PROJECTION if self._projects else _PATIENCE[self._dim]
+        self._patience = min(patience, self._max_iterations)
         if self._filters and self._can_filter:
             self._filter(self._multigrid)
         else:
@@ -105,7 +115,7 @@ class TangentSolver:
         rtol = min(_LOOSEST, max(residual / size, _ROUNDING))
         patience = self._patience
         self._solve_by_cg(self._multigrid, right, step, rtol)
-        if is_rough:
+        if is_rough or self._projects:
             self._patience = patience
         # Whatever else is left, the next iterate's equilibrium is judged by its own residual.
         is_done = self._ksp.getConvergedReason() > 0

@@ -1,0 +1,154 @@
+"""Solve one large block in 3D on every rank of mpirun, and print a table of what it took.
+
+    ./in-env mpirun -n 2 python3 benchmarks/scale.py --h 1/64 --n 1e4
+    ./in-env mpirun -n 2 python3 benchmarks/scale.py --h 1/64 --n inf
+    ./in-env mpirun -n 2 python3 benchmarks/scale.py --h 1/64 --n inf --filter-limit 600000
+    ./in-env mpirun -n 8 python3 benchmarks/scale.py --h 1/24 --n inf --filter-limit 0
+
+The case is the unit block of the tests on a regular grid, mu = 0.3.  ``--filter-limit`` sets the
+most unknowns that the filter factorises: 0 leaves everything to the projection.  CG iterations are
+per linear solve.  Times are by the clock on the wall.  Where there are more ranks than cores, the
+counts mean something and the times do not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import resource
+import sys
+import time
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from contact_locking import solving
+from contact_locking.monitor import Monitor
+from contact_locking.parameters import Parameters
+from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
+from contact_locking.solver.linear.ksp import FILTER_LIMIT
+from contact_locking.solver.linear.projection import Projection
+from contact_locking.solver.linear.tangent_solver import TangentSolver
+
+# The reference problem belongs to the tests.
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+from problems import block
+
+
+class Tangents(Monitor):
+    """Notes for each tangent how it is preconditioned, its CG iterations and its seconds."""
+
+    def __init__(self) -> None:
+        self.began = self.ended = math.nan
+        #: What preconditions, seconds of its set-up and of solves, and the iterations of solves.
+        self.rows: list[tuple[str, list[float], list[int]]] = []
+        self._watch(TangentSolver.refresh, TangentSolver.solve)
+
+    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
+        if math.isnan(self.began):
+            MPI.COMM_WORLD.Barrier()
+            self.began = time.perf_counter()
+
+    def message(self, text: str) -> None:
+        if math.isnan(self.ended) and not math.isnan(self.began):
+            MPI.COMM_WORLD.Barrier()
+            self.ended = time.perf_counter()
+
+    def _watch(
+        self,
+        refresh: Callable[[TangentSolver, Callable[[], StiffPart]], None],
+        solve: Callable[..., None],
+    ) -> None:
+        def refresh_and_note(solver: TangentSolver, split: Callable[[], StiffPart]) -> None:
+            began = time.perf_counter()
+            self.rows.append(("", [0.0, 0.0], []))
+            refresh(solver, split)
+            self.rows[-1][1][0] += time.perf_counter() - began
+
+        def solve_and_note(
+            solver: TangentSolver,
+            right: PETSc.Vec,
+            step: PETSc.Vec,
+            residual: float,
+            is_rough: bool = False,
+        ) -> None:
+            began, before = time.perf_counter(), solver._iterations
+            solve(solver, right, step, residual, is_rough)
+            _, seconds, counts = self.rows[-1]
+            counts.append(solver._iterations - before)
+            seconds[1] += time.perf_counter() - began
+            self.rows[-1] = (preconditioner(solver._multigrid), seconds, counts)
+
+        TangentSolver.refresh = refresh_and_note  # type: ignore[method-assign]
+        TangentSolver.solve = solve_and_note  # type: ignore[method-assign]
+
+
+def preconditioner(multigrid: FilteredMultigrid | None) -> str:
+    """What a tangent is solved with at present, and with how many rows to factorise."""
+    if multigrid is None:
+        return "direct or the user's"
+    if multigrid._projection is not None:
+        projection: Projection = multigrid._projection
+        return f"projection, {projection._coupling.getSize()[0]}"
+    if multigrid._filter is not None:
+        return f"filter, {multigrid._filter._right.getSize()}"
+    return "multigrid"
+
+
+def memory() -> list[float]:
+    """The largest memory of each rank so far, in GB."""
+    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    found: list[float] = MPI.COMM_WORLD.allgather(kilobytes / 2**20)
+    return found
+
+
+def case(h: Fraction, n: float, degree: int) -> Parameters:
+    """The block on a regular grid."""
+    element = {"discretisation__degree": 2} if degree == 2 else {}
+    return block(
+        3, float(h), mesh__structured=True, penalty__n=n, solver__linear="iterative", **element
+    )
+
+
+def main() -> None:
+    """Compile the forms with a small solve, and do the large one."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--h", type=Fraction, default=Fraction(1, 16), help="such as 1/40")
+    parser.add_argument("--n", type=float, default=math.inf)
+    parser.add_argument("--degree", type=int, choices=(1, 2), default=1)
+    parser.add_argument(
+        "--filter-limit", type=int, help="unknowns, as the package has it if absent"
+    )
+    given = parser.parse_args()
+    if given.filter_limit is not None:
+        FILTER_LIMIT[3] = given.filter_limit
+    solving.solve(case(Fraction(1, 3), given.n, given.degree))
+    tangents = Tangents()
+    began = time.perf_counter()
+    summary = solving.solve(case(given.h, given.n, given.degree), monitor=tangents).summary
+    total, used = time.perf_counter() - began, memory()
+    if MPI.COMM_WORLD.rank > 0:
+        return
+    print("| tangent | preconditioner, rows factorised | set-up s | solves s | CG of each solve |")
+    print("| --- | --- | --- | --- | --- |")
+    for number, (kind, seconds, counts) in enumerate(tangents.rows):
+        listed = ", ".join(map(str, counts))
+        print(f"| {number} | {kind} | {seconds[0]:.1f} | {seconds[1]:.1f} | {listed} |")
+    every = [count for _, _, counts in tangents.rows for count in counts]
+    print()
+    print(
+        f"h = {given.h}, n = {given.n:g}, degree {given.degree}, {summary['dofs']} unknowns, "
+        f"{len(used)} ranks on {os.cpu_count()} cores: {summary['reason']}; "
+        f"{summary['iterations']['tangents']} tangents, {sum(every)} CG iterations, "
+        f"{max(every, default=0)} at most in a solve; solver "
+        f"{tangents.ended - tangents.began:.0f} s, in all {total:.0f} s; memory "
+        f"{max(used):.2f} GB in a rank, {sum(used):.1f} GB in all"
+    )
+
+
+if __name__ == "__main__":
+    main()
