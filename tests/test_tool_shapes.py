@@ -13,7 +13,7 @@ from problems import block
 from scipy.spatial import ConvexHull
 from tool_files import ascii_stl, ball, binary_stl, box
 
-from contact_locking import Parameters, Solution, solve
+from contact_locking import InputError, Parameters, Solution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.expressions import parse
 from contact_locking.expressions.gradient import value_and_gradient
@@ -80,6 +80,12 @@ def test_an_expression_gives_what_the_shape_gives(dim: int) -> None:
     other = solve(on({"expression": f"{squares} - 2.995**2"}, dim))
     assert_same(shape, other, 1e-3)
     assert any("gradient is between" in text for text in other.summary["warnings"])
+
+
+def test_an_expression_that_fails_at_a_node_of_one_rank_fails_on_all() -> None:
+    with pytest.raises(InputError, match="has to be a finite number") as error:
+        solve(on({"expression": "y + 0*log(0.9 - x)"}))
+    assert error.value.key == "contact.foundation.expression"
 
 
 def test_an_expression_of_the_time_is_a_tool_that_changes() -> None:

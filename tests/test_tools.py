@@ -141,6 +141,16 @@ def test_a_tool_stands_where_its_motion_has_brought_it() -> None:
         assert np.abs(difference).max() < 1e-10
 
 
+def test_a_gap_that_moves_has_the_control_values_of_quadratic_displacements() -> None:
+    bent = {"contact__gap": "0.02*t*x**2", "steps": {"times": [0.5, 1.0]}}
+    *_, last = all_of(block(2, 0.5, discretisation={"degree": 2}, **bent))
+    surface = last.contacts[0].surface
+    nodal = 0.02 * surface.points[:, 0] ** 2
+    wanted = surface.limited_values(nodal)
+    assert last.contacts[0].gap == pytest.approx(wanted, abs=1e-15)
+    assert maximum(MPI.COMM_WORLD, np.abs(wanted - nodal)) > 1e-4
+
+
 def test_nodes_become_free_when_the_normal_of_a_tool_turns() -> None:
     """On the left the vertical displacement is held: all of the normal, until the tool turns."""
     held = [{"on": "left", "value": [None, 0.0]}, {"on": "top", "value": [0.0, 0.0]}]

@@ -51,9 +51,9 @@ def read_surface(
     with path.open("rb") as stream:
         is_gmsh = stream.read(len(_GMSH)) == _GMSH
     corners = read_triangles(path) if is_gmsh else read_stl(path)
-    if not np.isfinite(corners).all() or np.abs(corners).max() > _LARGEST:
-        raise InputError(f"{path} has coordinates that are not finite, or too large")
     placed = scale * corners + np.asarray(shift)
+    if not np.isfinite(placed).all() or np.abs(placed).max() > _LARGEST:
+        raise InputError(f"{path} has coordinates that are not finite, or too large")
     return checked(placed[:, ::-1] if turned else placed, str(path))
 
 

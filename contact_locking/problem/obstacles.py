@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
@@ -16,7 +17,7 @@ from contact_locking.laws.level_set import LevelSet
 from contact_locking.laws.polyline import Polyline
 from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
 from contact_locking.laws.triangulated import TriangulatedSurface
-from contact_locking.parallel import maximum, on_any_rank, on_every_rank
+from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 from contact_locking.parameters import ContactParameters
 from contact_locking.problem.clock import Clock, is_timed
 from contact_locking.problem.coefficients import evaluate
@@ -128,7 +129,16 @@ class Tool:
         self.is_timed = self.moves = self._motion is not None or timed_shape
 
     def gap(self, x: FloatArray) -> FloatArray:
-        return self.now.gap(x)
+        return self._evaluated(self.now.gap, x)
+
+    def _evaluated(self, function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+        """A function of points (d, k); collective, as an expression may fail on one rank only."""
+
+        def values() -> FloatArray:
+            with np.errstate(all="ignore"):
+                return with_key(f"{self._key}.{self._shape}", lambda: function(x))
+
+        return agree(self._site.comm, values)
 
     @property
     def now(self) -> Foundation:
@@ -163,8 +173,8 @@ class Tool:
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         body, points, comm = self.now, surface.points.T, self._site.comm
-        with np.errstate(all="ignore"):
-            gap, normals = body.gap(points), body.contact_normal(points).T
+        gap = self._evaluated(body.gap, points)
+        normals = self._evaluated(body.contact_normal, points).T
         if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
             raise InputError(_NOT_FINITE.get(self._shape, _TOO_FAR), self._key)
         if isinstance(self._body, LevelSet):

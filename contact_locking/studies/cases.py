@@ -69,6 +69,9 @@ def _case(parameters: Parameters, values: dict[str, Any], directory: Path, diges
         message = f"cannot be read: {error.filename}: {error.strerror}"
         tables = parameters.tables or {}
         paths = {table.file: f"tables.{key}.file" for key, table in tables.items()}
+        for contact in parameters.contacts:
+            if contact.foundation is not None and contact.foundation.file is not None:
+                paths[contact.foundation.file] = f"{contact.key}.foundation"
         raise InputError(message, paths.get(str(error.filename), "mesh.file")) from error
     folder = case_folder(directory, name)
     output = parameters.output.model_copy(update={"directory": str(folder)})
