@@ -45,6 +45,7 @@ parallel-all:
 bench: ## measure tangents, times and errors (minutes) and write benchmarks/results.md and the figure of errors
 	./in-env python3 benchmarks/bench.py
 	./in-env python3 benchmarks/bound_cost.py
+	./in-env python3 benchmarks/tool_distance.py
 	./in-env python3 benchmarks/accuracy.py
 	./in-env python3 benchmarks/accuracy.py --figure docs/figures/error_over_time.svg
 

@@ -60,7 +60,7 @@ def solved_state(divisions: int) -> SolvedState:
 
 def elastic_solve(state: SolvedState) -> None:
     """Assembly, factorisation and solution of linear elasticity on the mesh of the state."""
-    with elliptic_problem(state, elasticity(state), state.problem.constraints.conditions) as solver:
+    with elliptic_problem(state, elasticity(state), state.problem.constraints) as solver:
         v = ufl.TestFunction(state.problem.u.function_space)
         solver.solve(forms.external_work(v, state.problem.data))
 

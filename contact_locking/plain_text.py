@@ -44,6 +44,11 @@ def per_cent(share: float) -> str:
     return f"{value:.2g} %" if abs(value) < 1.0 else f"{value:.1f} %".replace(".0 %", " %")
 
 
+def defect(error: Exception) -> str:
+    """What an error about unreadable data says, in words."""
+    return f"without {error}" if isinstance(error, KeyError) else str(error) or "unreadable"
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """The hint at the known name that is most like ``name``; empty if no name is like it."""
     matches = difflib.get_close_matches(name, list(known), n=1)

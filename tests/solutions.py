@@ -168,7 +168,9 @@ def _nodal(points: ContactPoints) -> Any:
     own = slice(None if MPI.COMM_WORLD.rank == 0 else 0)
     return tuple(
         SimpleNamespace(
-            surface=SimpleNamespace(points=part.x[own]), smoothed_stress=-part.pressure[own]
+            surface=SimpleNamespace(points=part.x[own]),
+            smoothed_stress=-part.pressure[own],
+            outline=np.empty((0, part.x.shape[1], part.x.shape[1])),
         )
         for part in points.parts()
     )

@@ -155,7 +155,7 @@ WRONG = [
     ("contact.on", "botom", r"'botom' \(did you mean 'bottom'\?\); there are left, right"),
     ("contact.gap", math.inf, "finite"),
     ("contact.gap", "foo(x)", "unknown function 'foo'"),
-    ("contact.foundation", {}, "exactly one of half_space, sphere, cylinder, not none"),
+    ("contact.foundation", {}, "exactly one of half_space, sphere, cylinder, expression"),
     (
         "contact.foundation",
         {

@@ -12,6 +12,7 @@ import pytest
 from report_folder import LARGE, TITLE, many_rows, rows, run_folder, study_folder
 
 from contact_locking import report
+from contact_locking.command import cli
 
 pytestmark = [
     pytest.mark.serial,
@@ -219,3 +220,21 @@ def test_the_filter_finds_what_its_placeholder_says(
         placeholder = tab.evaluate("document.getElementById('filter').placeholder")
         type_in(tab, placeholder.partition(": ")[2])
         assert column(tab, "state") == ["converged"]
+
+
+def test_the_page_is_printed_on_demand(
+    pages: dict[str, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = pages["run"].parent
+    assert cli.main(["report", str(folder), "--pdf"]) == 0
+    made = folder / "report" / "report.pdf"
+    assert capsys.readouterr().out == f"{folder / 'report.html'}: written\n{made}: written\n"
+    assert made.read_bytes().startswith(b"%PDF")
+    assert [path.name for path in made.parent.iterdir() if path.suffix not in (".svg", ".png")] == [
+        "report.pdf"
+    ]
+    # A new report discards what was printed of the old one.
+    monkeypatch.setenv("PATH", "")
+    assert cli.main(["report", str(folder), "--pdf"]) == 1
+    assert "apt-get install chromium" in capsys.readouterr().err
+    assert (folder / "report.html").exists() and not made.exists()

@@ -16,7 +16,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
 from contact_locking.problem.assembly import Problem, assemble
-from contact_locking.problem.conditions import describe_motion
+from contact_locking.problem.rigid_motions import describe_motion
 from contact_locking.problem.system import PenalisedSystem
 
 

@@ -94,6 +94,7 @@ def summary(**changes: Any) -> dict[str, Any]:
         "discretisation": {"degree": 1, "limit_at": "vertices"},
         "strain_sets": [],
         "friction_force": [0.0, -0.0],
+        "contacts": [],
         "reactions": {"left": [0.25, 1e-20], "right": [0.0, -0.5]},
         "contact_area": 1.0,
         "slip_area": 0.5,

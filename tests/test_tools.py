@@ -141,6 +141,30 @@ def test_a_tool_stands_where_its_motion_has_brought_it() -> None:
         assert np.abs(difference).max() < 1e-10
 
 
+def test_nodes_become_free_when_the_normal_of_a_tool_turns() -> None:
+    """On the left the vertical displacement is held: all of the normal, until the tool turns."""
+    held = [{"on": "left", "value": [None, 0.0]}, {"on": "top", "value": [0.0, 0.0]}]
+    plane = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
+    turn = {"translation": [0.0, "0.015*t"], "rotation": "0.02*t", "about": [1.0, 0.0]}
+
+    def last(times: list[float]) -> tuple[Solution, Solution]:
+        contact = {"on": "bottom", "foundation": plane | {"motion": turn}}
+        loads = {"displacements": held}
+        steps = {"times": times}
+        found = all_of(pressed(2, math.inf, [], None, contact=contact, loads=loads, steps=steps))
+        return found[0], found[-1]
+
+    (_, directly), (first, later) = last([1.0]), last([0.0, 1.0])
+    free = [int(MPI.COMM_WORLD.allreduce(int(s.contacts[0].free.sum()))) for s in (first, later)]
+    assert free[1] == free[0] + 1
+    difference = directly.displacement.x.array - later.displacement.x.array
+    assert np.abs(difference).max(initial=0.0) < 1e-9
+    assert later.summary["friction_force"] == pytest.approx(
+        directly.summary["friction_force"], abs=1e-9
+    )
+    assert abs(later.summary["friction_force"][0]) > 1e-4
+
+
 def test_a_process_with_a_tool_goes_on_from_a_saved_step(tmp_path: Path) -> None:
     folder = Path(MPI.COMM_WORLD.bcast(tmp_path)) / "step"
     disc = {

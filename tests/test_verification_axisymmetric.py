@@ -235,6 +235,30 @@ def test_v25_a_tube_under_inner_pressure_has_lames_displacement(found: list[Row]
     assert u.x.array.reshape(-1, 2)[:, 0] == pytest.approx(exact, rel=5e-3)
 
 
+def test_v25_the_force_of_a_ball_at_a_depth_pushes_the_ball_to_that_depth(found: list[Row]) -> None:
+    def pushed(lift: float, **driven: Any) -> dict[str, Any]:
+        data: dict[str, Any] = {
+            "mesh": {"builder": "block", "size": [1.0, 0.8], "h": 0.1, "axisymmetric": True},
+            "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.08},
+            "loads": {"displacements": [{"on": "bottom", "value": [0, lift]}]},
+            "contact": {
+                "on": "top",
+                "foundation": {"sphere": {"centre": [0, 1.3], "radius": 0.5}, **driven},
+            },
+        }
+        solution = solving.solve(with_changes(data))
+        assert solution.converged, solution.summary["reason"]
+        return solution.summary
+
+    depth = 0.04
+    force = pushed(depth)["contact_force"][1]
+    reached = pushed(0.0, force=[0.0, force])
+    travel = reached["contacts"][0]["tool"]["travel"]
+    found.append(Row("V25", "ball in a locking layer, by its force", "depth", travel, depth, TEST))
+    assert travel == pytest.approx(depth, rel=1e-5)
+    assert reached["contact_force"][1] == pytest.approx(force, rel=1e-8)
+
+
 RADIUS, DEPTH, STIFF = 0.5, 0.02, 10.0
 HALF_WIDTH = math.sqrt(RADIUS * DEPTH)
 MODULUS = STIFF / (1.0 - POISSON**2)
@@ -290,7 +314,12 @@ def test_v25_an_indented_cylinder_is_near_to_hertz_in_a_second(
     assert summary["converged"], summary["reason"]
     assert solution.contact_points is not None
     force = summary["contact_force"][1]
-    half_width = math.sqrt(summary["contact_area"] / math.pi)
+    # The area changes by whole facets; Hertz's pressure is p^2 = p_0^2 (1 - r^2/a^2).
+    by_area = math.sqrt(summary["contact_area"] / math.pi)
+    radius, pressure = solution.contact_points.x[:, 0], solution.contact_points.pressure
+    inside = pressure > 0.3 * pressure.max()
+    slope, top = np.polyfit(radius[inside] ** 2, pressure[inside] ** 2, 1)
+    half_width = math.sqrt(-top / slope)
     peak = float(solution.contact_points.pressure.max())
     where = "indented cylinder of radius 8, axisymmetric"
     found += [
@@ -301,8 +330,9 @@ def test_v25_an_indented_cylinder_is_near_to_hertz_in_a_second(
             1.0, TEST),
     ]  # fmt: skip
     assert force == pytest.approx(FORCE, rel=0.02)
-    # The area changes by whole facets, of 5 % of the half-width.
-    assert half_width == pytest.approx(HALF_WIDTH, rel=0.03)
+    assert half_width == pytest.approx(HALF_WIDTH, rel=0.01)
+    assert half_width**3 == pytest.approx(0.75 * force * RADIUS / MODULUS, rel=0.02)
+    assert by_area == pytest.approx(HALF_WIDTH, rel=0.03)
     assert peak == pytest.approx(PEAK, rel=0.02)
 
 

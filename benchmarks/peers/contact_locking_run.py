@@ -1,9 +1,9 @@
 """contact_locking itself: ``method=interior_point`` or ``newton``, with ``n`` (inf: no penalty)."""
 
 from exchange import task
-from peer_problems import displaced, parameters
+from peer_problems import displaced
 
-from contact_locking import solve
+from contact_locking import Parameters, solve
 from contact_locking.monitor import Monitor
 
 job = task()
@@ -22,11 +22,8 @@ class Clock(Monitor):
         job.stop()
 
 
-study = parameters(
-    job.source.stem,
-    penalty={"n": job.number("n")},
-    solver={"method": job.options["method"]},
-)
+changes = {"penalty": {"n": job.number("n")}, "solver": {"method": job.options["method"]}}
+study = Parameters.model_validate(job.problem.study | changes)
 solution = solve(study, monitor=Clock())
 job.finish(
     displaced(solution)[1],

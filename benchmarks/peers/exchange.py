@@ -26,7 +26,8 @@ class Problem:
 
     ``parts`` holds the facets (f, 2) of each boundary part as numbers of nodes.  ``tractions`` are
     forces per length by part.  ``held`` are the components that are zero on each part.  The part
-    ``contact`` may touch the foundation with Coulomb's coefficient ``friction``.
+    ``contact`` may touch the foundation with Coulomb's coefficient ``friction``.  ``study`` is the
+    same problem as a study file has it.
     """
 
     x: Any
@@ -39,6 +40,7 @@ class Problem:
     contact: str
     tractions: dict[str, list[float]]
     held: dict[str, list[int]]
+    study: dict[str, Any]
     bound: Any  # the friction bound of the reference solution at each node, for a frozen bound
 
     @property
@@ -72,7 +74,7 @@ class Problem:
 
     def save(self, path: Path) -> None:
         """Write the arrays and the numbers."""
-        kept = ("young", "poisson", "limit", "friction", "contact", "tractions", "held")
+        kept = ("young", "poisson", "limit", "friction", "contact", "tractions", "held", "study")
         facts = json.dumps({name: getattr(self, name) for name in kept})
         arrays = {f"part_{name}": facets for name, facets in self.parts.items()}
         np.savez(path, x=self.x, cells=self.cells, bound=self.bound, facts=facts, **arrays)

@@ -71,11 +71,6 @@ STUDIES["locking"] = STUDIES["block"] | {
 STUDIES["smooth"] = STUDIES["locking"] | {"friction": {"coefficient": 0.0}}
 
 
-def parameters(name: str, **penalty: Any) -> Parameters:
-    """The parameters of a problem: n = inf, the inequality, unless ``penalty`` says otherwise."""
-    return Parameters.model_validate(STUDIES[name] | penalty)
-
-
 def problem(name: str, solution: Solution) -> Problem:
     """A problem on the mesh of a solution, with the friction bound of the solution."""
     given, domain = STUDIES[name], solution.domain
@@ -101,6 +96,7 @@ def problem(name: str, solution: Solution) -> Problem:
             item["on"]: [j for j, value in enumerate(item["value"]) if value is not None]
             for item in held
         },
+        study=given,
         bound=solution.friction_bound.x.array,
     )
 
@@ -115,7 +111,7 @@ def write(name: str, folder: Path) -> Solution:
     """Solve a problem at n = inf and write it for the peers."""
     from contact_locking import solve
 
-    solution = solve(parameters(name))
+    solution = solve(Parameters.model_validate(STUDIES[name]))
     assert solution.converged, solution.summary["reason"]
     problem(name, solution).save(folder / f"{name}.npz")
     np.save(folder / f"{name}-reference.npy", displaced(solution)[1])

@@ -215,7 +215,12 @@ def main() -> None:
     """Solve all, or the problems that are named."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("problems", nargs="*", default=list(RUNS), help="of " + ", ".join(RUNS))
+    parser.add_argument(
+        "--divisions", type=int, default=32, help="1/h of the blocks, not the plate"
+    )
     given = parser.parse_args()
+    for name in ("block", "locking", "smooth"):
+        problems.STUDIES[name]["mesh"]["h"] = 1.0 / given.divisions
     machine = f"{os.cpu_count()} cores, {platform.machine()}, load {os.getloadavg()[0]:.1f}"
     lines = ["# Measured by `benchmarks/peers/run.py`", ""]
     lines += [

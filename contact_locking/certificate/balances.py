@@ -31,7 +31,8 @@ class Equilibrium:
     ``force`` and ``moment`` are the sums of loads, contact forces and reactions.  The force is
     relative to the largest of the three sums of nodal force magnitudes, and the moment to this sum
     times the extent of the body.  Forces as small as the rounding in ``u`` count as zero.  The
-    forces of a user's own energy take part in all three.
+    forces of a user's own energy take part in all three.  ``tools`` has for each tool
+    ``|F - int (sigma_tau - p nu) . d|`` with its force F, relative to F.
 
     The radial forces on an axisymmetric body balance by symmetry, and have no resultant.  The force
     along the axis alone is balanced then, and ``moment`` is None.
@@ -44,6 +45,7 @@ class Equilibrium:
     contact: FloatArray
     reactions: FloatArray
     reactions_by_part: dict[str, FloatArray]
+    tools: tuple[float, ...]
 
     def criteria(self, tolerance: float) -> dict[str, Criterion]:
         share = _BALANCE_SHARE * tolerance
@@ -54,6 +56,9 @@ class Equilibrium:
         if self.moment is not None:
             told = "sum of all moments on the body"
             found["moment_balance"] = Criterion(self.moment, share, told)
+        if self.tools:
+            left = max(self.tools)
+            found["tool_balance"] = Criterion(left, share, "imbalance of the forces on a tool")
         return found
 
 
@@ -79,10 +84,8 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         touching += contact.surface.nodal_forces(tractions)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     unbalanced = (internal - own - load - touching)[:owned]
-    fixed = constraints.dofs[constraints.dofs < owned]
-    reaction = np.zeros(owned)
-    reaction[fixed] = unbalanced[fixed]
-    unbalanced[fixed] = 0.0
+    reaction = constraints.held_part(unbalanced)
+    unbalanced = constraints.free_part(unbalanced)
 
     def norm(vector: FloatArray) -> float:
         return float(np.sqrt(state.sum(vector[:owned] ** 2)))
@@ -113,10 +116,24 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         loads=total[0],
         contact=total[1],
         reactions=total[2],
-        reactions_by_part=reactions_by_part(
-            state.problem.domain, space, constraints.wanted, reaction
-        ),
+        reactions_by_part=reactions_by_part(state.problem.domain, constraints, reaction),
+        tools=_tool_balances(state, rounding / tolerance),
     )
+
+
+def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
+    """The part of the force of each tool that nothing balances; collective.
+
+    ``least`` is the force below which forces are rounding.
+    """
+    of_contact = {id(fields.contact): fields for fields in state.contacts}
+    found = []
+    for tool in state.problem.data.tools:
+        fields = of_contact[id(tool.contact)]
+        left = abs(tool.force - tool.resultant(fields.pressure, fields.traction))
+        size = max(tool.force, least)
+        found.append(left / size if size > 0.0 else left)
+    return tuple(found)
 
 
 def _centre(state: SolvedState, x: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from contact_locking.certificate.elliptic import (
     elasticity,
     elliptic_problem,
     inner_product,
+    require_still_foundations,
     springs,
 )
 from contact_locking.certificate.lifting import Lifting
@@ -67,6 +68,7 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
     """
     values = _measured(state)
     try:
+        require_still_foundations(state)
         w = lifting.admissible
         proved = _pressed_bounds(state, w) if state.problem.free else _held_bounds(state, w)
     except NotApplicable as failure:
@@ -183,7 +185,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     alpha = state.problem.material.ellipticity
     stiffness = alpha / state.target.length
     bilinear = elasticity(state) + springs(state, stiffness)
-    with elliptic_problem(state, bilinear, state.problem.constraints.conditions) as problem:
+    with elliptic_problem(state, bilinear, state.problem.constraints) as problem:
         z = problem.solve(_load(state, w))
     carried, soft = _remembered(state), 0.0
     for fields in state.contacts:
@@ -213,8 +215,8 @@ def dual_norm(state: SolvedState, w: fem.Function | None = None) -> float:
     The displacement conditions are homogeneous.
     """
     space, data = state.problem.u.function_space, state.problem.data
-    conditions = state.problem.constraints.conditions
-    with elliptic_problem(state, inner_product(space, data), conditions) as problem:
+    constraints = state.problem.constraints
+    with elliptic_problem(state, inner_product(space, data), constraints) as problem:
         return norm(state, problem.solve(_load(state, w)))
 
 

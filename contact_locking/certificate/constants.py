@@ -128,17 +128,18 @@ def trace_constant(state: SolvedState) -> float:
     from slepc4py import SLEPc
 
     space, data = state.problem.u.function_space, state.problem.data
-    conditions = state.problem.constraints.conditions
+    constraints = state.problem.constraints
     v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
     v, w = data.limited(v), data.limited(w)
     traces = sum(ufl.inner(w, v) * contact.surface.ds for contact in data.contacts)
     surface = petsc.assemble_matrix(compiled.form(traces))
     surface.assemble()
-    with elliptic_problem(state, inner_product(space, data), conditions) as problem:
-        # Fixed dofs keep a one on the diagonal of the V product and have no trace.
+    with elliptic_problem(state, inner_product(space, data), constraints) as problem:
+        # The held part keeps the identity in the V product and has no trace.
         mask = surface.createVecLeft()
-        mask.array_w[:] = np.where(problem.fixed[: mask.getLocalSize()], 0.0, 1.0)
+        mask.array_w[:] = constraints.free_dofs()[: mask.getLocalSize()]
         surface.diagonalScale(mask, mask)
+        constraints.supports.directions.eliminate(surface, diagonal=0.0)
         solver = SLEPc.EPS().create(state.comm)
         solver.setOptionsPrefix(_PREFIX)
         solver.setOperators(surface, problem.matrix)
@@ -194,6 +195,9 @@ def _uniqueness(
     if all(bound.frictionless for bound in bounds):
         return _verdict(COVERED, "there is no friction: the problem is convex")
     report = {"contraction": state.report.contraction}
+    if state.problem.data.tools:
+        why = "a force pushes a foundation, and the slip is relative to the unknown travel"
+        return _verdict(UNKNOWN, why) | report
     if not all(bound.is_coulomb for bound in bounds):
         return _verdict(UNKNOWN, "the friction bound is the user's own") | report
     if coefficient.exceeded:

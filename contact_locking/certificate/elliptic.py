@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numpy as np
 import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
@@ -13,6 +12,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.problem import forms
+from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.joint_forms import JointForm, action
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
 
@@ -26,28 +26,28 @@ class NotApplicable(Exception):
     """A part of the certificate does not exist for this problem; the message says why."""
 
 
+def require_still_foundations(state: SolvedState) -> None:
+    """Raise NotApplicable if a force pushes a foundation, whose place is then an unknown."""
+    if state.problem.data.tools:
+        raise NotApplicable(
+            "a force pushes a foundation, and the proof is for foundations in a known place"
+        )
+
+
 class EllipticProblem:
-    """``b(z, v) = r(v)`` for all v that vanish at the fixed dofs; made by :func:`elliptic_problem`.
+    """``b(z, v) = r(v)`` for all v without a held part; made by :func:`elliptic_problem`.
 
     Arrays are local values of the displacement space, ghosts included.
     """
 
-    def __init__(
-        self, state: SolvedState, bilinear: Expr, conditions: list[fem.DirichletBC]
-    ) -> None:
+    def __init__(self, state: SolvedState, bilinear: Expr, constraints: Constraints) -> None:
         self._space = state.problem.u.function_space
         self._owned = self._space.dofmap.index_map.size_local * self._space.dofmap.index_map_bs
         self._bilinear = bilinear
-        ones = fem.Function(self._space)
-        fixed = fem.Function(self._space)
-        ones.x.array[:] = 1.0
-        for condition in conditions:
-            dofs = condition.dof_indices()[0]
-            fixed.x.array[dofs] = ones.x.array[dofs]
-        self.fixed = fixed.x.array > 0.0
+        self.constraints = constraints
         form = JointForm(bilinear)
         self.matrix = form.create_matrix()
-        form.assemble_matrix(self.matrix, conditions)
+        constraints.assemble_matrix(form, self.matrix)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._nullspace = state.system.near_nullspace()
         self.matrix.setNearNullSpace(self._nullspace)
@@ -57,26 +57,25 @@ class EllipticProblem:
         self.ksp.setOperators(self.matrix)
 
     def solve(self, right: Expr | None, values: fem.Function | None = None) -> fem.Function:
-        """The z with ``b(z, v) = r(v)`` and the given ``values`` at the fixed dofs; collective.
+        """The z with ``b(z, v) = r(v)`` and the held part of ``values``; collective.
 
-        Without ``values`` z is zero there.  Raises NotApplicable if the linear solver fails.
+        Without ``values`` the held part is zero.  Raises NotApplicable if the linear solver fails.
         """
         solution = fem.Function(self._space)
         if values is not None:
-            solution.x.array[self.fixed] = values.x.array[self.fixed]
+            solution.x.array[:] = self.constraints.held_part(values.x.array)
         form = -action(self._bilinear, solution)
         vector = la.vector(self._space.dofmap.index_map, self._space.dofmap.index_map_bs)
         JointForm(form if right is None else right + form).assemble_vector(vector.array)
         vector.scatter_reverse(la.InsertMode.add)
         b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
-        b.array_w[:] = np.where(self.fixed, 0.0, vector.array)[: self._owned]
+        b.array_w[:] = self.constraints.free_part(vector.array[: self._owned])
         try:
             self.ksp.solve(b, x)
         except PETSc.Error as error:
             raise NotApplicable("the linear solve that it takes failed") from error
-        # CG may change the values at fixed dofs.
-        step = np.where(self.fixed[: self._owned], 0.0, x.array_r)
-        solution.x.array[: self._owned] += step
+        # CG may change the held part.
+        solution.x.array[: self._owned] += self.constraints.free_part(x.array_r)
         solution.x.scatter_forward()
         for item in (b, x):
             item.destroy()
@@ -90,10 +89,10 @@ class EllipticProblem:
 
 @contextmanager
 def elliptic_problem(
-    state: SolvedState, bilinear: Expr, conditions: list[fem.DirichletBC]
+    state: SolvedState, bilinear: Expr, constraints: Constraints
 ) -> Iterator[EllipticProblem]:
     """An :class:`EllipticProblem` that is destroyed after the block; collective."""
-    problem = EllipticProblem(state, bilinear, conditions)
+    problem = EllipticProblem(state, bilinear, constraints)
     try:
         yield problem
     finally:

@@ -187,7 +187,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
         ):
             opened = new.room(placed.displacement) - old.room(placed.displacement)
             total -= state.sum(acting.weights * acting.pressure * opened)
-            if fields.contact.obstacle.moves:
+            if fields.contact.moves:
                 total += state.sum(acting.weights * _dragged(acting, fields))
         return total
 
@@ -198,7 +198,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     outside = max(quadratic - numerical, numerical - highest, 0.0)
     size = max(after.work, before.work, state.sum(np.abs(after.forces * moved)))
     for fields, _, acting in places:
-        if fields.contact.obstacle.moves:
+        if fields.contact.moves:
             size = max(size, state.sum(np.abs(acting.weights * _dragged(acting, fields))))
     defect = outside / size if size > 0.0 else outside
     return EnergyBalance(work, after.stored, change, dissipated, numerical, defect), after
@@ -256,9 +256,8 @@ def _external_forces(state: SolvedState) -> FloatArray:
     for fields in state.contacts:
         forces = fields.pressure[:, None] * fields.normal - fields.traction
         inner += fields.surface.nodal_forces(forces)
-    fixed = problem.constraints.dofs[problem.constraints.dofs < owned]
-    load[fixed] = inner[fixed]
-    return load[:owned].copy()
+    constraints = problem.constraints
+    return constraints.free_part(load[:owned]) + constraints.held_part(inner[:owned])
 
 
 def _owned(state: SolvedState) -> int:

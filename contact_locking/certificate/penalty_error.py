@@ -15,7 +15,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.convex import squared_norm
@@ -53,6 +53,7 @@ def penalty_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     try:
         if not state.report.converged:
             raise NotApplicable("the solve did not converge")
+        require_still_foundations(state)
         w = admissible_neighbour(state, lifting)
     except NotApplicable as failure:
         none = dict.fromkeys(("energy_norm", "relative", "displacement_norm"))

@@ -2,43 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.problem.conditions import ComponentCondition
+from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.domain import Domain
 
 
 def reactions_by_part(
-    domain: Domain,
-    space: fem.FunctionSpace,
-    wanted: Sequence[ComponentCondition],
-    reaction: FloatArray,
+    domain: Domain, constraints: Constraints, reaction: FloatArray
 ) -> dict[str, FloatArray]:
     """The resultant (d,) on the body of the reactions of each boundary part; collective.
 
-    ``reaction`` (k,) are the reactions at the owned dofs of the ``space`` of displacements, zero at
-    free dofs.  Parts that prescribe the same component of the same node have equal shares of its
-    reaction, so that the resultants add up to the sum of all reactions.
+    ``reaction`` (k,) are the reactions at the owned dofs of displacements, zero at free dofs.  The
+    reaction of a node is a sum of forces along the components and directions that the parts
+    prescribe there.  Parts that prescribe the same component of the same node have equal shares of
+    its reaction, so that the resultants add up to the sum of all reactions.
     """
-    dim = domain.dim
+    dim, space = domain.dim, constraints.space
     held: dict[str, list[IndexArray]] = {}
-    for condition in wanted:
+    for condition in constraints.wanted:
         for name in condition.on:
             facets = domain.facets((name,), condition.key)
             nodes = fem.locate_dofs_topological(space, dim - 1, facets)
             held.setdefault(name, []).append(dim * nodes + condition.component)
     owned = {name: np.unique(np.concatenate(dofs)) for name, dofs in held.items()}
     owned = {name: dofs[dofs < len(reaction)] for name, dofs in owned.items()}
+    shares = {name: np.zeros_like(reaction) for name in owned}
+    for placed in constraints.supports.placed:
+        shares |= {name: np.zeros_like(reaction) for name in placed.support.on}
+    rest = reaction.copy()
+    if constraints.supports.placed:
+        oblique = constraints.supports.directions.nodes
+        oblique = oblique[oblique < len(reaction) // dim]
+        forces = reaction.reshape(-1, dim)[oblique]
+        rest.reshape(-1, dim)[oblique] = 0.0
+        rows = list(_rows(domain, constraints, owned, oblique))
+        # The forces ``c_i m_i`` with ``sum c_i m_i = r`` and the least ``sum c_i^2``.
+        gram = np.zeros((len(oblique), dim, dim))
+        for _, places, directions in rows:
+            np.add.at(gram, places, np.einsum("ki,kj->kij", directions, directions))
+        solved = np.einsum("kij,kj->ki", np.linalg.pinv(gram, rcond=1e-12), forces)
+        for name, places, directions in rows:
+            sizes = np.sum(directions * solved[places], axis=1)
+            np.add.at(shares[name].reshape(-1, dim), oblique[places], sizes[:, None] * directions)
     holders = np.zeros(len(reaction))
     for dofs in owned.values():
         holders[dofs] += 1.0
     found = {}
-    for name, dofs in owned.items():
-        share = np.zeros_like(reaction)
-        share[dofs] = reaction[dofs] / holders[dofs]
+    for name, share in shares.items():
+        dofs = owned.get(name, np.empty(0, dtype=np.int32))
+        share[dofs] += rest[dofs] / holders[dofs]
         found[name] = np.asarray(domain.comm.allreduce(share.reshape(-1, dim).sum(axis=0)))
     return found
+
+
+def _rows(
+    domain: Domain, constraints: Constraints, owned: dict[str, IndexArray], nodes: IndexArray
+) -> Iterator[tuple[str, IndexArray, FloatArray]]:
+    """For each part, the positions in ``nodes`` (m,) and the directions (m, d) that it holds."""
+    dim = domain.dim
+    for name, dofs in owned.items():
+        for axis in range(dim):
+            places = np.flatnonzero(np.isin(dim * nodes + axis, dofs)).astype(np.int32)
+            yield name, places, np.tile(np.eye(dim)[axis], (len(places), 1))
+    for placed in constraints.supports.placed:
+        for name in placed.support.on:
+            facets = domain.facets((name,), placed.support.key)
+            on_part = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
+            places, directions = placed.rows_at(nodes)
+            here = np.isin(nodes[places], on_part)
+            yield name, places[here], directions[here]

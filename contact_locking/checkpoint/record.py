@@ -14,6 +14,7 @@ from typing import Any
 from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.errors import InputError
+from contact_locking.plain_text import defect
 
 # A change of the written files raises this number.
 FORMAT = 4
@@ -30,7 +31,8 @@ class Record:
     fingerprint of everything that defines the solution.  ``degree`` is the degree of the
     displacement, and ``limit_at`` names the points of the strains.  ``contacts`` is the number of
     contacts, ``strain_sets`` that of the sets of strains, and ``regularisations`` has one length
-    for each contact.  ``step`` is about the step of a process, None for a problem without steps.
+    for each contact.  ``travels`` are those of the tools.  ``step`` is about the step of a
+    process, None for a problem without steps.
     """
 
     version: str
@@ -48,6 +50,7 @@ class Record:
     mesh: dict[str, Any]
     problem: str
     step: dict[str, Any] | None = None
+    travels: tuple[float, ...] = ()
 
 
 def save(record: Record, folder: Path) -> None:
@@ -94,7 +97,7 @@ def load(directory: str | Path) -> tuple[Record, dict[str, tuple[int, str]]]:
         files = {name: (int(size), str(sha)) for name, (size, sha) in data["files"].items()}
         return _record(data), files
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(f"{folder / RECORD} is damaged ({error!r}); {_AGAIN}") from error
+        raise InputError(f"{folder / RECORD} is damaged ({defect(error)}); {_AGAIN}") from error
 
 
 def load_fields(directory: str | Path) -> tuple[Record, Path]:
@@ -130,6 +133,7 @@ def _record(data: Mapping[str, Any]) -> Record:
         step=dict(data["step"]) if "step" in data else None,
         # Older versions know the ball alone.
         strain_sets=int(data.get("strain_sets", 1)),
+        travels=tuple(float(value) for value in data.get("travels", ())),
         **numbers,
     )
 

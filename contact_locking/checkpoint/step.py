@@ -37,7 +37,7 @@ class SavedStep:
     def enter(self, contacts: Sequence[Contact]) -> None:
         """Give the contacts their memories of the step; collective."""
         for contact, (place, slip) in zip(contacts, self.memories, strict=True):
-            contact.memory.set(place, slip)
+            contact.recall(place, slip)
 
 
 def about(solution: Solution) -> dict[str, Any] | None:

@@ -125,6 +125,9 @@ def write(solution: Solution, folder: Path) -> None:
             mesh=study_file.mesh_identity(parameters) | ({"refined": True} if mesh else {}),
             problem=study_file.problem_fingerprint(parameters),
             step=steps.about(solution),
+            travels=tuple(
+                entry["tool"]["travel"] for entry in solution.summary["contacts"] if "tool" in entry
+            ),
         )
         steps.write_history(solution, folder)
         records.save(record, folder)
@@ -170,7 +173,7 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     pressures = () if multipliers is None else tuple(c.pressure for c in multipliers.contacts)
     displacement = load("displacement", space).x.array
     penalty = Penalty(record.n, record.epsilon, record.regularisations)
-    state = SavedState(displacement, pressures, penalty)
+    state = SavedState(displacement, pressures, penalty, travels=record.travels)
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
     step = None
     if record.step is not None and multipliers is not None:

@@ -10,6 +10,7 @@ from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.stored import expect
 from contact_locking.errors import InputError
 from contact_locking.parallel import on_root
+from contact_locking.plain_text import defect
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.whole_mesh import WholeMesh, spread
 
@@ -38,4 +39,4 @@ def _read(folder: Path) -> WholeMesh:
     try:
         return WholeMesh.load(folder, records.MESH)
     except (ValueError, KeyError, TypeError, IndexError, OSError) as error:
-        raise InputError(f"the mesh in {folder} is damaged ({error!r})") from error
+        raise InputError(f"the mesh in {folder} is damaged ({defect(error)})") from error

@@ -89,6 +89,7 @@ def parser() -> argparse.ArgumentParser:
     )
     one = add("report", "Write an HTML page and charts of a finished run or study.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
+    one.add_argument("--pdf", action="store_true", help="also print the page, by Chromium")
     one = add("view", "Show the result of a run in a window, where there is a screen.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results of a run")
     add_for_file("check", "Say what is wrong or what would run, and solve nothing.")

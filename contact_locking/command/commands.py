@@ -105,11 +105,14 @@ def study(arguments: argparse.Namespace) -> int:
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
-    from contact_locking.report import write
+    from contact_locking.report import print_page, write
 
     if terminal.is_root():
         try:
-            print(f"{write(arguments.directory)}: written")
+            page = write(arguments.directory)
+            print(f"{page}: written")
+            if arguments.pdf:
+                print(f"{print_page(page)}: written")
         except ImportError as error:
             raise ContactLockingError(f"a report takes Matplotlib and Jinja2: {error}") from error
     return 0

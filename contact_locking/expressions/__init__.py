@@ -5,6 +5,7 @@ numbers    ``2``, ``0.5``, ``1e-3``, ``pi``, ``e`` (and ``inf`` where a value ma
 operators  ``+ - * / **``, and ``< <= > >= == != and or not`` inside conditions
 choice     ``a if condition else b``
 functions  those of `FUNCTIONS`
+tables     ``name(argument)`` with the name of a `Table`
 ========== ==================================================================
 """
 
@@ -18,18 +19,23 @@ from .grammar import (
     SMALLEST,
     TIME,
 )
+from .lookup_table import ANY_TABLE, NO_TABLES, Table
 from .parsing import parse
-from .tree import Expression
+from .tree import Expression, Lookup
 
 __all__ = [
+    "ANY_TABLE",
     "CONSTANTS",
     "FUNCTIONS",
     "LARGEST",
     "MAX_DEPTH",
     "MAX_LENGTH",
+    "NO_TABLES",
     "POSITION",
     "SMALLEST",
     "TIME",
     "Expression",
+    "Lookup",
+    "Table",
     "parse",
 ]

@@ -10,7 +10,7 @@ import ast
 import math
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import NoReturn
 
@@ -30,25 +30,32 @@ from .grammar import (
     POSITION,
     shortened,
 )
+from .lookup_table import NO_TABLES, Table
 from .operations import NUMPY
-from .tree import Apply, Expression, Name, Node, Number
+from .tree import Apply, Expression, Lookup, Name, Node, Number
 
 # Such as 210 GPa.
 _WITH_UNIT = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)? *[^\W\d_]+(/\w+)?\d?", re.IGNORECASE)
 
 
 def parse(
-    value: float | str, variables: Sequence[str] = POSITION, *, allow_infinite: bool = False
+    value: float | str,
+    variables: Sequence[str] = POSITION,
+    *,
+    allow_infinite: bool = False,
+    tables: Mapping[str, Table] = NO_TABLES,
 ) -> Expression:
-    """The expression of a number or a text in the given variables.
+    """The expression of a number or a text in the given variables and tables.
 
     With ``allow_infinite`` the value may be plus infinity, and ``inf`` is a known constant. Raises
     InputError that names the fault, its place in the text and the nearest known name.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise InputError(f"expected a number or an expression, not {value!r}")
+        raise InputError(
+            f"expected a number or an expression, not a value of type {type(value).__name__}"
+        )
     if isinstance(value, str):
-        return _Parser(value, tuple(variables), allow_infinite).expression()
+        return _Parser(value, tuple(variables), allow_infinite, tables).expression()
     try:
         number = float(value)
     except OverflowError:
@@ -58,18 +65,25 @@ def parse(
     if LARGEST < abs(number) < math.inf:
         hint = " or .inf" if allow_infinite else ""
         raise InputError(f"the number is too large; give one of at most {LARGEST:g}{hint}")
-    return Expression(f"{value}", frozenset(), allow_infinite, Number(number))
+    return Expression(f"{value}", frozenset(), allow_infinite, Number(number), ())
 
 
 class _Parser:
     """Recursive descent through Python's syntax tree, with numbers and conditions apart."""
 
-    def __init__(self, text: str, variables: tuple[str, ...], allow_infinite: bool) -> None:
+    def __init__(
+        self,
+        text: str,
+        variables: tuple[str, ...],
+        allow_infinite: bool,
+        tables: Mapping[str, Table],
+    ) -> None:
         self.text = " ".join(text.split())
         self.variables = variables
         self.allow_infinite = allow_infinite
         self.constants = CONSTANTS | ({"inf": math.inf} if allow_infinite else {})
         self.names: set[str] = set()
+        self.tables, self.lookups = tables, dict[Lookup, None]()
 
     def expression(self) -> Expression:
         if not self.text:
@@ -92,7 +106,8 @@ class _Parser:
         except (ValueError, RecursionError, MemoryError):
             raise InputError(f"{self.shown()}: it cannot be read as a formula") from None
         root = self.number(tree.body, 0)
-        return Expression(self.text, frozenset(self.names), self.allow_infinite, root)
+        names, lookups = frozenset(self.names), tuple(self.lookups)
+        return Expression(self.text, names, self.allow_infinite, root, lookups)
 
     def number(self, node: ast.expr, depth: int) -> Node:
         self.check_depth(node, depth)
@@ -168,9 +183,12 @@ class _Parser:
         self.refuse(node, f"unknown name '{name}'{guess}; known: {', '.join(known)}")
 
     def call(self, node: ast.expr, name: str, args: list[ast.expr], depth: int) -> Node:
+        if name not in FUNCTIONS and name in self.tables:
+            return self.lookup(node, name, args, depth)
         if name not in FUNCTIONS:
-            guess = nearest(name, FUNCTIONS)
-            self.refuse(node, f"unknown function '{name}'{guess}; known: {', '.join(FUNCTIONS)}")
+            known = [*FUNCTIONS, *self.tables]
+            guess = nearest(name, known)
+            self.refuse(node, f"unknown function '{name}'{guess}; known: {', '.join(known)}")
         arity = FUNCTIONS[name]
         if (len(args) < 2) if arity is None else (len(args) != arity):
             wanted = "two or more arguments" if arity is None else f"{arity} argument(s)"
@@ -179,6 +197,13 @@ class _Parser:
         if arity is None:
             return reduce(lambda a, b: self.apply(node, name, a, b), arguments)
         return self.apply(node, name, *arguments)
+
+    def lookup(self, node: ast.expr, name: str, args: list[ast.expr], depth: int) -> Node:
+        if len(args) != 1:
+            self.refuse(node, f"the table {name} takes 1 argument, not {len(args)}")
+        found = Lookup(self.tables[name], self.number(args[0], depth))
+        self.lookups[found] = None
+        return found
 
     def apply(self, node: ast.expr, operation: str, *arguments: Node) -> Node:
         """The operation, evaluated at once if all arguments are numbers.

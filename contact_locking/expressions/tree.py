@@ -12,6 +12,7 @@ import numpy.typing as npt
 from contact_locking.errors import InputError
 
 from .grammar import LARGEST, shortened
+from .lookup_table import Table
 from .operations import NUMPY, ufl_operations
 
 
@@ -37,11 +38,48 @@ class Apply:
     arguments: tuple[Node, ...]
 
 
-Node = Number | Name | Apply
+@dataclass(frozen=True)
+class Lookup:
+    """The value of a table at its argument."""
+
+    table: Table
+    argument: Node
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The variables of the argument."""
+        return _names(self.argument)
+
+    def clamped(self, **variables: Any) -> Any:
+        """The values in NumPy, outside of the table that of its nearest point."""
+        with np.errstate(all="ignore"):
+            return self.table.clamped(_evaluate(self.argument, NUMPY, variables, _value))
+
+
+Node = Number | Name | Apply | Lookup
+
+
+def _names(node: Node) -> frozenset[str]:
+    match node:
+        case Name(name):
+            return frozenset({name})
+        case Apply(_, arguments):
+            return frozenset().union(*map(_names, arguments))
+        case Lookup(_, argument):
+            return _names(argument)
+    return frozenset()
+
+
+def _value(lookup: Lookup, argument: Any) -> Any:
+    """The value of a table in NumPy."""
+    return lookup.table(argument)
 
 
 def _evaluate(
-    node: Node, operations: Mapping[str, Callable[..., Any]], variables: Mapping[str, Any]
+    node: Node,
+    operations: Mapping[str, Callable[..., Any]],
+    variables: Mapping[str, Any],
+    look_up: Callable[[Lookup, Any], Any],
 ) -> Any:
     match node:
         case Number(value):
@@ -49,23 +87,29 @@ def _evaluate(
         case Name(name):
             return variables[name]
         case Apply(operation, arguments):
-            values = [_evaluate(argument, operations, variables) for argument in arguments]
+            values = [_evaluate(item, operations, variables, look_up) for item in arguments]
             return operations[operation](*values)
+        case Lookup(_, argument):
+            return look_up(node, _evaluate(argument, operations, variables, look_up))
 
 
 @dataclass(frozen=True)
 class Expression:
-    """A number or a formula in named variables, made by `parse`."""
+    """A number or a formula in named variables, made by `parse`.
+
+    ``lookups`` are the different values of tables in the formula.
+    """
 
     text: str
     names: frozenset[str]
     allow_infinite: bool
     root: Node
+    lookups: tuple[Lookup, ...] = ()
 
     @property
     def is_constant(self) -> bool:
-        """Whether the expression has no variables."""
-        return not self.names
+        """Whether the expression has neither variables nor tables."""
+        return not self.names and not self.lookups
 
     def numpy(self, **variables: npt.ArrayLike) -> Any:
         """The values at the given points: an array of the broadcast shape of the variables.
@@ -78,7 +122,7 @@ class Expression:
         arrays = {name: np.asarray(value, dtype=float) for name, value in variables.items()}
         shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
         with np.errstate(all="ignore"):
-            value = _evaluate(self.root, NUMPY, arrays)
+            value = _evaluate(self.root, NUMPY, arrays, _value)
         values = np.array(np.broadcast_to(value, shape), dtype=float)
         good = np.abs(values) <= LARGEST
         if self.allow_infinite:
@@ -93,19 +137,24 @@ class Expression:
                 f"the expression '{shortened(self.text)}' is {values[first]:g}"
                 f"{f' at {place}' if place else ''}; it has to be a finite number"
                 f"{f' of at most {LARGEST:g}' if np.isfinite(values[first]) else ''}"
+                f"{''.join(f'; the {lookup.table}' for lookup in self.lookups)}"
             )
         return values if shape else float(values)
 
-    def ufl(self, **variables: Any) -> Any:
+    def ufl(self, lookups: Mapping[Lookup, Any] | None = None, /, **variables: Any) -> Any:
         """The expression in UFL, with UFL scalars for the variables; a float for a constant.
 
-        Raises InputError if UFL finds that the expression is defined nowhere, such as ``1/(0*x)``.
+        ``lookups`` has the UFL scalars of the tables.  Raises InputError if UFL finds that the
+        expression is defined nowhere, such as ``1/(0*x)``.
         """
         self._require(variables)
         if self.is_constant:
             return self.numpy()
         try:
-            return _evaluate(self.root, ufl_operations(), variables)
+            values = lookups or {}
+            return _evaluate(
+                self.root, ufl_operations(), variables, lambda lookup, _: values[lookup]
+            )
         except (ArithmeticError, ValueError) as error:
             raise InputError(
                 f"the expression '{shortened(self.text)}' is not defined: {error}"

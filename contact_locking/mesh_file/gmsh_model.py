@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from contact_locking.arrays import IntArray
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh_file.data import MeshData, Simplices
 
@@ -43,6 +43,24 @@ def extract(model: Any, origin: str) -> MeshData:
     if facets.names.keys() & {""} or cells.names.keys() & {""}:
         raise InputError(f"{origin} has a physical group with an empty name")
     return MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
+
+
+def triangles(model: Any, origin: str) -> FloatArray:
+    """The corners (n, 3, 3) of all triangles of the surfaces of a model.
+
+    Raises InputError for surfaces without triangles, and for elements of other kinds.
+    """
+    numbers, coordinates, _ = model.mesh.getNodes()
+    order = np.argsort(numbers)
+    found = []
+    for kind, tags, nodes in zip(*model.mesh.getElements(2), strict=True):
+        if kind != _SIMPLEX[2]:
+            raise InputError(f"{origin}: {_unsupported(model, 2, kind, tags[0])}")
+        rows = np.searchsorted(numbers[order], nodes)
+        found.append(coordinates.reshape(-1, 3)[order][rows].reshape(-1, 3, 3))
+    if not found:
+        raise InputError(f"{origin} holds no triangles")
+    return np.concatenate(found)
 
 
 def _simplices(model: Any, dim: int, node_numbers: IntArray, origin: str) -> Simplices:

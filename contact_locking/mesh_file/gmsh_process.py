@@ -1,6 +1,7 @@
 """The program that reads a mesh file with Gmsh.
 
-The arguments are the file, the file for the arrays, and the name of the mesh for messages.  For an
+The arguments are the file, the file for the arrays, the name of the mesh for messages, and what is
+read: the ``body``, or the ``triangles`` of a surface.  For an
 InputError the program prints the message and ends with the exit code of InputError.
 """
 
@@ -9,12 +10,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from contact_locking.errors import InputError
-from contact_locking.mesh_file.gmsh_model import extract
+from contact_locking.mesh_file.gmsh_model import extract, triangles
 from contact_locking.meshes import empty_model
 
 
-def main(source: str, target: str, origin: str) -> int:
+def main(source: str, target: str, origin: str, what: str) -> int:
     """Read the mesh in ``source`` and save its arrays in ``target``."""
     import gmsh
 
@@ -25,7 +28,10 @@ def main(source: str, target: str, origin: str) -> int:
             except Exception as error:  # Gmsh raises Exception itself
                 said = str(error).replace(source, origin)
                 raise InputError(f"Gmsh cannot read {origin}: {said}") from error
-            extract(model, origin).save(Path(target))
+            if what == "triangles":
+                np.savez(target, corners=triangles(model, origin))
+            else:
+                extract(model, origin).save(Path(target))
     except InputError as error:
         sys.stdout.buffer.write(str(error).encode("utf-8", errors="backslashreplace"))
         return error.exit_code

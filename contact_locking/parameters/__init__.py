@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel, model_validator
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, TIME, parse
+from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
 from .adapt import AdaptParameters
@@ -33,6 +33,7 @@ from .rigid_body import Foundation
 from .steps import StepParameters
 from .strain_limit import StrainLimit
 from .study import StudyParameters
+from .tables import TableParameters, name_faults
 from .values import Text
 
 # The keys of limits, whose expressions may be infinite.
@@ -59,6 +60,7 @@ __all__ = [
     "StepParameters",
     "StrainLimit",
     "StudyParameters",
+    "TableParameters",
 ]
 
 
@@ -81,6 +83,12 @@ class Parameters(Section):
     steps: StepParameters | None = entry(
         None,
         "the times of a process, whose loads and gaps depend on t; null: one static problem",
+        optional=True,
+    )
+    tables: dict[str, TableParameters] | None = entry(
+        None,
+        "tables of numbers by name, which loads, gaps, motions and friction use as functions of "
+        "one argument, such as name(t)",
         optional=True,
     )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
@@ -153,10 +161,10 @@ class Parameters(Section):
                         "solver.method: interior_point (or auto), or a positive length",
                     )
         keys = {name: contact.key for contact in reversed(self.contacts) for name in contact.on}
-        for index, displacement in enumerate(self.loads.displacements):
-            if both := [name for name in displacement.on if name in keys]:
+        for place, held in self.loads.held():
+            if both := [name for name in held.on if name in keys]:
                 yield Fault(
-                    ("loads", "displacements", index, "on"),
+                    ("loads", *place, "on"),
                     f"'{both[0]}' is in {keys[both[0]]}.on as well; "
                     "Gamma_D and Gamma_C must not overlap",
                 )
@@ -172,6 +180,7 @@ class Parameters(Section):
                 "does not go with steps, whose friction remembers the slip on one mesh; leave out "
                 "one of the two sections",
             )
+        yield from self._table_faults()
         if self.steps is None:
             yield from self._timed_faults()
         if self.study is not None:
@@ -192,7 +201,7 @@ class Parameters(Section):
         cells, facets = self.mesh.geometry.cell_names, self.mesh.geometry.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
-        for kind in ("tractions", "pressures", "displacements"):
+        for kind in ("tractions", "pressures", "displacements", "supports"):
             for index, load in enumerate(getattr(self.loads, kind)):
                 for name in load.on:
                     place = ("loads", kind, index, "on")
@@ -201,10 +210,25 @@ class Parameters(Section):
             for name in section.on:
                 yield from _unknown_name((*contact, "on"), name, facets, "the boundary")
 
+    def _table_faults(self) -> Iterator[Fault]:
+        """The names of tables that no expression can use, and those that are no tables."""
+        names = tuple(self.tables or ())
+        for fault in name_faults(names):
+            yield Fault(("tables", *fault.place), fault.message)
+        tables = {name: ANY_TABLE[name] for name in names}
+        for place, text, variables in _expressions(self, ()):
+            if not variables:
+                continue
+            try:
+                parse(text, (*POSITION, *variables), tables=tables)
+            except InputError as error:
+                yield Fault(place, str(error))
+
     def _timed_faults(self) -> Iterator[Fault]:
         """The expressions of the time of a problem without steps."""
         for place, text, variables in _expressions(self, ()):
-            if TIME in variables and TIME in parse(text, (*POSITION, *variables)).names:
+            known = (*POSITION, *variables)
+            if TIME in variables and TIME in parse(text, known, tables=ANY_TABLE).names:
                 yield Fault(
                     place,
                     "depends on the time t, and the file has no steps; add a section such as "
@@ -228,7 +252,8 @@ class Parameters(Section):
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)
-                parse(text, known, allow_infinite=place[-1] in _MAY_BE_INFINITE)
+                infinite = place[-1] in _MAY_BE_INFINITE
+                parse(text, known, allow_infinite=infinite, tables=ANY_TABLE)
             except InputError as error:
                 yield Fault(place, f"{error} in {dim}D")
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from .base import Fault, Section, entry, refuse_if, vector_faults
-from .values import Names, TimedScalar
+from .base import Fault, Place, Section, entry, refuse_if, vector_faults
+from .values import Along, Names, TimedScalar
 
 # All tractions and pressures are compiled into one form, which takes seconds for 200 of them and
 # fails for some 2000.
@@ -49,8 +49,19 @@ class Displacement(Section):
         return self
 
 
+class Support(Section):
+    """u . m = value on a part of the boundary, which slides freely across m: an oblique roller."""
+
+    on: Names = entry(..., "name(s) of parts of the boundary")
+    along: Along = entry(
+        ...,
+        "the direction m: normal (the outward normal of the mesh), or a vector of any length",
+    )
+    value: TimedScalar = entry(0.0, "the displacement along m", "length", scalar="t")
+
+
 class LoadParameters(Section):
-    """Body force f0, tractions g, pressures and prescribed displacements, (2)-(4)."""
+    """Body force f0, tractions g, pressures, prescribed displacements and supports, (2)-(4)."""
 
     body_force: tuple[TimedScalar, ...] | None = entry(
         None, "components of f0; null: none", "force/volume", scalar="t"
@@ -62,6 +73,9 @@ class LoadParameters(Section):
         (), "parts of Gamma_N with their pressure; several loads on one part add up"
     )
     displacements: tuple[Displacement, ...] = entry((), "parts of Gamma_D with their u")
+    supports: tuple[Support, ...] = entry(
+        (), "parts of Gamma_D that are held along their normal or along a given direction"
+    )
 
     @model_validator(mode="after")
     def _check(self) -> LoadParameters:
@@ -71,6 +85,13 @@ class LoadParameters(Section):
             message = f"{count} entries together with tractions; at most {_MOST_TRACTIONS}"
             refuse_if([Fault(("pressures",), message)])
         return self
+
+    def held(self) -> Iterator[tuple[Place, Displacement | Support]]:
+        """The entries with prescribed displacements, with their places."""
+        for index, displacement in enumerate(self.displacements):
+            yield ("displacements", index), displacement
+        for index, support in enumerate(self.supports):
+            yield ("supports", index), support
 
     def _prescribed_twice(self) -> Iterator[Fault]:
         seen: dict[tuple[str, int], int] = {}
@@ -93,3 +114,6 @@ class LoadParameters(Section):
             yield from vector_faults(("tractions", index, "value"), traction.value, dim)
         for index, displacement in enumerate(self.displacements):
             yield from vector_faults(("displacements", index, "value"), displacement.value, dim)
+        for index, support in enumerate(self.supports):
+            if support.along != "normal":
+                yield from vector_faults(("supports", index, "along"), support.along, dim)

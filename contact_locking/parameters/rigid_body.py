@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Annotated, Any
 
-from pydantic import model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from .base import Fault, Place, Section, entry, refuse_if, vector_faults
 from .motion import Motion, MotionOrTranslation
-from .values import Number, Positive
+from .values import (
+    LIST,
+    SECTION,
+    TEXT,
+    Number,
+    Positive,
+    Switch,
+    Text,
+    TimedScalar,
+    TimeScalar,
+)
 from .wording import show
+
+#: A longer polyline is not read.
+MOST_CORNERS = 10_000
 
 
 class HalfSpace(Section):
@@ -48,17 +62,64 @@ class Cylinder(Section):
         return self
 
 
+class Surface(Section):
+    """A surface of triangles from a file; outside is where they run counterclockwise."""
+
+    file: Text = entry(
+        ..., "an STL file, or a Gmsh file with triangles, relative to the study file"
+    )
+    scale: Positive = entry(1.0, "factor of its coordinates, such as 0.001 from mm to m", "1")
+    shift: tuple[Number, ...] | None = entry(
+        None, "added to its coordinates after scale; null: nothing", "length", optional=True
+    )
+    turned: Switch = entry(False, "whether the other side of the triangles is outside")
+
+
+def _text_or_list(value: Any) -> str:
+    return LIST if isinstance(value, list | tuple) else TEXT
+
+
+def _text_or_section(value: Any) -> str:
+    return TEXT if isinstance(value, str) else SECTION
+
+
+_Corners = Annotated[
+    tuple[tuple[Number, ...], ...], Field(min_length=2, max_length=MOST_CORNERS), Tag(LIST)
+]
+CornersOrFile = Annotated[_Corners | Annotated[Text, Tag(TEXT)], Discriminator(_text_or_list)]
+SurfaceOrFile = Annotated[
+    Annotated[Surface, Tag(SECTION)] | Annotated[Text, Tag(TEXT)], Discriminator(_text_or_section)
+]
+
+
 def _zero_faults(key: str, direction: tuple[float, ...] | None) -> Iterator[Fault]:
     if direction is not None and not any(direction):
         yield Fault((key,), f"must not be the zero vector, as in {show(direction)}")
 
 
 class Foundation(Section):
-    """A rigid body that the deformed body does not enter: exactly one shape, and its motion."""
+    """A rigid body that the deformed body does not enter: one shape, its motion, or a force."""
 
     half_space: HalfSpace | None = entry(None, "a half space", optional=True)
     sphere: Sphere | None = entry(None, "a sphere, in 2D a disc", optional=True)
     cylinder: Cylinder | None = entry(None, "a cylinder, in 2D a disc", optional=True)
+    expression: TimedScalar | None = entry(
+        None,
+        "signed distance as an expression of position and t, positive outside",
+        "length",
+        scalar="t",
+        optional=True,
+    )
+    polyline: CornersOrFile | None = entry(
+        None,
+        "in 2D the corners of its outline, or a CSV file with the columns x and y; the rigid body "
+        "is on the left of the way from corner to corner",
+        "length",
+        optional=True,
+    )
+    surface: SurfaceOrFile | None = entry(
+        None, "in 3D a surface of triangles; a text is its file", optional=True
+    )
     motion: MotionOrTranslation | None = entry(
         None,
         "motion of the rigid body from rest; a list is the translation",
@@ -66,21 +127,43 @@ class Foundation(Section):
         scalar="t",
         optional=True,
     )
+    force: tuple[TimeScalar, ...] | None = entry(
+        None,
+        "components of the force that pushes the rigid body against the body: its displacement "
+        "along the force is an unknown; null: the place of the rigid body is known",
+        "force, in 2D force/length",
+        scalar="t",
+        optional=True,
+    )
 
     @model_validator(mode="after")
-    def _exactly_one(self) -> Foundation:
+    def _check(self) -> Foundation:
         given = [name for name in SHAPES if getattr(self, name) is not None]
         if len(given) != 1:
-            message = (
-                f"give exactly one of {', '.join(SHAPES)}, not {' and '.join(given) or 'none'}"
-            )
+            listed = ", ".join(SHAPES)
+            message = f"give exactly one of {listed}, not {' and '.join(given) or 'none'}"
             refuse_if([Fault((), message)])
+        if self.force is not None and not any(self.force):
+            message = "is zero, so that nothing pushes the foundation; leave it out for a fixed one"
+            refuse_if([Fault(("force",), message)])
         return self
 
     @property
-    def shape(self) -> tuple[str, Section]:
-        """The name of the shape, and its section."""
-        return next((name, getattr(self, name)) for name in SHAPES if getattr(self, name))
+    def shape(self) -> tuple[str, Any]:
+        """The name of the shape, and its section or value."""
+        given = next(name for name in SHAPES if getattr(self, name) is not None)
+        value = getattr(self, given)
+        if given == "surface" and isinstance(value, str):
+            value = Surface(file=value)
+        return given, value
+
+    @property
+    def file(self) -> str | None:
+        """The file with the shape, if it is in a file."""
+        _, value = self.shape
+        if isinstance(value, Surface):
+            return value.file
+        return self.polyline if isinstance(self.polyline, str) else None
 
     @property
     def moved(self) -> Motion | None:
@@ -91,6 +174,7 @@ class Foundation(Section):
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The vectors that do not have ``dim`` components, and an axis in 2D."""
+        yield from vector_faults(("force",), self.force, dim)
         if self.half_space is not None:
             yield from vector_faults(("half_space", "point"), self.half_space.point, dim)
             yield from vector_faults(("half_space", "normal"), self.half_space.normal, dim)
@@ -102,6 +186,15 @@ class Foundation(Section):
                 yield from vector_faults(("cylinder", "axis"), self.cylinder.axis, dim)
             elif self.cylinder.axis is not None:
                 yield Fault(("cylinder", "axis"), "must be left out in 2D")
+        if self.polyline is not None and dim != 2:
+            yield Fault(("polyline",), "is for 2D; in 3D take surface")
+        if self.surface is not None and dim != 3:
+            yield Fault(("surface",), "is for 3D; in 2D take polyline")
+        if isinstance(self.surface, Surface):
+            yield from vector_faults(("surface", "shift"), self.surface.shift, 3)
+        if isinstance(self.polyline, tuple):
+            for index, corner in enumerate(self.polyline):
+                yield from vector_faults(("polyline", index), corner, 2)
         if isinstance(self.motion, tuple):
             yield from vector_faults(("motion",), self.motion, dim)
         elif self.motion is not None:
@@ -113,6 +206,7 @@ class Foundation(Section):
         if self.cylinder is not None:
             message = "is no body of revolution about x = 0; take sphere, or half_space"
             yield Fault(("cylinder",), message)
+        yield from _radial_faults(("force",), self.force)
         if self.moved is not None:
             where = ("motion",) if isinstance(self.motion, tuple) else ("motion", "translation")
             yield from _radial_faults(where, self.moved.translation)
@@ -128,4 +222,4 @@ def _radial_faults(place: Place, vector: tuple[float | str, ...] | None) -> Iter
 
 
 #: The keys of a foundation that describe a shape.
-SHAPES = tuple(name for name in Foundation.model_fields if name != "motion")
+SHAPES = tuple(name for name in Foundation.model_fields if name not in ("motion", "force"))

@@ -8,19 +8,29 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections import Counter
-from typing import Annotated, Any, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
     AfterValidator,
     BeforeValidator,
     Discriminator,
     Field,
+    PlainValidator,
     Tag,
     WithJsonSchema,
 )
 
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, SMALLEST, TIME, parse
+from contact_locking.expressions import (
+    ANY_TABLE,
+    NO_TABLES,
+    POSITION,
+    SMALLEST,
+    TIME,
+    Table,
+    parse,
+)
 
 from .wording import show
 
@@ -28,6 +38,9 @@ from .wording import show
 CHOICES = SECTION, LIST, NUMBER, TEXT = "<section>", "<list>", "<number>", "<text>"
 
 _NAME_SCHEMA = {"type": "string", "minLength": 1}
+_ALONG_SCHEMA = {
+    "anyOf": [{"const": "normal"}, {"type": "array", "items": {"type": "number"}, "minItems": 2}]
+}
 _NAMES_SCHEMA = {"anyOf": [_NAME_SCHEMA, {"type": "array", "items": _NAME_SCHEMA}]}
 
 
@@ -102,13 +115,17 @@ def _names(value: Any) -> tuple[str, ...]:
 class _ScalarRule(NamedTuple):
     variables: tuple[str, ...]
     infinite: bool = False
+    # The names of tables are checked where the tables are known.
+    tables: Mapping[str, Table] = NO_TABLES
 
     def __call__(self, value: Any) -> float | str:
         """The number, also if it is written as an expression, or the expression's text."""
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError(f"must be a number or an expression, not {show(value)}")
         try:
-            expression = parse(value, self.variables, allow_infinite=self.infinite)
+            expression = parse(
+                value, self.variables, allow_infinite=self.infinite, tables=self.tables
+            )
             return float(expression.numpy()) if expression.is_constant else expression.text
         except InputError as error:
             if isinstance(value, str):
@@ -118,14 +135,25 @@ class _ScalarRule(NamedTuple):
             ) from None
 
 
+def _along(value: Any) -> Literal["normal"] | tuple[float, ...]:
+    if value == "normal":
+        return "normal"
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"must be normal or a list of numbers, not {show(value)}")
+    direction = tuple(_finite(component) for component in value)
+    if max(map(abs, direction), default=0.0) < SMALLEST:
+        raise ValueError(f"must not be zero, it is {show(value)}")
+    return direction
+
+
 def _number_or_text(value: Any) -> str:
     return TEXT if isinstance(value, str) else NUMBER
 
 
-_IN_SPACE_AND_TIME = _ScalarRule((*POSITION, TIME))
+_IN_SPACE_AND_TIME = _ScalarRule((*POSITION, TIME), tables=ANY_TABLE)
 _IN_SPACE, _OR_INFINITE = _ScalarRule(POSITION), _ScalarRule(POSITION, infinite=True)
-_OF_SLIP = _ScalarRule((*POSITION, "s"))
-_OF_TIME = _ScalarRule((TIME,))
+_OF_SLIP = _ScalarRule((*POSITION, "s"), tables=ANY_TABLE)
+_OF_TIME = _ScalarRule((TIME,), tables=ANY_TABLE)
 _Text = Annotated[str, Tag(TEXT)]
 _PositiveOrText = Annotated[
     Annotated[float, Field(gt=0), Tag(NUMBER)] | _Text, Discriminator(_number_or_text)
@@ -155,6 +183,9 @@ StepCount = Annotated[int, Field(strict=True, ge=1, le=100_000), BeforeValidator
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+Along = Annotated[
+    Literal["normal"] | tuple[float, ...], PlainValidator(_along), WithJsonSchema(_ALONG_SCHEMA)
+]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
 TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
 TimeScalar = Annotated[float | str, BeforeValidator(_OF_TIME)]

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import datetime
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
 from contact_locking.plain_text import nearest
+
+# Texts that YAML takes as they stand, and words that YAML takes for something else.
+_PLAIN = re.compile(r"[^\W\d][\w ./*+^()-]*")
+_WORDS = {"null", "true", "false", "yes", "no", "on", "off"}
 
 #: By pydantic's name of an error; the words in braces are from the error's context.
 _MESSAGES = {
@@ -39,12 +45,24 @@ def show(value: Any) -> str:
             huge = isinstance(value, int) and abs(value) >= 10**20
             text = "a huge integer" if huge else str(value).removesuffix(".0")
         case list() | tuple():
-            text = f"[{', '.join(show(item) for item in value[:10])}{', ...' * (len(value) > 10)}]"
+            text = f"[{', '.join(map(_entry, value[:10]))}{', ...' * (len(value) > 10)}]"
         case dict() if value:
             text = f"a mapping with the keys {', '.join(map(str, list(value)[:10]))}"
-        case _:
+        case dict():
+            text = "an empty mapping"
+        case str():
             text = repr(value)
+        case datetime.date():
+            text = f"the date {value}"
+        case _:
+            text = f"'{value}'"
     return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _entry(value: Any) -> str:
+    """An entry of a list: a name is without quotes there, as in a study file."""
+    plain = isinstance(value, str) and _PLAIN.fullmatch(value) and value.lower() not in _WORDS
+    return value if plain else show(value)
 
 
 def value_message(details: Any) -> str:

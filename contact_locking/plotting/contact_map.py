@@ -49,7 +49,7 @@ def slipping(points: ContactPoints) -> IntArray:
 def slip_label(points: ContactPoints, shown: IntArray) -> str:
     """What the arrows are, with the slip of the longest."""
     largest = np.linalg.norm(points.u_tangent[shown], axis=1).max()
-    return f"slip, up to {largest:.2g} [length]"
+    return f"slip, longest {largest:.2g} [length]"
 
 
 def arrows(axes: Axes, tails: FloatArray, directions: FloatArray) -> None:

@@ -10,6 +10,7 @@ from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
 from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.plotting.ground import drawn_tool
 from contact_locking.plotting.pieces import Pieces
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.results.contact_points import contact_name
@@ -62,7 +63,14 @@ def gather(solution: Solution) -> Snapshot | None:
         strain_norm=strain,
         locking_limit=limit,
         locked=locked >= 0.5,
-        contact=ContactMap(points, facets, vertex, np.concatenate([np.empty(0), *smoothed]), names),
+        contact=ContactMap(
+            points,
+            facets,
+            vertex,
+            np.concatenate([np.empty(0), *smoothed]),
+            names,
+            tuple(drawn_tool(solution.contacts[number].outline, x) for number in numbers),
+        ),
         title=solution.parameters.title,
         dofs=solution.summary["dofs"],
         locked_fraction=solution.summary["locked_fraction"],

@@ -9,6 +9,9 @@ from contact_locking.plotting.snapshot import ContactMap
 
 # Reach of the drawn foundation beyond Gamma_C as a share of the body's size.
 _REACH = 0.12
+# A tool that reaches farther beyond the body, as a share of its size, and one of more facets, is
+# drawn as far as Gamma_C sees it.
+_FARTHEST, _MOST_FACETS = 1.5, 20_000
 # Points are in a plane if their distance from the plane is below this share of their extent.
 _PLANE = 1e-6
 
@@ -19,8 +22,27 @@ def touched(contact: ContactMap, factor: float) -> FloatArray:
     return points.x + factor * points.gap[:, None] * points.normal
 
 
+def drawn_tool(outline: FloatArray, x: FloatArray) -> FloatArray:
+    """The facets (t, d, d) of a tool if all of it is drawn beside the body x (v, d), else none."""
+    low, high = x.min(axis=0), x.max(axis=0)
+    reach = _FARTHEST * float((high - low).max())
+    beside = np.all(outline >= low - reach) and np.all(outline <= high + reach)
+    return outline if beside and len(outline) <= _MOST_FACETS else outline[:0]
+
+
+def tool(contact: ContactMap, factor: float) -> FloatArray:
+    """The facets (t, d, d) of the tool of one contact, if the picture has a true scale."""
+    (facets,) = contact.tools or (np.empty((0, 0, 0)),)
+    return facets if factor == 1.0 else facets[:0]
+
+
 def foundation(contact: ContactMap, factor: float, size: float) -> FloatArray:
-    """The surface at Gamma_C + gap nu (m, 3 or 4, 3): one rectangle if plane, else its facets."""
+    """The facets of a tool, or the surface at Gamma_C + gap nu (m, 3 or 4, 3).
+
+    The surface is one rectangle if it is plane, else it has the facets of Gamma_C.
+    """
+    if len(facets := tool(contact, factor)):
+        return facets
     surface = touched(contact, factor)
     centre = surface.mean(axis=0)
     _, spread, basis = np.linalg.svd(surface - centre, full_matrices=False)

@@ -14,7 +14,7 @@ from matplotlib.path import Path
 
 from contact_locking.arrays import FloatArray
 from contact_locking.plotting import profile, style
-from contact_locking.plotting.ground import touched
+from contact_locking.plotting.ground import tool, touched
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.results.ordering import curves
 
@@ -97,13 +97,34 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line
 
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
     """A hatched layer on the far side of the surface at Gamma_C + gap nu."""
+    for part in contact.parts():
+        if len(segments := tool(part, factor)):
+            _draw_tool(axes, segments, size)
+        else:
+            _draw_touched(axes, part, factor, size)
+    return Patch(facecolor=style.PALE, edgecolor=style.GREY, hatch="xxxx", label="foundation")
+
+
+def _draw_tool(axes: Axes, segments: FloatArray, size: float) -> None:
+    """The polygon on the left of the segments (m, 2, 2), or a layer if they are open."""
+    line = np.vstack([segments[:, 0], segments[-1:, 1]])
+    if np.array_equal(line[0], line[-1]):
+        axes.add_patch(_layer(line))
+    else:
+        along = np.gradient(line, axis=0)
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        axes.add_patch(_layer(np.vstack([line, (line + _THICKNESS * size * left)[::-1]])))
+    axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
+
+
+def _draw_touched(axes: Axes, contact: ContactMap, factor: float, size: float) -> None:
     surface = touched(contact, factor)
     for curve in curves(contact.facets):
         line, normal = _extended(surface[curve], contact.points.normal[curve], _REACH * size)
         far = line + _THICKNESS * size * normal
         axes.add_patch(_layer(np.vstack([line, far[::-1]])))
         axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
-    return Patch(facecolor=style.PALE, edgecolor=style.GREY, hatch="xxxx", label="foundation")
 
 
 def _layer(outline: FloatArray) -> Patch:

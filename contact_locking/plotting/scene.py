@@ -12,7 +12,7 @@ from matplotlib.colors import ListedColormap
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.plotting import style
 from contact_locking.plotting.contact_map import PRESSURE_COLOURS, nearest_parts, pressure_norm
-from contact_locking.plotting.ground import foundation, touched
+from contact_locking.plotting.ground import foundation, tool, touched
 from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.plotting.views import cut
 from contact_locking.results.contact_points import OPEN, STATE_NAMES, STICK
@@ -72,7 +72,7 @@ class Scene:
             rims = skin.extract_feature_edges(_SHARP, manifold_edges=False)
             self._line(rims, style.BLACK, _EDGE)
         self._edges(self._x, style.BLACK, _FINE)
-        self._foundation()
+        self._foundation(towards, middle)
 
     def locked_zone(self) -> None:
         """The locked cells, which the number of the summary counts, inside a body of glass."""
@@ -151,14 +151,24 @@ class Scene:
         self._body_but_contact(color=_PALE_BODY, **_PLAIN)
         self._edges(self._x, style.BLACK, _FINE)
 
-    def _foundation(self) -> None:
+    def _foundation(self, towards: FloatArray | None = None, middle: Any = None) -> None:
+        """Add the foundations, without the half beyond a plane if one is given."""
         for contact in self._body.contact.parts():
             if self._body.dim == 2:
-                points = in_space(touched(contact, self._factor))
-                self._line(_surface(points, contact.facets), style.GREY, _CASING)
+                segments = tool(contact, self._factor)
+                if not len(segments):
+                    segments = touched(contact, self._factor)[contact.facets]
+                points = in_space(segments.reshape(-1, 2))
+                self._line(
+                    _surface(points, np.arange(len(points)).reshape(-1, 2)), style.GREY, _CASING
+                )
                 continue
             corners = foundation(contact, self._factor, self._body.size)
             ground, plane = _loose(corners), len(corners) == 1
+            if towards is not None and len(tool(contact, self._factor)):
+                ground = ground.clip(normal=towards, origin=middle, invert=True)
+                if not ground.n_points:
+                    continue
             self._add(ground, color=style.PALE, **({"lighting": False} if plane else _PLAIN))
             if plane:
                 self._line(ground.extract_feature_edges(), style.GREY, _FINE)

@@ -18,7 +18,9 @@ class ContactMap:
     """Gamma_C, which has no points in a body without contact.
 
     ``facets`` (m, d) are numbers of the points, ``vertices`` (k,) the points as vertices of the
-    body, ``smoothed`` (k,) is R sigma_nu, and ``names`` are those of the contacts.
+    body, ``smoothed`` (k,) is R sigma_nu, and ``names`` are those of the contacts.  ``tools`` has
+    for each contact the facets (t, d, d) of the surface of the tool at its place, by their corners,
+    and none for a foundation that is drawn as far as Gamma_C sees it.
     """
 
     points: ContactPoints
@@ -26,6 +28,7 @@ class ContactMap:
     vertices: IntArray
     smoothed: FloatArray
     names: tuple[str, ...]
+    tools: tuple[FloatArray, ...] = ()
 
     @classmethod
     def none(cls, dim: int) -> ContactMap:
@@ -37,6 +40,8 @@ class ContactMap:
         """The map of each contact, which has a name if there are several."""
         rows = self.points.rows()
         names = self.names if len(rows) > 1 else ("",) * len(rows)
+        dim = self.points.x.shape[1]
+        tools = self.tools or (np.empty((0, dim, dim)),) * len(rows)
         return [
             ContactMap(
                 self.points[own],
@@ -44,8 +49,9 @@ class ContactMap:
                 self.vertices[own],
                 self.smoothed[own],
                 (name,),
+                (tool,),
             )
-            for own, name in zip(rows, names, strict=True)
+            for own, name, tool in zip(rows, names, tools, strict=True)
         ]
 
     def titled(self, title: str, before_names: str = ": ") -> str:

@@ -70,6 +70,8 @@ def save(body: Snapshot, path: Path) -> None:
     if len(body.contact.points):
         arrays |= {f"points.{name}": getattr(body.contact.points, name) for name in _POINTS}
         arrays |= {name: getattr(body.contact, name) for name in _MAP}
+        tools = enumerate(body.contact.tools)
+        arrays |= {f"tool.{number}": facets for number, facets in tools}
     known: dict[str, Any] = {name: kind(getattr(body, name)) for name, kind in _FACTS.items()}
     facts = json.dumps(known | {"contacts": body.contact.names})
     try:
@@ -133,7 +135,14 @@ def _contact(
         raise ValueError("a facet joins points of different contacts")
     count = len(points.rows())
     given = [str(name) for name in names] if isinstance(names, list) else []
-    return ContactMap(points, **maps, names=tuple(given if len(given) == count else [""] * count))
+    shown = tuple(given if len(given) == count else [""] * count)
+    # A file from before there were tools has none.
+    tools = [
+        _checked("tool", stored[name], "tdd", sizes | {"t": len(stored[name])})
+        for name in (f"tool.{number}" for number in range(count))
+        if name in stored
+    ]
+    return ContactMap(points, **maps, names=shown, tools=tuple(tools) * (len(tools) == count))
 
 
 def _checked(

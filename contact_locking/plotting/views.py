@@ -10,7 +10,7 @@ import numpy.typing as npt
 from contact_locking.arrays import FloatArray
 from contact_locking.plotting import style
 from contact_locking.plotting.camera import Camera, across, camera, from_below, from_the_side
-from contact_locking.plotting.ground import foundation
+from contact_locking.plotting.ground import foundation, tool
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 
 Image = npt.NDArray[np.uint8]
@@ -49,7 +49,10 @@ def views(body: Snapshot) -> dict[str, View]:
     x = style.deformed(body, factor)
     contacts = body.contact.parts()
     grounds = [foundation(part, factor, body.size).reshape(-1, 3) for part in contacts]
-    side = _view(np.vstack([x, body.x, *grounds]), from_the_side(mean_normal(body.contact)))
+    # A tool that is drawn as a whole hides the body less than the ground does.
+    seen = any(len(tool(part, factor)) for part in contacts)
+    behind = np.zeros(3) if seen else mean_normal(body.contact)
+    side = _view(np.vstack([x, body.x, *grounds]), from_the_side(behind))
     found = {BODY: side, LOCKED if body.locked.any() else CUT: side}
     for number, part in enumerate(contacts):
         below = from_below(mean_normal(part))

@@ -33,8 +33,11 @@ from contact_locking.problem.half_section import half_section, require_surface
 from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
 from contact_locking.problem.probe_points import ProbePoints, locate
+from contact_locking.problem.pushed_tool import build_tools
 from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
+from contact_locking.problem.supports import Support
+from contact_locking.problem.table_files import read_tables
 
 
 @dataclass
@@ -61,15 +64,17 @@ class Problem:
     probes: ProbePoints
 
     def advance(self, time: float) -> None:
-        """Put loads, prescribed displacements and gaps to a time; collective.
+        """Put loads, prescribed displacements, gaps and forces of tools to a time; collective.
 
-        Raises InputError for a value that is not finite.
+        Raises InputError for a value that is not finite, and for a force that turns.
         """
         self.clock.set(time)
         self.loads.advance(self.warnings)
         self.constraints.advance()
         for gap in self.moving_gaps:
             gap.advance()
+        for tool in self.data.tools:
+            tool.advance(time)
 
     def end_step(self) -> None:
         """The step at the present time has ended: foundations move on from where they are."""
@@ -154,8 +159,14 @@ def assemble(
     _check_parts(domain, parameters)
     probes = locate(domain, parameters.output.probes)
     steps = parameters.steps
-    clock = Clock(domain.mesh, 0.0 if steps is None else steps.planned[0])
-    constraints = constrain(domain, space, _conditions(domain, parameters.loads, clock))
+    start = 0.0 if steps is None else steps.planned[0]
+    clock = Clock(domain.mesh, start, read_tables(domain.comm, parameters.tables or {}))
+    constraints = constrain(
+        domain,
+        space,
+        _conditions(domain, parameters.loads, clock),
+        _supports(domain, parameters.loads, clock),
+    )
     n, epsilon = parameters.penalty.n, parameters.penalty.compliance
     # The paper uses the compliance epsilon also for the regularisation length in (22): here Young's
     # modulus converts the compliance to a length.
@@ -176,6 +187,7 @@ def assemble(
         epsilon=fem.Constant(domain.mesh, epsilon),
         element=element,
         limits=build_strain_sets(domain, parameters.material, element),
+        tools=build_tools(contacts, parameters, clock),
     )
     u = fem.Function(space, name="displacement")
     held = check_parts_held(domain, space, data, constraints, parameters.loads)
@@ -215,8 +227,8 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         *((load.on, f"loads.pressures.{i}.on") for i, load in enumerate(loads.pressures)),
     ):
         require_surface(domain, on, key)
-    for i, condition in enumerate(parameters.loads.displacements):
-        key = f"loads.displacements.{i}.on"
+    for place, condition in parameters.loads.held():
+        key = ".".join(["loads", *map(str, place), "on"])
         facets = domain.facets(condition.on, key)
         both = sum(len(np.intersect1d(facets, contact)) for contact in contacts)
         if domain.comm.allreduce(both):
@@ -233,9 +245,20 @@ def _conditions(domain: Domain, loads: LoadParameters, clock: Clock) -> list[Com
         for j, value in enumerate(condition.value):
             if value is not None:
                 key = f"loads.displacements.{i}.value.{j}"
-                timed = is_timed(parse(value, (*AXES, TIME)))
+                timed = is_timed(parse(value, (*AXES, TIME), tables=clock.tables))
                 field = partial(_at_present, domain.comm, value, key, clock)
                 wanted.append(ComponentCondition(condition.on, j, field, key, timed))
+    return wanted
+
+
+def _supports(domain: Domain, loads: LoadParameters, clock: Clock) -> list[Support]:
+    wanted = []
+    for i, support in enumerate(loads.supports):
+        key = f"loads.supports.{i}"
+        field = partial(_at_present, domain.comm, support.value, f"{key}.value", clock)
+        along = None if support.along == "normal" else support.along
+        timed = is_timed(parse(support.value, (*AXES, TIME), tables=clock.tables))
+        wanted.append(Support(support.on, along, field, key, timed))
     return wanted
 
 
@@ -243,7 +266,7 @@ def _at_present(
     comm: MPI.Intracomm, value: float | str, key: str, clock: Clock, x: FloatArray
 ) -> FloatArray:
     """The values (k,) of a number or an expression at points (d, k), at the present time."""
-    return evaluate(comm, value, x, key, time=clock.now)
+    return evaluate(comm, value, x, key, time=clock.now, tables=clock.tables)
 
 
 def _quoted(names: tuple[str, ...]) -> str:

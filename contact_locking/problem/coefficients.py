@@ -6,7 +6,7 @@ have strains that are constant in a cell, and the point is the midpoint of the c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -18,7 +18,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import SMALLEST, TIME, parse
+from contact_locking.expressions import NO_TABLES, SMALLEST, TIME, Table, parse
 from contact_locking.laws import elasticity as law
 from contact_locking.parallel import agree
 from contact_locking.parameters import Elasticity, MaterialParameters, Region
@@ -123,13 +123,14 @@ def evaluate(
     key: str,
     infinite: bool = False,
     time: float = 0.0,
+    tables: Mapping[str, Table] = NO_TABLES,
 ) -> FloatArray:
     """A number or an expression of x, y[, z] and t at points (d, k), as (k,); collective.
 
     Raises InputError with the key on all ranks if a value of any rank is NaN, or infinite without
     ``infinite``.
     """
-    expression = parse(value, (*AXES, TIME), allow_infinite=infinite)
+    expression = parse(value, (*AXES, TIME), allow_infinite=infinite, tables=tables)
     places: dict[str, Any] = dict(zip(AXES, x, strict=False))
     places[TIME] = time
     result = agree(comm, lambda: with_key(key, lambda: expression.numpy(**places)))

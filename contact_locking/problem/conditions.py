@@ -1,18 +1,22 @@
-"""Displacement conditions by components, and the rigid motions that the conditions leave free."""
+"""Displacement conditions by components, and supports along other directions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 from dolfinx import fem
+from petsc4py import PETSc
 
 from contact_locking import _compat
-from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
-from contact_locking.errors import InputError
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.parallel import maximum
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.half_section import axis_condition
+from contact_locking.problem.joint_forms import JointForm
+from contact_locking.problem.supports import Support, Supports, axis_of, place
 
 
 @dataclass(frozen=True)
@@ -38,12 +42,14 @@ class ComponentCondition:
 class Constraints:
     """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix.
 
-    ``wanted`` are the conditions for single components that :func:`constrain` was given.
-    ``timed`` pairs each condition that depends on the time with the function of its values.
+    ``wanted`` are the conditions for single components.  ``supports`` hold directions that are no
+    axes.  ``timed`` pairs each condition that depends on the time with the function of its values.
     """
 
+    space: fem.FunctionSpace
     conditions: list[fem.DirichletBC]
     dofs: IndexArray
+    supports: Supports
     wanted: Sequence[ComponentCondition] = ()
     timed: Sequence[tuple[ComponentCondition, fem.Function]] = ()
 
@@ -51,28 +57,112 @@ class Constraints:
         """Evaluate the prescribed values at the present time; collective."""
         for condition, values in self.timed:
             condition.write(values)
+        if self.timed or self.supports.timed:
+            self.combine()
+
+    def combine(self) -> None:
+        """Find the displacements that supports and component conditions prescribe; collective.
+
+        Raises InputError for two values of one direction.
+        """
+        u = fem.Function(self.space)
+        for condition in self.conditions:
+            condition.set(u.x.array)
+        self.supports.advance(u)
 
     def apply(self, u: fem.Function) -> None:
         """Write the prescribed values into ``u``."""
         for condition in self.conditions:
             condition.set(u.x.array)
+        self.supports.directions.apply(u.x.array)
         u.x.scatter_forward()
 
-    def free_dofs(self, u: fem.Function) -> FloatArray:
-        """1 at free and 0 at constrained local dofs of ``u``, ghosts included."""
-        mask = np.ones(len(u.x.array))
+    def free_part(self, values: FloatArray) -> FloatArray:
+        """Local or owned values of a displacement field without what the conditions prescribe."""
+        free = values * self._mask[: len(values)]
+        self.supports.directions.project(free)
+        return free
+
+    def held_part(self, values: FloatArray) -> FloatArray:
+        """What the conditions prescribe of local or owned values of a displacement field."""
+        held = values * (1.0 - self._mask[: len(values)])
+        nodes = self.supports.directions.nodes
+        nodes = nodes[nodes < len(values) // self.space.dofmap.index_map_bs]
+        shape = (-1, self.space.dofmap.index_map_bs)
+        along = self.supports.directions.part_of(values).reshape(shape)[nodes]
+        held.reshape(shape)[nodes] = along
+        return held
+
+    def free_nodes(self) -> BoolArray:
+        """Whether each owned node has a component that is not prescribed.
+
+        A node that is held along every direction, and not by components, counts as free.
+        """
+        index_map = self.space.dofmap.index_map
+        mask = self._mask[: index_map.size_local * self.space.dofmap.index_map_bs]
+        return np.asarray(np.any(mask.reshape(index_map.size_local, -1) > 0.0, axis=1))
+
+    def assemble_matrix(self, form: JointForm, matrix: PETSc.Mat) -> None:
+        """Assemble a bilinear form, with the identity for what the conditions hold; collective."""
+        form.assemble_matrix(matrix, self.conditions)
+        self.supports.directions.eliminate(matrix)
+
+    def largest(self) -> float:
+        """The largest prescribed component or displacement along a direction; collective."""
+        local = [self.supports.directions.values, *(item.g.x.array for item in self.conditions)]
+        most = max(float(np.abs(values).max(initial=0.0)) for values in local)
+        return maximum(self.space.mesh.comm, most)
+
+    def with_fixed(self, nodes: IndexArray, value: fem.Function) -> Constraints:
+        """These conditions and one for all components at some local nodes; collective."""
+        more = fem.dirichletbc(value, nodes)
+        dim = self.space.dofmap.index_map_bs
+        dofs = np.union1d(self.dofs, (dim * nodes[:, None] + np.arange(dim)).reshape(-1))
+        supports = self.supports.without(nodes)
+        return Constraints(
+            self.space, [*self.conditions, more], dofs.astype(np.int32), supports, self.wanted
+        )
+
+    def free_dofs(self) -> FloatArray:
+        """1 at free and 0 at fixed local dofs, ghosts included; supports do not count."""
+        return self._mask
+
+    @cached_property
+    def _mask(self) -> FloatArray:
+        index_map = self.space.dofmap.index_map
+        count = index_map.size_local + index_map.num_ghosts
+        mask = np.ones(count * self.space.dofmap.index_map_bs)
         mask[self.dofs] = 0.0
         return mask
 
 
 def constrain(
-    domain: Domain, space: fem.FunctionSpace, wanted: Sequence[ComponentCondition]
+    domain: Domain,
+    space: fem.FunctionSpace,
+    wanted: Sequence[ComponentCondition],
+    supports: Sequence[Support] = (),
 ) -> Constraints:
-    """The displacement conditions of a space of displacements; collective.
+    """The displacement conditions and supports of a space of displacements; collective.
 
-    At a node of two conditions for the same component, the later condition holds.  On the axis of
-    an axisymmetric body u_r is zero; InputError is raised for a condition that moves the axis.
+    At a node of two conditions for the same component, the later condition holds.  A support along
+    an axis is a condition for a component.  On the axis of an axisymmetric body u_r is zero.
+    Raises InputError for supports that contradict other conditions, and for a condition that moves
+    the axis.
     """
+    oblique, along_axes = [], []
+    components: list[ComponentCondition] = []
+    for support in supports:
+        placed = place(domain, space, support)
+        axis = axis_of(domain, placed)
+        if axis is None:
+            oblique.append(placed)
+            continue
+        along_axes.append(placed)
+        value = partial(_signed, support.value, axis[1])
+        key = support.key
+        components.append(ComponentCondition(support.on, axis[0], value, key, support.timed))
+    # A support must agree with the conditions that hold: the other conditions hold, being later.
+    wanted = [*components, *wanted]
     conditions: list[fem.DirichletBC] = []
     timed: list[tuple[ComponentCondition, fem.Function]] = []
     fixed: list[IndexArray] = [np.empty(0, dtype=np.int32)]
@@ -80,158 +170,27 @@ def constrain(
     for item in wanted:
         sub, scalar = space.sub(item.component), scalars[item.component]
         facets = domain.facets(item.on, item.key)
-        value = fem.Function(scalar)
-        item.write(value)
+        values = fem.Function(scalar)
+        item.write(values)
         if item.timed:
-            timed.append((item, value))
+            timed.append((item, values))
         dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
-        conditions.append(fem.dirichletbc(value, dofs, sub))
+        conditions.append(fem.dirichletbc(values, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
     if domain.axisymmetric:
         radial = [item.key if item.component == 0 else None for item in wanted]
-        axis = axis_condition(domain, space, conditions, radial)
-        conditions.append(axis)
-        fixed.append(np.asarray(axis.dof_indices()[0], dtype=np.int32))
+        on_axis = axis_condition(domain, space, conditions, radial)
+        conditions.append(on_axis)
+        fixed.append(np.asarray(on_axis.dof_indices()[0], dtype=np.int32))
     fixed_dofs = np.unique(np.concatenate(fixed))
-    return Constraints(conditions, fixed_dofs, tuple(wanted), timed)
+    index_map = space.dofmap.index_map
+    marks = np.zeros((index_map.size_local + index_map.num_ghosts) * domain.dim, dtype=bool)
+    marks[fixed_dofs] = True
+    held = Supports(domain, space, oblique, along_axes, marks)
+    made = Constraints(space, conditions, fixed_dofs, held, tuple(wanted), timed)
+    made.combine()
+    return made
 
 
-def rigid_motions(space: fem.FunctionSpace, axisymmetric: bool = False) -> FloatArray:
-    """The translations and the rotations about the origin, as values at the local dofs.
-
-    The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.  An
-    axisymmetric body has one rigid motion, the translation along its axis.
-    """
-    x = space.tabulate_dof_coordinates()
-    dim = space.mesh.topology.dim
-    motions = np.zeros((dim + dim * (dim - 1) // 2, len(x), dim))
-    for i in range(dim):
-        motions[i, :, i] = 1.0
-    pairs = [(i, j) for i in range(dim) for j in range(i + 1, dim)]
-    for k, (i, j) in enumerate(pairs):
-        motions[dim + k, :, i] = -x[:, j]
-        motions[dim + k, :, j] = x[:, i]
-    if axisymmetric:
-        motions = motions[1:2]
-    return motions.reshape(len(motions), -1)
-
-
-def free_motions(
-    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: BoolArray
-) -> FloatArray:
-    """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective.
-
-    The conditions are those of one part of the body; ``part`` marks the local dofs of the part.
-    """
-    motions = rigid_motions(space, domain.axisymmetric)
-    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    held = constraints.dofs[constraints.dofs < owned]
-    fixed = motions[:, held[part[held]]]
-    everything = motions[:, :owned][:, part[:owned]]
-    gram = domain.comm.allreduce(fixed @ fixed.T)
-    # A rotation about the origin has large values far away.  The norm over the part scales each
-    # motion.
-    scale = 1.0 / np.sqrt(np.diag(domain.comm.allreduce(everything @ everything.T)))
-    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
-    return scale[:, None] * vectors[:, values <= 1e-12]
-
-
-def check_held(
-    free: FloatArray, contact: FloatArray, rubs: BoolArray, work: FloatArray, dim: int
-) -> None:
-    """Raise InputError for a body that can move rigidly without resistance.
-
-    ``free`` (m, f) are the motions that the displacement conditions leave free, ``contact`` (k, f)
-    are their normal components at the nodes of Gamma_C, ``rubs`` (k,) marks the nodes with
-    friction, and ``work`` (f,) is the work of the loads along the motions.
-
-    Without friction a minimiser exists if there is no motion c != 0 with ``contact c <= 0`` (the
-    body leaves the foundation or slides along it) and ``work . c >= 0`` (the loads do not resist).
-    With friction the bound is not known yet: an error is raised only for a motion that leaves the
-    foundation at all nodes with friction, ``contact c < 0``, and contains no motion that slides
-    there.
-    """
-    count = free.shape[1]
-    if count == 0:
-        return
-    normal = contact / max(float(np.abs(contact).max(initial=0.0)), 1e-300)
-    rows = np.vstack([normal, -work[None, :] / max(float(np.abs(work).max()), 1e-300)])
-    motions: Iterable[FloatArray | None]
-    if rubs.any():
-        motions = [_leaving(rows, np.append(rubs, False))]
-    else:
-        motions = (_unresisted(rows, aim) for aim in _directions(count))
-    for motion in motions:
-        if motion is None:
-            continue
-        if not len(contact):
-            why = "nothing holds the body"
-        elif np.abs(normal @ motion).max(initial=0.0) >= 1e-6:
-            why = "the loads do not press the body onto the foundation"
-        else:
-            why = "it slides along the foundation"
-        raise InputError(
-            f"the displacement conditions leave a rigid motion free "
-            f"({describe_motion(free @ motion, dim)}): {why}; fix a boundary part, or a component "
-            "of it, in loads.displacements",
-            "loads.displacements",
-        )
-
-
-def _directions(count: int) -> list[FloatArray]:
-    """The unit vectors (count,) of all coordinates in both directions."""
-    return [sign * row for row in np.eye(count) for sign in (1.0, -1.0)]
-
-
-def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
-    """The motion c with ``rows c <= 0`` and the largest ``aim . c``; None if all have 0."""
-    # Few bodies have free motions, and the import takes a tenth of a second.
-    from scipy.optimize import linprog
-
-    found = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), 1e-9), bounds=(-1, 1))
-    return np.asarray(found.x) if found.status == 0 and -found.fun > 1e-3 else None
-
-
-def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
-    """The motion c with ``rows c <= 0`` and the least maximum of ``rows c`` over the rows that rub.
-
-    The motion is orthogonal to all motions that slide at every node with friction.  None if the
-    least maximum is 0.
-    """
-    from scipy.optimize import linprog
-
-    count = rows.shape[1]
-    slides = sliding_motions(rows[rubs])
-    found = linprog(
-        np.append(np.zeros(count), -1.0),
-        A_ub=np.column_stack([rows, rubs.astype(float)]),
-        b_ub=np.full(len(rows), 1e-9),
-        A_eq=np.column_stack([slides.T, np.zeros(slides.shape[1])]),
-        b_eq=np.zeros(slides.shape[1]),
-        bounds=[(-1, 1)] * count + [(0, 1)],
-    )
-    return np.asarray(found.x[:count]) if found.status == 0 and -found.fun > 1e-3 else None
-
-
-def sliding_motions(contact: FloatArray) -> FloatArray:
-    """Coefficients (f, m) of the motions without a normal component on Gamma_C.
-
-    ``contact`` (k, f) are the normal components of f free motions at the nodes of Gamma_C.
-    """
-    if not contact.size:
-        return np.eye(contact.shape[1])
-    _, sizes, directions = np.linalg.svd(contact, full_matrices=True)
-    sizes = np.append(sizes, np.zeros(contact.shape[1] - len(sizes)))
-    return np.asarray(directions[sizes <= 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)].T)
-
-
-def describe_motion(motion: FloatArray, dim: int) -> str:
-    """A rigid motion (3 or 6 coefficients, 1 of an axisymmetric body) in words."""
-    if len(motion) == 1:
-        return "translation along y, the axis"
-    share = np.abs(motion) / np.abs(motion).max()
-    along = [axis for axis, size in zip(AXES, share[:dim], strict=False) if size > 0.1]
-    about = [axis for axis, size in zip("zyx", share[dim:], strict=False) if size > 0.1]
-    turns = "rotation" + (f" about {' and '.join(about)}" if dim == 3 else "")
-    moves = [f"translation along {' and '.join(along)}"] if along else []
-    return " with ".join([*moves, turns] if about else moves)
+def _signed(value: Callable[[FloatArray], FloatArray], sign: float, x: FloatArray) -> FloatArray:
+    return sign * value(x)

@@ -79,7 +79,8 @@ class Contact:
     of pressures and slips; ``bound`` is the function with the friction bound that the forms use at
     present.  ``regularisation`` is the length that smooths friction.  ``free`` (k,) marks the nodes
     whose normal displacement is not prescribed; neither pressure nor friction acts at the other
-    nodes.  ``memory`` is what friction remembers of earlier steps.
+    nodes.  ``memory`` is what friction remembers of earlier steps.  ``is_pushed`` says that a force
+    pushes the foundation, and ``travel`` (d,) is the displacement that the force gives to it.
     """
 
     key: str
@@ -93,9 +94,16 @@ class Contact:
     free: BoolArray
     bound: fem.Function = field(init=False)
     memory: SlipMemory = field(init=False)
+    travel: FloatArray = field(init=False)
+    is_pushed: bool = False
 
     def __post_init__(self) -> None:
         count = len(self.surface.nodes)
+        # The travel when the step began, and the gaps without travel.
+        self._travelled: FloatArray = np.zeros(self.surface.domain.dim)
+        self.travel, self._gaps = self._travelled, self.gaps
+        # How far the obstacle itself has moved in the step.
+        self._drag: FloatArray = np.zeros((count, self.surface.domain.dim))
         self.bound = self.surface.scalar_function(np.zeros(count), "friction_bound")
         self.memory = SlipMemory(self.surface)
 
@@ -105,21 +113,34 @@ class Contact:
         dim = self.surface.domain.dim
         return np.asarray(self.normal.x.array.reshape(-1, dim)[self.surface.blocks])
 
-    @normals.setter
-    def normals(self, values: FloatArray) -> None:
-        dim = self.surface.domain.dim
-        self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = values
-        self.normal.x.scatter_forward()
-
     @property
     def gaps(self) -> FloatArray:
         """The gap (k,) at the nodes."""
         return np.asarray(self.gap.x.array[self.surface.nodes])
 
-    @gaps.setter
-    def gaps(self, values: FloatArray) -> None:
-        self.gap.x.array[self.surface.nodes] = values
+    @property
+    def moves(self) -> bool:
+        """Whether the foundation moves, by a given motion or by a force."""
+        return self.obstacle.moves or self.is_pushed
+
+    def place_obstacle(self, gaps: FloatArray, normals: FloatArray, drag: FloatArray) -> None:
+        """Put the obstacle to its place at the present time; collective.
+
+        ``gaps`` (k,) and ``normals`` (k, d) are those without the travel, and ``drag`` (k, d) is
+        how far the obstacle has moved in the step.
+        """
+        self._gaps, self._drag = gaps, drag
+        dim = self.surface.domain.dim
+        self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = normals
+        self.normal.x.scatter_forward()
+        self.move_foundation(self.travel)
+
+    def move_foundation(self, travel: FloatArray) -> None:
+        """Let the force move the foundation by ``travel`` (d,) in all; collective."""
+        self.travel, normals = travel, self.normals
+        self.gap.x.array[self.surface.nodes] = self._gaps + normals @ travel
         self.gap.x.scatter_forward()
+        self.memory.drag_by(self._drag + (travel - self._travelled), normals)
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
@@ -165,6 +186,12 @@ class Contact:
         place = np.where(holds[:, None], self.memory.tangential, tangential)
         slip = np.where(holds, self.memory.slip, self.slips(u))
         self.memory.set(place, slip, along[:, None] * self.normals)
+        self._travelled = self.travel
+
+    def recall(self, place: FloatArray, slip: FloatArray) -> None:
+        """Remember ``u_{k-1,tau}`` (k, d) and the slip (k,) at the present travel; collective."""
+        self.memory.set(place, slip)
+        self._travelled = self.travel
 
     @property
     def bounds(self) -> FloatArray:

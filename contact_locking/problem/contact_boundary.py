@@ -53,8 +53,6 @@ def build_contacts(
     friction for a contact that has none in the file.  Raises InputError for a foundation behind
     Gamma_C, for a negative friction coefficient, and for an element that has no contact.
     """
-    u = fem.Function(space)
-    free_dofs = constraints.free_dofs(u)
     limited = element.trace.limited_space(space)
     found = []
     for given in parameters.contacts:
@@ -63,12 +61,13 @@ def build_contacts(
         gap, normals = obstacle.at_nodes(surface)
         kind = "gap" if given.foundation is None else "foundation"
         warnings += about_the_gap(domain, gap, f"{given.key}.{kind}")
-        free = surface.free_nodes(normals, free_dofs)
+        warnings += obstacle.warnings(surface, gap)
+        free = surface.free_nodes(normals, constraints)
         regularisation = given.friction.regularisation
         bound = FrictionBound(
             surface,
             _smoothing(surface, free, given, warnings),
-            _friction_law(domain.comm, given),
+            _friction_law(domain.comm, given, clock),
             frictionless=given.friction.coefficient == 0,
         )
         slip = penalty_slip if regularisation is None else regularisation
@@ -84,7 +83,7 @@ def build_contacts(
             free=free,
         )
         if obstacle.moves:
-            contact.memory.drag_by(obstacle.drag(surface, None), normals)
+            contact.place_obstacle(contact.gaps, normals, obstacle.drag(surface, None))
         found.append(contact)
     return tuple(found)
 
@@ -93,14 +92,14 @@ def build_contacts(
 class MovingGap:
     """The gap, the normal and the drag of a contact whose obstacle depends on the time.
 
-    ``free_dofs`` has 1 at free and 0 at constrained dofs, and ``given`` is what the study file
-    says.  ``since`` is the time of the last step that has ended, None before the first.
+    ``given`` is what the study file says.  ``since`` is the time of the last step that has ended,
+    None before the first.
     """
 
     contact: Contact
     given: ContactParameters
     clock: Clock
-    free_dofs: FloatArray
+    constraints: Constraints
     since: float | None = None
 
     def advance(self) -> None:
@@ -110,12 +109,11 @@ class MovingGap:
         """
         contact, surface = self.contact, self.contact.surface
         gap, normals = contact.obstacle.at_nodes(surface)
-        contact.gaps = surface.limited_values(gap)
+        drag = contact.obstacle.drag(surface, self.since)
+        contact.place_obstacle(surface.limited_values(gap), normals, drag)
         if not contact.obstacle.moves:
             return
-        contact.normals = normals
-        contact.memory.drag_by(contact.obstacle.drag(surface, self.since), normals)
-        free = surface.free_nodes(normals, self.free_dofs)
+        free = surface.free_nodes(normals, self.constraints)
         if on_any_rank(surface.domain.comm, free != contact.free):
             # R leaves out the nodes that are not free.
             contact.friction.smoothing.destroy()
@@ -133,14 +131,10 @@ def moving_gaps(
     """The gaps of the contacts with obstacles that depend on the time."""
     pairs = zip(contacts, parameters.contacts, strict=True)
     return [
-        MovingGap(contact, given, clock, _free_dofs(contact.surface, constraints))
+        MovingGap(contact, given, clock, constraints)
         for contact, given in pairs
         if contact.obstacle.is_timed
     ]
-
-
-def _free_dofs(surface: ContactSurface, constraints: Constraints) -> FloatArray:
-    return constraints.free_dofs(fem.Function(surface.vector_space))
 
 
 def _smoothing(
@@ -187,10 +181,10 @@ def _extent(surface: ContactSurface) -> float:
     return float(distances.max())
 
 
-def _friction_law(comm: MPI.Intracomm, part: ContactParameters) -> FrictionLaw:
+def _friction_law(comm: MPI.Intracomm, part: ContactParameters, clock: Clock) -> FrictionLaw:
     """``mu(x, s)`` from a number or an expression; every evaluation is collective."""
     key = part.friction_key("coefficient")
-    expression = parse(part.friction.coefficient, (*AXES, "s"))
+    expression = parse(part.friction.coefficient, (*AXES, "s"), tables=clock.tables)
 
     def local(points: FloatArray, slip: FloatArray) -> FloatArray:
         places = dict(zip(AXES, points.T, strict=False))

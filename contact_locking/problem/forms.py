@@ -16,6 +16,7 @@ from ufl.core.expr import Expr
 from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.signorini import contact_energy, contact_pressure
 from contact_locking.problem.contact import Contact
+from contact_locking.problem.pushed_tool import PushedTool
 from contact_locking.problem.spaces import Element
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 
@@ -28,7 +29,8 @@ class ProblemData:
     of A at each point, and ``inverse_limit`` is 1/M of the ball.  ``loads`` pairs each body force
     and traction with its measure.  ``contacts`` is empty for a body that touches nothing.  ``n``
     and ``epsilon`` are the penalty parameters.  ``element`` is the element of the displacements.
-    ``limits`` are the sets of strains beside the ball.  ``own_energy`` is for a law that this
+    ``limits`` are the sets of strains beside the ball.  ``tools`` are the foundations that a force
+    pushes.  ``own_energy`` is for a law that this
     package does not have: it maps u to a convex and differentiable functional J(u), whose
     derivative is added to (25).
     """
@@ -43,6 +45,7 @@ class ProblemData:
     epsilon: fem.Constant
     element: Element
     limits: tuple[StrainSet, ...] = ()
+    tools: tuple[PushedTool, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
 
     def strain(self, u: Expr) -> Expr:

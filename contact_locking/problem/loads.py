@@ -25,6 +25,7 @@ from contact_locking.parallel import agree
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem.clock import Clock, is_timed
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.lookups import Lookups
 from contact_locking.problem.plausibility import about_a_load
 from contact_locking.problem.spaces import Element
 
@@ -98,13 +99,13 @@ class Loads:
             self._timed.append((load, dim, entities))
 
     def advance(self, warnings: list[str]) -> None:
-        """Check the loads at the present time; collective.
+        """Put the loads to the present time, and check them; collective.
 
         Raises InputError for a value that is not finite.  Adds the first warning of each load that
         the mesh does not resolve.
         """
         for load, dim, entities in self._timed:
-            load.check(dim, entities, warnings)
+            load.advance(dim, entities, warnings)
 
 
 class _Load:
@@ -120,7 +121,10 @@ class _Load:
     ) -> None:
         self._domain, self._key, self._element, self._clock = domain, key, element, clock
         names = (*AXES[: domain.dim], TIME)
-        self._components: list[Expression] = [parse(value, names) for value in values]
+        self._components: list[Expression] = [
+            parse(value, names, tables=clock.tables) for value in values
+        ]
+        self._lookups = Lookups(domain.mesh, self._components, element.degree, clock)
         self._constant = all(component.is_constant for component in self._components)
         self.timed = any(is_timed(component) for component in self._components)
         self._warned = False
@@ -139,7 +143,13 @@ class _Load:
         x = ufl.SpatialCoordinate(self._domain.mesh)
         places: dict[str, Any] = {axis: x[i] for i, axis in enumerate(AXES[: self._domain.dim])}
         places[TIME] = self._clock.constant
-        return ufl.as_vector([component.ufl(**places) for component in self._components])
+        tables = self._lookups.coefficients
+        return ufl.as_vector([component.ufl(tables, **places) for component in self._components])
+
+    def advance(self, dim: int, entities: IndexArray, warnings: list[str]) -> None:
+        """Put the load to the present time, with the check of :meth:`check`; collective."""
+        self._lookups.refresh()
+        self.check(dim, entities, warnings)
 
     def check(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
         """The largest ``|g|`` at the quadrature points of cells or facets; collective.

@@ -2,23 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking.arrays import AXES, FloatArray
+from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, parse
-from contact_locking.laws.foundation import Foundation, HalfSpace, Round
+from contact_locking.laws.foundation import Foundation
+from contact_locking.laws.level_set import LevelSet
+from contact_locking.laws.polyline import Polyline
 from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
-from contact_locking.parallel import on_any_rank, on_every_rank
-from contact_locking.parameters import ContactParameters, rigid_body
+from contact_locking.laws.triangulated import TriangulatedSurface
+from contact_locking.parallel import maximum, on_any_rank, on_every_rank
+from contact_locking.parameters import ContactParameters
 from contact_locking.problem.clock import Clock, is_timed
 from contact_locking.problem.coefficients import evaluate
+from contact_locking.problem.plausibility import about_the_distance, about_the_size
 from contact_locking.problem.surface import ContactSurface
+from contact_locking.problem.tool_shapes import Site, build
+
+_TOO_FAR = "its distance is not a finite number: the foundation is too far away or too large"
+_NOT_FINITE = {
+    "expression": (
+        "its distance is not a finite number somewhere on Gamma_C: there its gradient vanishes or "
+        "is infinite, and no direction leads to the foundation"
+    )
+}
+_BEHIND = (
+    "the foundation lies behind a part of Gamma_C, where the outward normal of the body points "
+    "away from the foundation; turn the normal of the half space towards the body, or remove from "
+    "{on} the boundary parts that do not face the foundation"
+)
+_INSIDE = (
+    "a part of Gamma_C lies inside the tool, and the shortest way out leads through the body; "
+    "either the tool is inside out, or it reaches too deep into the body"
+)
+#: How to turn a tool that is inside out.
+_TURN = {
+    "expression": "change the sign of expression, which is positive outside of the tool",
+    "polyline": "reverse the corners, as the tool is on the left of the way from one to the next",
+    "surface": "turn the triangles with surface: {file: ..., turned: true}",
+}
+# A gradient that is shorter, or longer by the inverse, is not that of a distance.
+_LEAST_SLOPE = 0.8
+# A gradient that is shorter than this share of the longest one is zero with rounding.
+_ROUNDING = 1e-10
 
 
 class Obstacle(Protocol):
@@ -43,6 +74,12 @@ class Obstacle(Protocol):
         ``since`` is None for the state at rest.
         """
 
+    def outline(self, dim: int) -> FloatArray:
+        """The facets (t, dim, dim) of its surface at present, by their corners, if it has any."""
+
+    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
+        """What is probably not intended, of the gap (k,) at the nodes at present; collective."""
+
 
 class GivenGap:
     """A gap along the outward normal of the body, as a number or an expression."""
@@ -52,10 +89,11 @@ class GivenGap:
     def __init__(self, comm: MPI.Intracomm, given: ContactParameters, clock: Clock) -> None:
         self._comm, self._gap, self._clock = comm, given.gap, clock
         self._key = f"{given.key}.gap"
-        self.is_timed = is_timed(parse(given.gap, (*AXES, TIME)))
+        self.is_timed = is_timed(parse(given.gap, (*AXES, TIME), tables=clock.tables))
 
     def gap(self, x: FloatArray) -> FloatArray:
-        return evaluate(self._comm, self._gap, x, self._key, time=self._clock.now)
+        clock = self._clock
+        return evaluate(self._comm, self._gap, x, self._key, time=clock.now, tables=clock.tables)
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         return self.gap(surface.points.T), surface.body_normals()
@@ -63,27 +101,31 @@ class GivenGap:
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
         return np.zeros_like(surface.points)
 
+    def outline(self, dim: int) -> FloatArray:
+        return np.empty((0, dim, dim))
+
+    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
+        return []
+
 
 class Tool:
     """A rigid body with a prescribed motion from rest, or at rest.
 
-    Raises InputError for a body whose distance is not finite, and one that lies behind Gamma_C.
+    The constructor is collective, as a shape may be in a file.  Raises InputError for a shape that
+    is none, for a body whose distance is not finite, and for one that lies behind Gamma_C.
     """
 
-    def __init__(
-        self,
-        body: Foundation,
-        comm: MPI.Intracomm,
-        dim: int,
-        given: ContactParameters,
-        clock: Clock,
-    ) -> None:
+    def __init__(self, site: Site, given: ContactParameters) -> None:
         assert given.foundation is not None
-        self._body, self._comm, self._dim, self._clock = body, comm, dim, clock
-        self._on, self._key = f"{given.key}.on", f"{given.key}.foundation"
+        self._site, self._on, self._key = site, f"{given.key}.on", site.key
+        self._shape, value = given.foundation.shape
+        self._body = build(self._shape, value, site)
         self._motion = given.foundation.moved
-        self.moves = self._motion is not None
-        self.is_timed = self.moves
+        text = given.foundation.expression
+        timed_shape = text is not None and is_timed(
+            parse(text, (*AXES, TIME), tables=site.clock.tables)
+        )
+        self.is_timed = self.moves = self._motion is not None or timed_shape
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self.now.gap(x)
@@ -91,79 +133,106 @@ class Tool:
     @property
     def now(self) -> Foundation:
         """The body at its present place."""
-        return (
-            MovedFoundation(self._body, self.motion(self._clock.now)) if self.moves else self._body
-        )
+        if self._motion is None:
+            return self._body
+        return MovedFoundation(self._body, self.motion(self._site.clock.now))
 
     def motion(self, time: float | None) -> RigidMotion:
         """The motion from rest at a time; None for the state at rest."""
-        given = self._motion
+        given, dim = self._motion, self._site.dim
         if given is None or time is None:
-            return RigidMotion.rest(self._dim)
-        key = f"{self._key}.motion"
-        zero = (0.0,) * self._dim
-        angles = given.angles or (0.0,) * (1 if self._dim == 2 else 3)
+            return RigidMotion.rest(dim)
+        key, zero = f"{self._key}.motion", (0.0,) * dim
+        angles = given.angles or (0.0,) * (1 if dim == 2 else 3)
         return RigidMotion(
-            _at_time(given.translation or zero, time, f"{key}.translation"),
-            rotation(_at_time(angles, time, f"{key}.rotation")),
+            self._at_time(given.translation or zero, time, f"{key}.translation"),
+            rotation(self._at_time(angles, time, f"{key}.rotation")),
             np.array(given.about or zero, dtype=float),
         )
 
+    def _at_time(self, components: tuple[float | str, ...], time: float, key: str) -> FloatArray:
+        def value(component: float | str) -> float:
+            expression = parse(component, (TIME,), tables=self._site.clock.tables)
+            return float(expression.numpy(**{TIME: time}))
+
+        return np.array([with_key(key, partial(value, component)) for component in components])
+
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
-        now = self.motion(self._clock.now)
+        now = self.motion(self._site.clock.now)
         return now.step_from(self.motion(since), surface.points.T).T
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
-        body, points = self.now, surface.points.T
+        body, points, comm = self.now, surface.points.T, self._site.comm
         with np.errstate(all="ignore"):
             gap, normals = body.gap(points), body.contact_normal(points).T
-        if not on_every_rank(self._comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
-            raise InputError(
-                "its distance is not a finite number: the foundation is too far away or too large",
-                self._key,
-            )
+        if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
+            raise InputError(_NOT_FINITE.get(self._shape, _TOO_FAR), self._key)
+        if isinstance(self._body, LevelSet):
+            low, high = self._slopes(self._body, surface)
+            if low <= _ROUNDING * high:
+                raise InputError(_NOT_FINITE[self._shape], self._key)
         facing = np.sum(normals * surface.body_normals(), axis=1)
-        if on_any_rank(self._comm, facing <= 0.0):
-            raise InputError(
-                "the foundation lies behind a part of Gamma_C, where the outward normal of the "
-                "body points away from the foundation; turn the normal of the half space towards "
-                f"the body, or remove from {self._on} the boundary parts that do not face the "
-                "foundation",
-                self._key,
-            )
+        behind = facing <= 0.0
+        if self._shape in _TURN:
+            # Only a part of Gamma_C faces a tool with several sides; the rest is outside of the
+            # tool, and keeps the distance from the nearest side.
+            if on_any_rank(comm, behind & (gap < 0.0)):
+                raise InputError(f"{_INSIDE}: {_TURN[self._shape]}", self._key)
+        elif on_any_rank(comm, behind):
+            raise InputError(_BEHIND.format(on=self._on), self._key)
+        self._check_open_end(points, gap)
         return gap, normals
 
+    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
+        """What is probably not intended with the gap (k,) at the nodes at present; collective."""
+        found, comm = [*self._site.warnings], self._site.comm
+        body = self._body
+        if isinstance(body, LevelSet):
+            low, high = self._slopes(body, surface)
+            if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
+                found.append(
+                    f"{self._key}.expression: the length of its gradient is between {low:.3g} and "
+                    f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
+                    "divided by the length, which is the distance near its zeros only"
+                )
+        if on_any_rank(comm, self._at_open_end(surface.points.T)):
+            found.append(
+                f"{self._key}.{self._shape}: a part of Gamma_C lies beyond the end of the open "
+                "tool, whose rim is nearest there; let the tool reach beyond the body"
+            )
+        if isinstance(body, TriangulatedSurface | Polyline):
+            found += about_the_size(surface.domain, body.extent, f"{self._key}.{self._shape}")
+        return found + about_the_distance(surface.domain, gap, self._key)
 
-def _at_time(components: tuple[float | str, ...], time: float, key: str) -> FloatArray:
-    def value(component: float | str) -> float:
-        return float(parse(component, (TIME,)).numpy(**{TIME: time}))
+    def outline(self, dim: int) -> FloatArray:
+        if not isinstance(self._body, TriangulatedSurface | Polyline):
+            return np.empty((0, dim, dim))
+        facets = self._body.facets
+        places = self.motion(self._site.clock.now).place(facets.reshape(-1, dim).T)
+        return places.T.reshape(facets.shape)
 
-    return np.array([with_key(key, partial(value, component)) for component in components])
+    def _slopes(self, body: LevelSet, surface: ContactSurface) -> tuple[float, float]:
+        """The least and the largest ``|grad f|`` at the nodes at present; collective."""
+        slope = body.slope(self.motion(self._site.clock.now).origin(surface.points.T))
+        return -maximum(self._site.comm, -slope, -np.inf), maximum(self._site.comm, slope)
+
+    def _at_open_end(self, points: FloatArray) -> BoolArray:
+        if not isinstance(self._body, TriangulatedSurface | Polyline):
+            return np.zeros(points.shape[1], dtype=bool)
+        return self._body.at_open_end(self.motion(self._site.clock.now).origin(points))
+
+    def _check_open_end(self, points: FloatArray, gap: FloatArray) -> None:
+        """Raise InputError for a node that is behind an open tool, beyond its end; collective."""
+        if on_any_rank(self._site.comm, self._at_open_end(points) & (gap < 0.0)):
+            raise InputError(
+                "Gamma_C reaches around the end of the open tool, where it has no inside; close "
+                "the tool, or let it reach beyond the body",
+                f"{self._key}.{self._shape}",
+            )
 
 
 def obstacle_of(comm: MPI.Intracomm, dim: int, given: ContactParameters, clock: Clock) -> Obstacle:
     """The obstacle of a contact; collective."""
     if given.foundation is None:
         return GivenGap(comm, given, clock)
-    shape, section = given.foundation.shape
-    return Tool(FOUNDATIONS[shape](section, dim), comm, dim, given, clock)
-
-
-def _half_space(given: rigid_body.HalfSpace, dim: int) -> Foundation:
-    return HalfSpace(given.point, given.normal)
-
-
-def _sphere(given: rigid_body.Sphere, dim: int) -> Foundation:
-    return Round(given.centre, given.radius)
-
-
-def _cylinder(given: rigid_body.Cylinder, dim: int) -> Foundation:
-    return Round(given.centre, given.radius, None if dim == 2 else given.axis or (0.0, 1.0, 0.0))
-
-
-#: For each shape of a section ``foundation``: the foundation of that section in 2 or 3 dimensions.
-FOUNDATIONS: dict[str, Callable[[Any, int], Foundation]] = {
-    "half_space": _half_space,
-    "sphere": _sphere,
-    "cylinder": _cylinder,
-}
+    return Tool(Site(dim, comm, clock, f"{given.key}.foundation"), given)

@@ -11,18 +11,20 @@ from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
+from contact_locking.parallel import on_every_rank
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem import compiled, forms
-from contact_locking.problem.conditions import (
-    Constraints,
+from contact_locking.problem.conditions import Constraints
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.domain import Domain
+from contact_locking.problem.pushed_tool import PushedTool
+from contact_locking.problem.rigid_motions import (
     check_held,
     describe_motion,
     free_motions,
     rigid_motions,
     sliding_motions,
 )
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.domain import Domain
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,7 @@ class Held:
     name: str
     displacements: tuple[str, ...]
     contact: tuple[str, ...]
+    supports: tuple[str, ...]
     free: int
     sliding: int
 
@@ -43,6 +46,8 @@ class Held:
         words = []
         if self.displacements:
             words.append(f"displacements on {', '.join(self.displacements)}")
+        if self.supports:
+            words.append(f"supports on {', '.join(self.supports)}")
         if self.contact and self.free:
             friction = " and friction" if self.sliding else ""
             words.append(f"contact{friction} on {', '.join(self.contact)}")
@@ -62,7 +67,8 @@ def check_parts_held(
     for number, name in enumerate(domain.part_names):
         motions = _Motions(domain, space, data, constraints, number)
         try:
-            check_held(motions.free, motions.normals, motions.rubs, motions.work, domain.dim)
+            motions.require_tools_held()
+            check_held(motions.free, motions.normals, motions.rubs, motions.most_work, domain.dim)
         except InputError as error:
             if not several:
                 raise
@@ -70,6 +76,7 @@ def check_parts_held(
             raise InputError(
                 f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
             ) from None
+        supports = [part for item in loads.supports for part in item.on]
         on = [part for item in loads.displacements for part in item.on]
         touching = [part for contact in data.contacts for part in contact.on]
         found.append(
@@ -77,7 +84,8 @@ def check_parts_held(
                 name,
                 _touching(domain, number, list(dict.fromkeys(on))),
                 _touching(domain, number, list(dict.fromkeys(touching))),
-                int(motions.free.shape[1]),
+                _touching(domain, number, list(dict.fromkeys(supports))),
+                motions.of_body,
                 sliding_motions(motions.normals).shape[1],
             )
         )
@@ -106,12 +114,32 @@ def describe_slide(
     return None
 
 
-class _Motions:
-    """The f rigid motions of a part that the displacement conditions leave free.
+def describe_loose(
+    domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
+) -> str | None:
+    """The rigid motion that present loads and forces of tools do not resist, in words, or None.
 
-    ``free`` (m, f) are the coefficients of the motions, and ``work`` (f,) is the work of the loads
-    along the motions.  ``normals`` (n, f) are their normal components at all nodes of Gamma_C on
-    the part, and ``rubs`` (n,) marks the nodes with friction.  The constructor is collective.
+    Tools may press the body less than at other times.  Collective.
+    """
+    for number in range(len(domain.part_names)):
+        found = _Motions(domain, space, data, constraints, number)
+        try:
+            check_held(found.free, found.normals, found.rubs, found.work, domain.dim)
+        except InputError as error:
+            return str(error)
+    return None
+
+
+class _Motions:
+    """The f rigid motions of a part and its tools that the displacement conditions leave free.
+
+    The first motions, ``of_body`` of them, move the part, and each of the others moves one tool
+    that presses on this part alone along its force.  ``free`` (m, f) are the coefficients of the
+    motions of the part, zero for a tool, and ``work`` (f,) is the work of the loads and of the
+    present forces of tools along the motions; ``most_work`` is this with the largest forces of the
+    process.  ``normals`` (n, f) are the normal components at all nodes of Gamma_C on the part,
+    relative to tools, and ``rubs`` (n,) marks the nodes with friction.  The constructor is
+    collective.
     """
 
     def __init__(
@@ -123,33 +151,80 @@ class _Motions:
         number: int,
     ) -> None:
         part = _dofs(domain, space, number)
-        self.free = free_motions(domain, space, constraints, part)
-        motions = (self.free.T @ rigid_motions(space, domain.axisymmetric)) * part
-        self.work = np.zeros(len(motions))
+        free = free_motions(domain, space, constraints, part)
+        motions = (free.T @ rigid_motions(space, domain.axisymmetric)) * part
+        self._domain, self.of_body = domain, len(motions)
+        self._tools = [tool for tool in data.tools if _is_at(tool, part)]
+        self.free = np.pad(free, ((0, 0), (0, len(self._tools))))
+        count = self.free.shape[1]
+        self.work: FloatArray = np.zeros(count)
         self.at_contacts: list[_AtContact] = []
-        self.normals: FloatArray = np.zeros((0, len(motions)))
+        self.normals: FloatArray = np.zeros((0, count))
         self.rubs: BoolArray = np.zeros(0, dtype=bool)
-        if not len(motions):
+        self.most_work = self.work
+        if not count:
             return
-        work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
-        self.work = domain.comm.allreduce(motions @ fem.assemble_vector(work_form).array)
-        self.at_contacts = [_AtContact(contact, motions, part) for contact in data.contacts]
+        of_loads: FloatArray = np.zeros(0)
+        if self.of_body:
+            work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
+            of_loads = domain.comm.allreduce(motions @ fem.assemble_vector(work_form).array)
+        self.work = np.array([*of_loads, *(tool.force for tool in self._tools)])
+        self.most_work = np.array([*of_loads, *(tool.largest for tool in self._tools)])
+        self.at_contacts = [
+            _AtContact(contact, motions, part, self._tools) for contact in data.contacts
+        ]
         for item in self.at_contacts:
             normals = np.concatenate(domain.comm.allgather(item.normals))
             self.normals = np.vstack([self.normals, normals])
             rubs = np.full(len(normals), not item.contact.friction.frictionless)
             self.rubs = np.append(self.rubs, rubs)
 
+    def require_tools_held(self) -> None:
+        """Raise InputError if the part can move with its tools as one rigid body; collective."""
+        if not self._tools or not self.of_body:
+            return
+        local = np.sum([item.gram() for item in self.at_contacts], axis=0)
+        gram = self._domain.comm.allreduce(local)
+        sizes = np.diag(gram)
+        scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
+        values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+        for motion in vectors[:, values <= 1e-12].T:
+            if np.any(np.abs(motion[self.of_body :]) > 1e-6):
+                words = describe_motion(self.free @ (scale * motion), self._domain.dim)
+                raise InputError(
+                    f"body and tools can move together as one rigid body ({words}): the forces "
+                    "tell how hard the tools press, and nothing tells where; fix a component on a "
+                    "boundary part in loads.displacements, or leave out one foundation.force",
+                    self._tools[0].key,
+                )
+
+
+def _is_at(tool: PushedTool, part: BoolArray) -> bool:
+    """Whether all nodes of a tool's contact are on one part of the body; collective."""
+    return on_every_rank(tool.contact.surface.domain.comm, tool.contact.surface.is_of(part))
+
 
 class _AtContact:
-    """Rigid motions at the owned nodes of one contact on one part of the body."""
+    """Rigid motions at the owned nodes of one contact on one part of the body, less its tool's."""
 
-    def __init__(self, contact: Contact, motions: FloatArray, part: BoolArray) -> None:
+    def __init__(
+        self, contact: Contact, motions: FloatArray, part: BoolArray, tools: Sequence[PushedTool]
+    ) -> None:
         self.contact, self._own = contact, contact.surface.is_of(part)
         blocks = contact.surface.blocks[self._own]
-        self._motions = motions.reshape(len(motions), -1, contact.surface.domain.dim)[:, blocks]
+        dim = contact.surface.domain.dim
+        of_body = motions.reshape(len(motions), motions.shape[1] // dim, dim)[:, blocks]
+        of_tools = np.zeros((len(tools), *of_body.shape[1:]))
+        for number, tool in enumerate(tools):
+            if tool.contact is contact:
+                of_tools[number] = -tool.direction
+        self._motions = np.concatenate([of_body, of_tools])
         #: The normal components (k, f).
         self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self._own])
+
+    def gram(self) -> FloatArray:
+        """The products (f, f) of the motions, summed over the nodes of this rank."""
+        return np.asarray(np.einsum("fkd,gkd->fg", self._motions, self._motions))
 
     def taken(self, motion: FloatArray) -> float:
         """``int G |c|``: the largest work of friction along a sliding motion c (f,), local."""

@@ -13,6 +13,8 @@ from contact_locking.problem.domain import Domain
 _LARGE_STRAIN = 1.0
 # No body can bear loads of this multiple of its stiffness.
 _ABSURD = 1e30
+# A tool is not so many times as long or as short as the body, but in other units.
+_LARGE_RATIO = 200.0
 # A warning gives a larger excess as a multiple and a smaller excess in per cent.
 _MULTIPLE = 10.0
 # The share of violation by a penalty that causes a warning, and the share that the advice aims at.
@@ -34,6 +36,28 @@ def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
         f"{key}: all of the body lies inside the foundation, Gamma_C at least {depth:.3g} deep; a "
         "gap is positive where there is a distance to the foundation: is its sign right, and the "
         "foundation in its place?"
+    ]
+
+
+def about_the_distance(domain: Domain, gap: FloatArray, key: str) -> list[str]:
+    """A warning about a tool that is farther away than the body is long; collective."""
+    nearest = -maximum(domain.comm, -gap, -np.inf)
+    if nearest <= domain.extent():
+        return []
+    return [
+        f"{key}: the body is {domain.extent():.3g} long, and the foundation is {nearest:.3g} away "
+        "from Gamma_C; does the foundation stand in its place, in the units of the mesh?"
+    ]
+
+
+def about_the_size(domain: Domain, extent: float, key: str) -> list[str]:
+    """A warning about a tool with the wrong units, as m for mm; collective."""
+    ratio = extent / domain.extent()
+    if 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
+        return []
+    return [
+        f"{key}: it is {extent:.3g} long, and the body {domain.extent():.3g}; are its units those "
+        "of the mesh?"
     ]
 
 

@@ -37,10 +37,9 @@ class SlipMemory:
     def set(
         self, tangential: FloatArray, slip: FloatArray, normal: FloatArray | float = 0.0
     ) -> None:
-        """Replace ``u_{k-1,tau}`` (k, d), ``s_{k-1}`` (k,) and the normal part (k, d); collective.
+        """Set ``u_{k-1,tau}`` (k, d), ``s_{k-1}`` (k,) and ``u_{k-1,nu} nu`` (k, d); collective.
 
-        The normal part ``u_{k-1,nu} nu`` matters only where the contact normal changes from step
-        to step.
+        The normal part matters only where the contact normal changes from step to step.
         """
         self._put(tangential)
         self.slip, self._start = np.array(slip), tangential + normal

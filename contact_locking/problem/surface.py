@@ -17,6 +17,7 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.problem import compiled
+from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.half_section import is_on_axis
 from contact_locking.problem.spaces import P1, Element
@@ -91,15 +92,15 @@ class ContactSurface:
             normals[self.points[:, 0] == 0.0, 0] = 0.0
         return normals / np.linalg.norm(normals, axis=1)[:, None]
 
-    def free_nodes(self, normal: FloatArray, free_dofs: FloatArray) -> BoolArray:
+    def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
         """(k,) the nodes whose normal displacement is not prescribed.
 
         The other nodes are the held nodes: a displacement condition decides there, and neither
-        pressure nor friction acts.  ``normal`` (k, d) is the contact normal; ``free_dofs`` has 1 at
-        free and 0 at constrained dofs of the vector space, at least for the owned dofs.
+        pressure nor friction acts.  ``normal`` (k, d) is the contact normal; collective.
         """
-        is_free = free_dofs.reshape(-1, self.domain.dim)[self.blocks]
-        return np.asarray(np.linalg.norm(normal * is_free, axis=1) > _PRESCRIBED)
+        normals = self.vector_function(normal).x.array
+        free = constraints.free_part(normals).reshape(-1, self.domain.dim)[self.blocks]
+        return np.asarray(np.linalg.norm(free, axis=1) > _PRESCRIBED)
 
     def whole(self, free: BoolArray | None = None) -> SurfaceMesh:
         """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective."""

@@ -15,10 +15,12 @@ from contact_locking.arrays import FloatArray
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
-from contact_locking.problem.conditions import Constraints, rigid_motions
+from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.joint_forms import JointForm
+from contact_locking.problem.near_nullspace import near_nullspace
 from contact_locking.problem.surface import NodalAverage
+from contact_locking.problem.tool_balance import Tools
 
 # The rounding of a sum of products is a few times this share of the summands.
 ROUNDING = 64.0 * float(np.finfo(float).eps)
@@ -49,7 +51,7 @@ class PenalisedSystem:
         v = ufl.TestFunction(space)
         self.data, self.u, self.contacts = data, u, data.contacts
         self.comm, self.dim = space.mesh.comm, space.mesh.topology.dim
-        self._constraints = constraints
+        self.constraints = constraints
         constraints.apply(u)
         self.held_by_contact, self.held_by_friction = held_by_contact, held_by_friction
         self._elastic = JointForm(forms.elastic_form(u, v, data))
@@ -57,6 +59,7 @@ class PenalisedSystem:
         self._elastic_energy = compiled.form(0.5 * forms.elastic_form(u, u, data))
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        self.tools = Tools(data.tools, data.epsilon)
         self._external = JointForm(forms.external_work(v, data))
         self.assemble_loads()
 
@@ -111,54 +114,34 @@ class PenalisedSystem:
 
     def create_matrix(self) -> PETSc.Mat:
         """A matrix with the tangent's sparsity and its near-nullspace; collective."""
-        matrix, near_nullspace = self._tangent.create_matrix(), self.near_nullspace()
-        matrix.setNearNullSpace(near_nullspace)
-        near_nullspace.destroy()
+        matrix, motions = self._tangent.create_matrix(), self.near_nullspace()
+        matrix.setNearNullSpace(motions)
+        motions.destroy()
         return matrix
 
     def near_nullspace(self) -> PETSc.NullSpace:
-        """The rigid body motions, orthonormalised, for algebraic multigrid; collective."""
-        basis: list[PETSc.Vec] = []
-        for motion in rigid_motions(self.u.function_space):
-            vector = self.u.x.petsc_vec.duplicate()
-            vector.array_w[:] = motion[: self._owned]
-            for other in basis:
-                vector.axpy(-vector.dot(other), other)
-            vector.normalize()
-            basis.append(vector)
-        nullspace = PETSc.NullSpace().create(vectors=basis, comm=self.comm)
-        for vector in basis:
-            vector.destroy()
-        return nullspace
+        """The rigid body motions, for algebraic multigrid; collective."""
+        return near_nullspace(self.u)
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """``f = F(x)``, zero at constrained dofs; sets ``u = x``; collective."""
+        """``f``, the free part of ``F(x)``; sets ``u = x``; collective."""
         self.set_displacement(x)
         self.assemble_free(self._residual, f)
 
     def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
-        """The tangent at ``x``, rows and columns of constrained dofs replaced by the identity.
+        """The tangent at ``x``, with the identity for what the conditions hold.
 
         The matrix is declared symmetric positive definite each time, because PETSc forgets this
         property with new values, and MUMPS would then look for pivots.  Collective.
         """
         self.set_displacement(x)
-        self._tangent.assemble_matrix(matrix, self._constraints.conditions)
+        self.constraints.assemble_matrix(self._tangent, matrix)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
 
-    @property
-    def conditions(self) -> list[fem.DirichletBC]:
-        return self._constraints.conditions
-
-    def free_dofs(self) -> FloatArray:
-        """1 at free and 0 at constrained local dofs of ``u``, ghosts included."""
-        return self._constraints.free_dofs(self.u)
-
     def assemble_free(self, form: JointForm, f: PETSc.Vec) -> None:
-        """Assemble a linear form into ``f``, with zero at constrained dofs; collective."""
+        """Assemble the free part of a linear form into ``f``; collective."""
         self._assemble(form)
-        self._work.x.array[self._constraints.dofs] = 0.0
-        f.array_w[:] = self._work.x.array[: self._owned]
+        f.array_w[:] = self.constraints.free_part(self._work.x.array[: self._owned])
 
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, or :meth:`above_rounding`.
@@ -203,18 +186,26 @@ class PenalisedSystem:
         return float(self.comm.allreduce(fem.assemble_scalar(self._elastic_energy)))
 
     def set_displacement(self, x: PETSc.Vec) -> None:
-        """``u = x`` at free dofs, and the prescribed values at constrained dofs; collective."""
-        self.u.x.array[: self._owned] = x.array_r
-        self._constraints.apply(self.u)
+        """``u = x`` at free dofs, and the prescribed values at constrained dofs; collective.
 
-    def take_over(self, displacement: FloatArray, pressures: Sequence[FloatArray]) -> None:
+        Tools travel to where the penalty laws hold their forces.
+        """
+        self.u.x.array[: self._owned] = x.array_r
+        self.constraints.apply(self.u)
+        self.tools.settle(self.u)
+
+    def take_over(
+        self, displacement: FloatArray, pressures: Sequence[FloatArray], travels: Sequence[float]
+    ) -> None:
         """Set the free dofs of ``u`` to given local values, and the friction bounds; collective.
 
-        ``pressures`` gives the pressures (k,) of each contact for the friction bounds; if it is
-        empty, the pressures are those of the penalty law.
+        ``travels`` are those of the tools, which stay without any.  ``pressures`` gives the
+        pressures (k,) of each contact for the friction bounds; without any, the pressures are those
+        of the penalty law.
         """
         self.u.x.array[:] = displacement
-        self._constraints.apply(self.u)
+        self.constraints.apply(self.u)
+        self.tools.travels = tuple(travels) or self.tools.travels
         if not pressures:
             return self.update_bounds()
         for contact, pressure in zip(self.contacts, pressures, strict=True):
@@ -234,10 +225,11 @@ class PenalisedSystem:
             contact.bounds = bound
 
     def clear(self) -> None:
-        """``u = 0`` at free dofs, and all friction bounds zero; collective."""
+        """``u = 0`` at free dofs, all friction bounds and travels zero; collective."""
         self.u.x.array[:] = 0.0
-        self._constraints.apply(self.u)
+        self.constraints.apply(self.u)
         self.remove_friction()
+        self.tools.travels = (0.0,) * len(self.tools)
 
     def remove_friction(self) -> None:
         """Set every friction bound to zero; collective."""
@@ -246,15 +238,16 @@ class PenalisedSystem:
 
     @contextlib.contextmanager
     def preserved(self, only_on_failure: bool = False) -> Iterator[None]:
-        """Restore the displacement and the friction bounds after the block; collective.
+        """Restore the displacement, travels and friction bounds after the block; collective.
 
         With ``only_on_failure`` they are restored only if the block raises an exception.
         """
-        displacement = self.u.x.array.copy()
+        displacement, travels = self.u.x.array.copy(), self.tools.travels
         bounds = [contact.bounds for contact in self.contacts]
 
         def restore() -> None:
             self.u.x.array[:] = displacement
+            self.tools.travels = travels
             for contact, values in zip(self.contacts, bounds, strict=True):
                 contact.bounds = values
 
@@ -268,8 +261,10 @@ class PenalisedSystem:
 
     def relative_residual(self, tolerance: float = 1e-8) -> float:
         """``|F(u)|`` over the free dofs, relative to :meth:`force_scale`; collective."""
-        f = self.u.x.petsc_vec.duplicate()
+        f, travels = self.u.x.petsc_vec.duplicate(), self.tools.travels
+        self.tools.settle(self.u)
         self.assemble_free(self._residual, f)
+        self.tools.travels = travels
         residual, scale = float(f.norm()), self.force_scale(tolerance)
         f.destroy()
         return residual / scale if scale > 0.0 else residual

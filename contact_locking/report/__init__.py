@@ -7,8 +7,9 @@ from pathlib import Path
 from contact_locking.errors import explained
 
 from .files import CHARTS, PAGE, discard, replace
+from .pdf import print_page
 
-__all__ = ["CHARTS", "PAGE", "discard", "write"]
+__all__ = ["CHARTS", "PAGE", "discard", "print_page", "write"]
 
 
 def write(directory: str | Path) -> Path:

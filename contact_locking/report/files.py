@@ -18,7 +18,7 @@ PAGE, CHARTS = "report.html", "report"
 #: The name of this program in the head of a page.
 GENERATOR = "contact_locking"
 
-_CHART_ENDINGS = (".svg", ".png")
+_CHART_ENDINGS = (".svg", ".png", ".pdf")
 _HEAD_CHARACTERS = 1000
 
 

@@ -18,7 +18,7 @@ from contact_locking._version import __version__
 
 from .files import GENERATOR
 from .shown import shown
-from .titles import title
+from .titles import title, words
 
 
 def render(template: str, **context: Any) -> str:
@@ -48,7 +48,7 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"shown": shown, "key": key, "formula": formula, "title": title}
+    made.filters |= {"shown": shown, "key": key, "formula": formula, "title": title, "words": words}
     return made
 
 

@@ -25,6 +25,15 @@ _TITLES: Mapping[str, str] = {
     "dolfinx": "DOLFINx",
     **{quantity.key: quantity.name for quantity in QUANTITIES},
 }
+# The names of values of a certificate that are not their keys with blanks, and of the iterations.
+_WORDS: Mapping[str, str] = {
+    "alpha": "α",
+    "c_0": "c_0",
+    "c_0_reason": "why c_0 is not known",
+    "epsilon": "ε",
+    "linear": "linear solves",
+    "friction": "friction updates",
+}
 # Sections whose names say nothing beside that of the key below them.
 _UNSAID = ("mesh", "material", "loads", "solver", "certificate", "output", "friction_fixed_point")
 
@@ -41,6 +50,11 @@ def title(key: str) -> str:
         return f"{_TITLES[above]}, {AXES[int(last)]}"
     words = [part for part in key.split(".") if part not in _UNSAID] or [key]
     return " ".join(words).replace("_", " ")
+
+
+def words(name: str) -> str:
+    """The name of a value of a certificate, which may be dotted, or of a count of iterations."""
+    return _WORDS.get(name) or name.replace(".", ", ").replace("_", " ")
 
 
 def titles(keys: Sequence[str]) -> list[str]:

@@ -15,6 +15,7 @@ from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.pushed_tool import PushedTool
 from contact_locking.problem.trace import make_nodal
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
@@ -44,6 +45,8 @@ class ContactFields:
         # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.old_place, self.old_slip = contact.memory.tangential, contact.memory.slip
+        self.outline = contact.obstacle.outline(contact.surface.domain.dim) + contact.travel
+        # How far the foundation has moved in the step.
         self.drag, self.free = contact.memory.drag, contact.free
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
@@ -111,7 +114,9 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
     return found
 
 
-def contact_summary(contacts: Sequence[ContactFields], dim: int) -> dict[str, Any]:
+def contact_summary(
+    contacts: Sequence[ContactFields], tools: Sequence[PushedTool], dim: int
+) -> dict[str, Any]:
     """The keys of summary.json about all contacts together, and about each contact; collective."""
     total: dict[str, Any] = {
         "penetration_max": 0.0,
@@ -127,8 +132,12 @@ def contact_summary(contacts: Sequence[ContactFields], dim: int) -> dict[str, An
             total[key] = np.add(total[key], one[key]).tolist()
         for key in ("contact_area", "slip_area"):
             total[key] += one[key]
-    named = zip(contacts, found, strict=True)
-    return total | {"contacts": [{"on": list(c.contact.on), **one} for c, one in named]}
+    pushed = {id(tool.contact): {"tool": tool.summary()} for tool in tools}
+    entries = [
+        {"on": list(fields.contact.on), **one, **pushed.get(id(fields.contact), {})}
+        for fields, one in zip(contacts, found, strict=True)
+    ]
+    return total | {"contacts": entries}
 
 
 def gather_contacts(

@@ -65,16 +65,19 @@ def rows(summary: Mapping[str, Any], ratio: float | None) -> list[tuple[str, str
         count(summary["dofs"], "unknown"),
         count(summary["ranks"], "rank"),
     ]
+    element = summary["discretisation"]
+    body = "; axisymmetric" if element.get("axisymmetric") else ""
     return [
         ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
         *([("restart", restart)] if restart else []),
-        ("size", f"{', '.join(sizes)}; elements of degree {summary['discretisation']['degree']}"),
+        ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
         ("largest strain", _strain(summary, ratio)),
         *([] if ratio is None else [("locked", _locked(summary["locked_fraction"]))]),
         ("contact force", _vector(summary["contact_force"])),
         ("friction force", _vector(summary["friction_force"])),
         *_reactions(summary["reactions"]),
+        *_tools(summary["contacts"]),
         ("contact area", _areas(summary["contact_area"], summary["slip_area"])),
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary["bounds"], certificate["errors"])),
@@ -154,6 +157,19 @@ def _vector(values: Iterable[float]) -> str:
     least = 1e-12 * max(map(abs, given), default=0.0)
     shown = [0.0 if abs(value) < least else value + 0.0 for value in given]
     return "(" + ", ".join(f"{value:.4g}" for value in shown) + ")"
+
+
+def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """The travel and the force of each tool."""
+    pushed = [(", ".join(entry["on"]), entry["tool"]) for entry in contacts if "tool" in entry]
+    return [
+        (
+            f"tool on {on}",
+            f"moved by {tool['travel']:.6g} along {_vector(tool['direction'])}, "
+            f"pushed by {tool['force']:.6g}",
+        )
+        for on, tool in pushed
+    ]
 
 
 def _reactions(reactions: Mapping[str, Iterable[float]]) -> list[tuple[str, str]]:

@@ -22,6 +22,7 @@ from contact_locking.solver.linear.ksp import (
 )
 from contact_locking.solver.linear.options import PREFIX
 from contact_locking.solver.task import Task
+from contact_locking.solver.tool_border import ToolBorder
 
 ConvergedReason = PETSc.SNES.ConvergedReason
 
@@ -50,9 +51,10 @@ class CriticalPointStep:
         self,
         counted: Callable[[int, int], None],
         kept: Callable[[Callable[..., None]], Callable[..., None]],
+        border: ToolBorder,
         always_full: bool,
     ) -> None:
-        self._counted, self._always_full = counted, always_full
+        self._counted, self._border, self._always_full = counted, border, always_full
         self.keep_tangent = False
         self.step = kept(self._step)
 
@@ -62,7 +64,8 @@ class CriticalPointStep:
             matrix = snes.getJacobian()[0]
             snes.computeJacobian(x, matrix)
             snes.ksp.setOperators(matrix)
-        snes.ksp.solve(f, y)
+            self._border.refresh()
+        self._border.solve(f, y)
         self._counted(int(is_new), snes.ksp.getIterationNumber())
         if not self._always_full:
             y.scale(self._length(snes, x, f, y))
@@ -140,10 +143,11 @@ class NewtonSolver:
         snes.setFunction(self._kept(lambda _, x, f: system.residual(x, f)), self._f)
         snes.setJacobian(self._kept(self._assemble), self._matrix)
         snes.setType(PETSc.SNES.Type.PYTHON)
-        self._step = CriticalPointStep(self._count, self._kept, near)
-        snes.setPythonContext(self._step)
         if direct is not None:
             snes.setKSP(direct)
+        self._border = ToolBorder(system, snes.ksp, self._matrix)
+        self._step = CriticalPointStep(self._count, self._kept, self._border, near)
+        snes.setPythonContext(self._step)
         snes.ksp.setErrorIfNotConverged(True)
         if not is_direct(settings.linear, system.dim, system.size):
             snes.ksp.setMonitor(lambda ksp, k, norm: task.monitor.linear(k))
@@ -192,7 +196,8 @@ class NewtonSolver:
         self._system.tangent(self._x, self._matrix)
         try:
             ksp.setOperators(self._matrix)
-            ksp.solve(self._f, change)
+            self._border.refresh()
+            self._border.solve(self._f, change)
         except PETSc.Error:
             raise NotConverged(LINEAR_FAILURE) from None
         else:
@@ -205,6 +210,7 @@ class NewtonSolver:
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._options.remove()
+        self._border.destroy()
         for item in (self._snes, self._matrix, self._x, self._f):
             item.destroy()
 

@@ -15,14 +15,17 @@ class SavedState:
 
     ``displacement`` holds local values, ghosts included, ``pressures`` those (k,) at the owned
     nodes of each contact; without any, nothing is known of them.  ``slips`` holds the lengths (k,)
-    of the slip in the step of a process that ended with this state.
+    of the slip in the step of a process that ended with this state, and ``travels`` those of the
+    tools.
     """
 
     displacement: FloatArray
     pressures: tuple[FloatArray, ...]
     penalty: Penalty
     slips: tuple[FloatArray, ...] = ()
+    travels: tuple[float, ...] = ()
 
     def enter(self, system: PenalisedSystem) -> None:
-        """Put the displacement and the friction bounds into ``system``; collective."""
-        system.take_over(self.displacement, self.pressures)
+        """Put displacement, travels and friction bounds into ``system``; collective."""
+        travels = self.travels if len(self.travels) == len(system.tools) else ()
+        system.take_over(self.displacement, self.pressures, travels)

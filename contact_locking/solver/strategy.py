@@ -129,7 +129,7 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
 def _solve_by(solver: InteriorPoint, nested: Sequence[Contact], task: Task) -> None:
     """Solve once, or for each value of ``nested`` bounds; a failure is written into the report."""
     system, report = task.system, task.report
-    start = system.u.x.array * (1.0 - system.free_dofs())
+    start = system.constraints.held_part(system.u.x.array)
     report.reason, report.multipliers = "", None
 
     def solve() -> None:
@@ -195,6 +195,9 @@ def solve(method: str, task: Task, saved: SavedState | None = None) -> SolverRep
     if method not in METHODS:
         raise InputError(f"no solver {method!r}; there are: {', '.join(METHODS)}", "solver.method")
     report = METHODS[method](task, saved)
+    for tool in task.system.tools:
+        if not tool.pushes:
+            tool.touch(task.system.u)
     if len(report.stages) == 1:
         # The steps by which Newton's method polishes belong to the only stage too.
         report.stages[0]["tangents"] = report.tangents

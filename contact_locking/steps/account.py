@@ -36,6 +36,11 @@ def row_of(
     for number, entry in enumerate(several, start=1):
         for name in ("contact_force", "friction_force"):
             row |= _vector(f"{name}_{number}", entry[name])
+    for number, entry in enumerate(summary["contacts"], start=1):
+        if "tool" in entry:
+            suffix = f"_{number}" if several else ""
+            row[f"tool_force{suffix}"] = entry["tool"]["force"]
+            row[f"tool_travel{suffix}"] = entry["tool"]["travel"]
     touching = [fields.state != OPEN for fields in solution.contacts]
     pairs = list(zip(solution.contacts, touching, strict=True))
     slips = [fields.slip[where] for fields, where in pairs]

@@ -15,7 +15,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import plausibility
 from contact_locking.problem.assembly import Problem
-from contact_locking.problem.parts import describe_slide
+from contact_locking.problem.parts import describe_loose, describe_slide
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import body_summary
 from contact_locking.results.derived import (
@@ -183,9 +183,11 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
     slide = None
     if problem.sliding and not report.converged:
         slide = describe_slide(domain, u.function_space, data, problem.constraints)
+    if slide is None and data.tools and problem.free and not report.converged:
+        slide = describe_loose(domain, u.function_space, data, problem.constraints)
     warnings = [*problem.warnings]
     numbers = body_summary(domain, u, data, body)
-    touching = contact_summary(state.contacts, domain.dim)
+    touching = contact_summary(state.contacts, data.tools, domain.dim)
     if report.converged:
         warnings += plausibility.about_the_strain(numbers["strain_norm_max"])
         warnings += plausibility.about_the_overstrain(

@@ -166,5 +166,5 @@ def _saved(state: SolvedState) -> SavedState:
     """The solved state for the solver to start the next step from."""
     pressures = tuple(fields.pressure for fields in state.contacts)
     slips = tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts)
-    displacement = state.problem.u.x.array.copy()
-    return SavedState(displacement, pressures, state.target.penalty, slips)
+    displacement, travels = state.problem.u.x.array.copy(), state.system.tools.travels
+    return SavedState(displacement, pressures, state.target.penalty, slips, travels)

@@ -40,8 +40,8 @@ def restore(path: Path, increment: Increment) -> Restored:
             "process starts from the last step of a process"
         )
     increment.advance(saved.step.time)
-    saved.step.enter(increment.problem.contacts)
     saved.state.enter(increment.system)
+    saved.step.enter(increment.problem.contacts)
     for contact, bound in zip(increment.problem.contacts, saved.bounds, strict=True):
         contact.bounds = bound
     row = saved.step.history.rows[-1]

@@ -67,7 +67,9 @@ def _case(parameters: Parameters, values: dict[str, Any], directory: Path, diges
         name = study_file.fingerprint(parameters, digest)
     except OSError as error:
         message = f"cannot be read: {error.filename}: {error.strerror}"
-        raise InputError(message, "mesh.file") from error
+        tables = parameters.tables or {}
+        paths = {table.file: f"tables.{key}.file" for key, table in tables.items()}
+        raise InputError(message, paths.get(str(error.filename), "mesh.file")) from error
     folder = case_folder(directory, name)
     output = parameters.output.model_copy(update={"directory": str(folder)})
     return Case(values, name, folder, parameters.model_copy(update={"output": output}))

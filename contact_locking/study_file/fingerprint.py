@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.parameters import Foundation, Parameters
+from contact_locking.parameters.base import Section
 
 # 64 bits: 10 000 cases share one with a probability of 3e-12.
 _DIGITS = 16
+# The keys of a foundation that there were not at first.
+_LATER = ("expression", "polyline", "surface", "motion", "force")
 # The sections that define a solution, beside contact and friction.
-_PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "penalty")
+_PROBLEM = ("mesh", "discretisation", "material", "loads", "steps", "tables", "penalty")
 
 
 def file_digest(path: str) -> str:
@@ -25,9 +28,9 @@ def file_digest(path: str) -> str:
 def fingerprint(parameters: Parameters, digest: Callable[[str], str] = file_digest) -> str:
     """16 hexadecimal digits of the parameters that define the results.
 
-    All parameters count except the title, the study and the folder of the results.  A mesh file
-    counts by the ``digest`` of its content and not by its path.  Raises OSError if it cannot be
-    read.
+    All parameters count except the title, the study and the folder of the results.  A file of a
+    mesh, a tool or a table counts by the ``digest`` of its content and not by its path.  Raises
+    OSError if it cannot be read.
     """
     data = parameters.model_dump(by_alias=True, exclude={"title", "study", "contact", "friction"})
     del data["output"]["directory"]
@@ -64,15 +67,22 @@ def _normalised(
         # A body in plane strain keeps the fingerprint that it had before.
         del data["material"]["plane"]
     if not parameters.loads.pressures:
-        # A body without pressures keeps the fingerprint that it had before.
+        # A body without pressures or supports keeps the fingerprint that it had before.
         del data["loads"]["pressures"]
+    if not parameters.loads.supports:
+        del data["loads"]["supports"]
+    if not parameters.tables:
+        # A problem without tables keeps the fingerprint that it had before.
+        del data["tables"]
+    for table in data.get("tables", {}).values():
+        table["file"] = digest(table["file"])
     if parameters.steps is None:
         # One static load keeps the fingerprint that it had before there were steps.
         del data["steps"]
-    return {**data, **_contact(parameters), "mesh": mesh_identity(parameters, digest)}
+    return {**data, **_contact(parameters, digest), "mesh": mesh_identity(parameters, digest)}
 
 
-def _contact(parameters: Parameters) -> dict[str, Any]:
+def _contact(parameters: Parameters, digest: Callable[[str], str]) -> dict[str, Any]:
     """Every part of Gamma_C with its complete law of friction, wherever the file defines it."""
     if isinstance(parameters.contact, tuple):
         contacts = parameters.contacts
@@ -83,7 +93,7 @@ def _contact(parameters: Parameters) -> dict[str, Any]:
             "contact": {
                 "on": part.on,
                 "gap": part.gap,
-                "foundation": part.foundation and _foundation(part.foundation),
+                "foundation": part.foundation and _foundation(part.foundation, digest),
             },
             "friction": part.friction.model_dump(),
         }
@@ -92,12 +102,17 @@ def _contact(parameters: Parameters) -> dict[str, Any]:
     return parts[0] if len(parts) == 1 else {"contacts": parts}
 
 
-def _foundation(given: Foundation) -> dict[str, Any]:
+def _foundation(given: Foundation, digest: Callable[[str], str]) -> dict[str, Any]:
     data = given.model_dump()
-    if given.moved is None:
-        # A body at rest keeps the fingerprint that it had before there was motion.
-        del data["motion"]
-    else:
+    for name in _LATER:
+        if data[name] is None:
+            # A study without the key keeps the fingerprint that it had before there was one.
+            del data[name]
+    shape, value = given.shape
+    if given.file is not None:
+        more = value.model_dump(exclude={"file"}) if isinstance(value, Section) else {}
+        data[shape] = {"content": digest(given.file), **more}
+    if given.moved is not None:
         data["motion"] = given.moved.model_dump()
     return data
 

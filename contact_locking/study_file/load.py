@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from contact_locking.parameters.wording import show
 
 from .dump import dump
 from .messages import faults_of
+from .paths import with_absolute_paths
 from .source import MAX_BYTES, Source, assign, read, tell
 
 # To check as many takes some 20 s; a file of the demos has 50 values.
@@ -140,14 +140,9 @@ def _with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
 
 
 def _validate(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:
-    mesh = data.get("mesh")
-    if isinstance(mesh, dict) and isinstance(mesh.get("file"), str):
-        file = folder.absolute() / mesh["file"]
-        data = data | {"mesh": mesh | {"file": str(file)}}
-        # Not Path.is_file, which raises for a name that no file can have.
-        if not os.path.isfile(file):
-            there = "is a folder" if os.path.isdir(file) else "there is no such file"
-            return None, [Fault(("mesh", "file"), f"{there}: {file}")]
+    data, faults = with_absolute_paths(data, folder)
+    if faults:
+        return None, faults
     try:
         return Parameters.model_validate(data), []
     except ValidationError as error:

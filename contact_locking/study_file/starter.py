@@ -22,6 +22,7 @@ from contact_locking.parameters.keys import section_in, visible_fields
 from contact_locking.parameters.wording import show
 from contact_locking.plain_text import nearest, printable
 
+from .paths import with_absolute_paths
 from .source import read
 
 USUAL = "block"
@@ -68,7 +69,9 @@ def starter(like: str, file: str | Path) -> str:
     if like not in names():
         known = f"{nearest(like, names())}; there are {', '.join(names())}"
         raise InputError(f"--like: no demo is named {show(like)}{known}")
-    data = read(_DEMOS / f"{like}.yml").data
+    demo = (_DEMOS / f"{like}.yml").resolve()
+    # A tool in a file stays where the demo has it.
+    data, _ = with_absolute_paths(read(demo).data, demo.parent)
     directory = f"results/{Path(file).stem}"
     data["output"] = {**data.get("output", {}), "directory": directory}
     shown = shlex.quote(printable(str(file), keep=""))

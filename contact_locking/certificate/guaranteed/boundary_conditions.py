@@ -22,11 +22,14 @@ _ROUNDING, _ROUNDING_OF_DISTANCES = 1e-10, 1e-12
 def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:
     """(n, 3, 2) which components are prescribed on each facet; collective.
 
-    Raises NotApplicable if the displacement of the solution differs from the prescribed values at
-    one of 8 points of a facet: the solution then does not have these values between the nodes.
+    Raises NotApplicable for supports along other directions than the axes, and if the displacement
+    of the solution differs from the prescribed values at one of 8 points of a facet: the solution
+    then does not have these values between the nodes.
     """
     held = np.zeros((*triangles.facets.shape, 2), dtype=bool)
     problem, worst = state.problem, 0.0
+    if problem.constraints.supports.placed:
+        raise NotApplicable("a support holds a direction that is no axis")
     degree, u = problem.element.degree, problem.u
     s = np.linspace(0.0, 1.0, _SAMPLES)[:, None]
     samples = np.stack([CORNERS[a] * (1.0 - s) + CORNERS[b] * s for a, b in FACETS])

@@ -23,7 +23,7 @@ from dolfinx import fem
 from scipy.optimize import minimize_scalar
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
 from contact_locking.certificate.guaranteed.body import Body, Gap
 from contact_locking.certificate.guaranteed.boundary_conditions import (
     held_components,
@@ -151,6 +151,7 @@ def _require_applicable(state: SolvedState) -> None:
         raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
     if not state.report.converged:
         raise NotApplicable("the solve did not converge")
+    require_still_foundations(state)
     if problem.data.own_energy is not None:
         raise NotApplicable("no proof covers the user's own energy")
     memories = [contact.memory.tangential for contact in problem.contacts]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
 from contact_locking.certificate.guaranteed.body import Body
 from contact_locking.certificate.guaranteed.boundary_conditions import (
     held_components,
@@ -55,8 +55,7 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
     displacement is prescribed that is not zero.  Takes about 8 solves with the
     hybrid system.  Collective.
     """
-    values = [condition.g.x.array for condition in state.problem.constraints.conditions]
-    if maximum(state.comm, max((np.abs(v).max(initial=0.0) for v in values), default=0.0)) == 0.0:
+    if state.problem.constraints.largest() == 0.0:
         return None
     try:
         excluded = _excluded(state)
@@ -78,6 +77,7 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
 def _excluded(state: SolvedState) -> float:
     """The least factor on u_D that a stress excludes, infinite if no stress excludes any."""
     problem = state.problem
+    require_still_foundations(state)
     if state.dim != 2:
         raise NotApplicable("there are no equilibrated stresses in three dimensions here")
     if problem.domain.axisymmetric:

@@ -36,6 +36,13 @@ class ContactCones(HalfLines):
         self.nodes.add_pressure(reactions, forces)
 
     @property
+    def tools(self) -> tuple[int, ...]:
+        return self.nodes.tools
+
+    def add_tool_forces(self, reactions: FloatArray, forces: FloatArray) -> None:
+        self.nodes.add_tool_forces(self.nodes.normal * reactions, forces)
+
+    @property
     def limit(self) -> FloatArray:
         return self.nodes.gap
 

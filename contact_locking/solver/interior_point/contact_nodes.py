@@ -30,9 +30,13 @@ class ContactNodes:
         self.contact, self.number = contact, number
         self.comm, self.dim = system.comm, system.dim
         surface, self._active = contact.surface, contact.free
-        self._normal = np.ascontiguousarray(contact.normals[self._active].T)
+        self.normal = np.ascontiguousarray(contact.normals[self._active].T)
         self._nodes, self._blocks = surface.nodes[self._active], surface.blocks[self._active]
         self.weights = surface.weights[self._active]
+        own = [(i, tool) for i, tool in enumerate(system.tools) if tool.contact is contact]
+        #: The numbers of the tools that press here: one or none.
+        self.tools = tuple(i for i, _ in own)
+        self._directions = [(i, tool.direction) for i, tool in own]
         self._matrix = self._limited_values(system)
         self._displacement, self._values = self._matrix.createVecs()
 
@@ -42,11 +46,11 @@ class ContactNodes:
         return self.contact.gaps[self._active]
 
     def normal_displacements(self, displacement: FloatArray) -> FloatArray:
-        """``u_nu`` (k,) of a displacement (owned values); collective."""
-        return np.einsum("ik,ik->k", self._at_points(displacement), self._normal)
+        """``u_nu`` (k,) of a displacement, relative to tools; collective."""
+        return np.einsum("ik,ik->k", self._at_points(displacement), self.normal)
 
     def slips(self, displacement: FloatArray) -> FloatArray:
-        """``u_tau`` (d, k) of a displacement (owned values); collective."""
+        """``u_tau`` (d, k) of a displacement, relative to tools; collective."""
         return self._tangential(self._at_points(displacement))
 
     def old_slips(self) -> FloatArray:
@@ -60,17 +64,22 @@ class ContactNodes:
     def _tangential(self, values: FloatArray) -> FloatArray:
         # Once more, as rounding leaves a normal part that the stiffness of sticking enlarges.
         for _ in range(2):
-            values = values - np.einsum("ik,ik->k", values, self._normal) * self._normal
+            values = values - np.einsum("ik,ik->k", values, self.normal) * self.normal
         return values
 
     def add_pressure(self, pressure: FloatArray, forces: PETSc.Vec) -> None:
         """``forces += int p (.)_nu``; collective."""
-        self.add_traction(pressure * self._normal, forces)
+        self.add_traction(pressure * self.normal, forces)
 
     def add_traction(self, traction: FloatArray, forces: PETSc.Vec) -> None:
         """``forces += int traction . (.)``; collective."""
         self._values.array_w[:] = (self.weights * traction).T.reshape(-1)
         self._matrix.multTransposeAdd(self._values, forces, forces)
+
+    def add_tool_forces(self, traction: FloatArray, forces: FloatArray) -> None:
+        """``forces -= int traction . d`` for the tool that presses here, on this rank."""
+        for number, direction in self._directions:
+            forces[number] -= direction @ (traction @ self.weights)
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
         """The nodes, as blocks, that springs (k,) per area hold more stiffly than a material."""
@@ -117,10 +126,14 @@ class ContactNodes:
             item.destroy()
 
     def _at_points(self, displacement: FloatArray) -> FloatArray:
-        """The limited values (d, k) of a displacement (owned values); collective."""
-        self._displacement.array_w[:] = displacement[: self._displacement.getLocalSize()]
+        """The limited values (d, k) of a displacement, relative to tools; collective."""
+        owned = self._displacement.getLocalSize()
+        self._displacement.array_w[:] = displacement[:owned]
         self._matrix.mult(self._displacement, self._values)
-        return self._values.array_r.reshape(-1, self.dim).T
+        values = self._values.array_r.reshape(-1, self.dim).T
+        for number, direction in self._directions:
+            values = values - displacement[owned + number] * direction[:, None]
+        return values
 
     def _limited_values(self, system: PenalisedSystem) -> PETSc.Mat:
         """The map from displacements to limited values, node by node; collective."""

@@ -42,7 +42,8 @@ class Families:
 def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> Families:
     """A family for each set of strains, and contact and friction for each part of Gamma_C.
 
-    Without friction on a part there is no family for it.  ``least_bound`` is the share of the
+    Without friction on a part there is no family for it, and there is none at all for the contact
+    of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
     largest friction bound that no bound is smaller than.  Collective.
     """
     lorentz, penalty = Lorentz(system.comm), target.penalty
@@ -55,7 +56,10 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
         else:
             families.append(StrainHalfLines(operator, penalty.compliance, number))
     bounds, touching = [], []
+    resting = [tool.contact for tool in system.tools if not tool.pushes]
     for number, contact in enumerate(system.contacts):
+        if contact in resting:
+            continue
         nodes = ContactNodes(contact, number, system)
         touching.append(nodes)
         pressing = ContactCones(nodes, penalty.epsilon, target.length)

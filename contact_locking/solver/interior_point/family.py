@@ -66,11 +66,23 @@ class Family(ABC):
 
     @abstractmethod
     def see(self, displacement: FloatArray) -> FloatArray:
-        """``lin`` of a displacement (owned values): (m, k), or (k,) of a scalar; collective."""
+        """``lin`` of a displacement: (m, k), or (k,) of a scalar; collective.
+
+        Displacements are the owned values, and behind them the travels of the tools.
+        """
 
     @abstractmethod
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
         """``forces += int reactions . lin(.)``, the adjoint of :meth:`see`; collective."""
+
+    @property
+    def tools(self) -> tuple[int, ...]:
+        """The numbers of the tools whose travel the family sees."""
+        return ()
+
+    def add_tool_forces(self, reactions: FloatArray, forces: FloatArray) -> None:
+        """The same for the travels of the tools (T,), of this rank."""
+        return
 
     @property
     @abstractmethod
@@ -78,7 +90,10 @@ class Family(ABC):
         """What acts on the body: the locking stress, the pressure, or ``-sigma_tau``."""
 
     def look(self, displacement: FloatArray) -> None:
-        """Everything from now on is about this displacement (owned values); collective."""
+        """Everything from now on is about this displacement; collective.
+
+        The gaps contain the present travels of the tools, so that the travels here are zero.
+        """
         self.seen = self.see(displacement)
 
     # The iterate.
@@ -123,6 +138,10 @@ class Family(ABC):
     @abstractmethod
     def hold(self, stiffness: float | FloatArray) -> None:
         """Put springs ``D = stiffness``, a number or (k,), in place of the cones' block."""
+
+    @abstractmethod
+    def block(self, seen: FloatArray) -> FloatArray:
+        """``D lin(du)`` with the present block D."""
 
     @abstractmethod
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
@@ -231,7 +250,7 @@ class Family(ABC):
 
 @dataclass(frozen=True)
 class Direction:
-    """A step of the displacement (owned values), and of every family that takes part."""
+    """A step of the displacement with the travels, and of every family that takes part."""
 
     displacement: FloatArray
     steps: Mapping[Family, Step]

@@ -43,15 +43,20 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     ``int c |eps(rho)| (M + |eps(u)|)`` to R, c being the largest eigenvalue of A.  Where no set
     bounds the norm of the strain 1 takes the place of M.
 
-    None without a proof that ``P > R``, and where friction alone holds the body, so that rho is not
-    determined.  Infinite if R is negative: then the gap alone is in the way, and to scale u_D is
-    no way out.  Collective.
+    Tools may retreat, and so the proof leaves their contacts out.
+
+    None without a proof that ``P > R``, and where friction alone holds the body, or a tool may have
+    to, so that rho is not determined.  Infinite if R is negative: then the gap alone is in the
+    way, and to scale u_D is no way out.  Collective.
     """
     tangent = iterate.tangent
     system = tangent.system
-    limits = [family for family in iterate.families if family.limits_displacement]
+    limits = [
+        family for family in iterate.families if family.limits_displacement and not family.tools
+    ]
     reactions = Reaction.of(limits)
-    if system.held_by_friction or not _resistance(iterate, reactions) < _power(iterate, reactions):
+    is_open = system.held_by_friction or (system.held_by_contact and system.tools)
+    if is_open or not _resistance(iterate, reactions) < _power(iterate, reactions):
         return None
     largest = iterate.largest_multiplier()
     springs: dict[Family, float | FloatArray] = dict.fromkeys(tangent.families, 0.0)
@@ -94,7 +99,8 @@ def _work_beyond(system: PenalisedSystem, displacement: FloatArray, unlimited: f
     collective.
     """
     v = fem.Function(system.u.function_space)
-    v.x.array[: len(displacement)] = displacement
+    body = displacement[: len(displacement) - len(system.tools)]
+    v.x.array[: len(body)] = body
     v.x.scatter_forward()
     data = system.data
     inverse = data.inverse_strain_bound

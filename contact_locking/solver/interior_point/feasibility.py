@@ -83,7 +83,7 @@ def judge(task: Task) -> Verdict | None:
     it took is added to the report.
     """
     system = task.system
-    prescribed = system.u.x.array * (1.0 - system.free_dofs())
+    prescribed = system.constraints.held_part(system.u.x.array)
     if system.held_by_friction or _rest_is_admissible(system, prescribed):
         return None
     with _tries(task) as tries:
@@ -135,7 +135,7 @@ def share_of_friction(task: Task) -> str | None:
     system, rubbing = task.system, task.system.rubbing
     if not rubbing or system.held_by_friction:
         return None
-    prescribed = system.u.x.array * (1.0 - system.free_dofs())
+    prescribed = system.constraints.held_part(system.u.x.array)
     with _tries(task) as tries:
         solver = InteriorPoint(task.aside(tries))
 
@@ -186,7 +186,7 @@ def growth_with_the_penalty(task: Task) -> str:
     system = task.system
     if task.target.penalty.epsilon > 0.0:
         return ""
-    prescribed = system.u.x.array * (1.0 - system.free_dofs())
+    prescribed = system.constraints.held_part(system.u.x.array)
     with _tries(task) as tries:
         target = _stiff(task.target, smooth=True)
         solver = InteriorPoint(task.aside(tries, target))

@@ -48,6 +48,13 @@ class FrictionCones(LorentzCones):
         self.nodes.add_traction(reactions, forces)
 
     @property
+    def tools(self) -> tuple[int, ...]:
+        return self.nodes.tools
+
+    def add_tool_forces(self, reactions: FloatArray, forces: FloatArray) -> None:
+        self.nodes.add_tool_forces(reactions, forces)
+
+    @property
     def reactions(self) -> FloatArray:
         return -self.z[1 : 1 + self.nodes.dim]
 

@@ -56,6 +56,9 @@ class HalfLines(Family):
     def hold(self, stiffness: float | FloatArray) -> None:
         self.stiffness = np.full(len(self.weights), stiffness)
 
+    def block(self, seen: FloatArray) -> FloatArray:
+        return np.asarray(self.stiffness * seen)
+
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         self._wanted = target - self.x * self.z
         if correction is not None:

@@ -38,7 +38,7 @@ class Iterate:
         """Look at the system's displacement: everything below is about it; collective."""
         self.tangent.visit()
         for family in self.families:
-            family.look(self.tangent.system.u.x.array)
+            family.look(self.tangent.present())
 
     def linearise(self) -> None:
         """Assemble the tangent of the point visited last; collective."""
@@ -126,6 +126,10 @@ class Iterate:
     def equilibrium_residual(self) -> float:
         """The norm of the forces that displacement and multipliers leave unbalanced; collective."""
         return self.tangent.residual_norm(Reaction.of(self.families))
+
+    def tool_residual(self) -> float:
+        """The largest share of its force that a tool leaves unbalanced; collective."""
+        return self.tangent.tool_residual(Reaction.of(self.families))
 
     def largest_multiplier(self) -> float:
         """The largest multiplier of a limit on the displacement; collective."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.family import Family, Step
-from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
+from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, dot
 
 
 class LorentzCones(Family):
@@ -39,3 +39,6 @@ class LorentzCones(Family):
     def hold(self, stiffness: float | FloatArray) -> None:
         self.a = np.full(len(self.weights), stiffness)
         self.b, self.w = np.zeros_like(self.a), np.zeros_like(self.seen)
+
+    def block(self, seen: FloatArray) -> FloatArray:
+        return np.asarray(self.a * seen + self.b * dot(self.w, seen) * self.w)

@@ -188,8 +188,9 @@ class InteriorPoint:
         strain = self._mean_strain()
         energy = 0.5 * target.ellipticity * strain**2 * target.volume
         energy = max(energy, self._tuning.locking_share * iterate.body_work())
+        scale = max(tangent.force_scale, self._least_force)
         return Measures(
-            iterate.equilibrium_residual() / max(tangent.force_scale, self._least_force),
+            max(iterate.equilibrium_residual() / scale, iterate.tool_residual()),
             iterate.primal_residual(strain * target.length),
             iterate.total_product() / max(energy, self._least_energy),
             self._friction_change,

@@ -13,7 +13,7 @@ class ElasticStart:
     """The displacement without multipliers, ``a(u, v) = (f, v)``, and a start made of it.
 
     Where contact alone holds a rigid motion, springs take the place of the foundation; where there
-    is friction they act along it, too.
+    is friction they act along it, too.  Tools press on the body by such springs.
     """
 
     def __init__(self, task: Task, tangent: Tangent, tuning: Tuning) -> None:
@@ -28,12 +28,15 @@ class ElasticStart:
         self._look()
         push = self._set_springs()
         # The springs would shake a body without loads by their rounding.
-        if tangent.residual_norm([]) == 0.0 and self._is_admissible(0.0):
+        is_pushed = any(tool.pushes for tool in self._system.tools)
+        is_at_rest = not is_pushed and tangent.residual_norm([]) == 0.0
+        if is_at_rest and self._is_admissible(0.0):
             return True
         self._moved, self._loaded = tangent.elastic_parts(tuning.start_accuracy, push)
         tangent.move(1.0, self._moved + self._loaded)
         self._look()
-        is_solution = not self._system.held_by_contact and self._is_admissible(tuning.start_margin)
+        is_elastic = not (is_pushed or self._system.held_by_contact)
+        is_solution = is_elastic and self._is_admissible(tuning.start_margin)
         if is_solution:
             tangent.move(1.0, tangent.solve_step([], tuning.start_sharpness * self._tolerance))
             self._look()
@@ -57,7 +60,7 @@ class ElasticStart:
     def _look(self) -> None:
         self._tangent.visit()
         for family in self._tangent.families:
-            family.look(self._system.u.x.array)
+            family.look(self._tangent.present())
 
     def _size(self) -> float:
         """The mean strain, or that which takes back how far the body enters the foundation."""
@@ -70,7 +73,8 @@ class ElasticStart:
         """Assemble the tangent of the springs; what they do to the body at rest; collective."""
         springs, reactions = self._target.ellipticity / self._target.length, []
         for family in self._tangent.families:
-            holds = family.stops_rigid_motions and self._system.held_by_contact
+            is_needed = self._system.held_by_contact or family.tools
+            holds = family.stops_rigid_motions and bool(is_needed)
             family.hold(springs if holds else 0.0)
             if holds:
                 reactions.append(Reaction(family, family.pull(springs)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import ufl
@@ -15,16 +15,21 @@ from contact_locking.problem import compiled, forms
 from contact_locking.problem.joint_forms import JointForm
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.solver.linear.border import Border
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
 from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
 
+# An iterative solver leaves this share of the column of a travel.
+_BORDER_ACCURACY = 1e-10
+
 
 class Tangent:
     """``a(du, v)`` plus ``int D lin(du) . lin(v)`` of every family, and the forces it balances.
 
-    Displacements are arrays of owned values.  What is asked for at the system's displacement,
+    Displacements are arrays of owned values, and behind them the travels of the tools, which border
+    the tangent: all ranks have all travels.  What is asked for at the system's displacement,
     :meth:`visit` evaluates.
     """
 
@@ -36,7 +41,6 @@ class Tangent:
         space = system.u.function_space
         self._dim = system.dim
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self._free = system.free_dofs()[: self._owned]
         self.energy = self.force_scale = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         elastic = forms.elastic_form(du, v, data)
@@ -47,9 +51,12 @@ class Tangent:
         self.matrix.setNearNullSpace(self._near_nullspace)
         self._elasticity = petsc.assemble_matrix(compiled.form(elastic))
         self._elasticity.assemble()
-        vectors = [self.matrix.createVecRight() for _ in range(6)]
+        vectors = [self.matrix.createVecRight() for _ in range(7)]
         self._load, self._stretched, self._unbalanced, self._right = vectors[:4]
-        self._step, self._answer = vectors[4:]
+        self._step, self._answer, self._whole = vectors[4:]
+        # The right-hand side of the travels.
+        self._right_tools: FloatArray = np.zeros(len(system.tools))
+        self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
         self._linear = TangentSolver(self.matrix, self._dim, task.settings, task.monitor.linear)
 
@@ -69,9 +76,10 @@ class Tangent:
             family.write_block()
         self._assemble(self.matrix)
         self._linear.refresh(self._stiff_part)
+        self._refresh_border()
         self._step.set(0.0)
 
-    def residual_norm(self, reactions: Iterable[Reaction]) -> float:
+    def residual_norm(self, reactions: Sequence[Reaction]) -> float:
         """``|a(u, .) + (Z, eps(.)) + int p v_nu - sigma_tau . v_tau - (f, .)|`` over free dofs.
 
         ``u`` is the displacement visited last; collective.
@@ -79,54 +87,69 @@ class Tangent:
         self._find_residual(reactions)
         return float(self._right.norm())
 
-    def solve_step(self, reactions: Iterable[Reaction], accuracy: float = 0.0) -> FloatArray:
+    def tool_residual(self, reactions: Sequence[Reaction]) -> float:
+        """The largest ``|int (reactions) . d + F|/F`` of the tools with a force; collective."""
+        if not self.system.tools:
+            return 0.0
+        self._find_residual(reactions)
+        pairs = zip(self.system.tools, self._right_tools, strict=True)
+        return max((abs(left) / tool.force for tool, left in pairs if tool.pushes), default=0.0)
+
+    def solve_step(self, reactions: Sequence[Reaction], accuracy: float = 0.0) -> FloatArray:
         """The displacement step that balances these reactions; collective.
 
         An iterative solver leaves a residual of ``accuracy``, relative to the forces, at most, and
         starts from the step before, if that was for the same blocks.
         """
         self._find_residual(reactions)
-        self._right.scale(-1.0)
+        self._scale_right(-1.0)
         self._linear.solve(self._right, self._step, accuracy * self.force_scale)
-        return self._step.array_r * self._free
+        return self._with_travels(self._step)
 
     def elastic_parts(
-        self, accuracy: float, reactions: Iterable[Reaction]
+        self, accuracy: float, reactions: Sequence[Reaction]
     ) -> tuple[FloatArray, FloatArray]:
         """Steps by prescribed values, with given reactions, and by loads; collective.
 
         The first balances the elastic forces of the displacement visited last; an iterative solver
         leaves the share ``accuracy`` of either.
         """
-        self._stretched.copy(self._right)
+        self._start_right(self._stretched)
         moved = self._solve_for(reactions, -1.0, accuracy)
-        self._load.copy(self._right)
+        self._start_right(self._load, 1.0)
         return moved, self._solve_for([], 1.0, accuracy)
 
-    def balance(self, reactions: Iterable[Reaction], accuracy: float) -> FloatArray:
+    def balance(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
         """The displacement whose forces are those of the reactions; collective.
 
         An iterative solver leaves the share ``accuracy`` of the forces.
         """
-        self._right.set(0.0)
+        self._start_right()
         return self._solve_for(reactions, 1.0, accuracy)
 
-    def respond(self, reactions: Iterable[Reaction], accuracy: float) -> FloatArray:
+    def respond(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
         """The displacement that answers a change of reactions; collective.
 
         An iterative solver leaves the share ``accuracy`` of the change.
         """
-        self._right.set(0.0)
+        self._start_right()
         return self._solve_for(reactions, -1.0, accuracy, is_rough=True)
 
     def nothing(self) -> FloatArray:
         """A displacement step of zero."""
-        return np.zeros(self._owned)
+        return np.zeros(self._owned + len(self.system.tools))
+
+    def present(self) -> FloatArray:
+        """The system's displacement, for gaps that contain the travels of the tools."""
+        none = np.zeros(len(self.system.tools))
+        return np.concatenate([self.system.u.x.array[: self._owned], none])
 
     def move(self, t: float, step: FloatArray) -> None:
-        """Add ``t step`` to the system's displacement; collective."""
-        self.system.u.x.array[: self._owned] += t * step
+        """Add ``t step`` to the system's displacement and to the travels; collective."""
+        self.system.u.x.array[: self._owned] += t * step[: self._owned]
         self.system.u.x.scatter_forward()
+        tools = self.system.tools
+        tools.travels = tuple(np.add(tools.travels, t * step[self._owned :]))
 
     @property
     def direct(self) -> PETSc.KSP | None:
@@ -140,6 +163,7 @@ class Tangent:
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._linear.destroy()
+        self._border.destroy()
         for item in (
             self.matrix,
             self._elasticity,
@@ -150,11 +174,12 @@ class Tangent:
             self._right,
             self._step,
             self._answer,
+            self._whole,
         ):
             item.destroy()
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
-        self._form.assemble_matrix(matrix, self.system.conditions)
+        self.system.constraints.assemble_matrix(self._form, matrix)
 
     def _stiff_part(self) -> StiffPart:
         """What the filter of the multigrid takes; collective."""
@@ -185,7 +210,7 @@ class Tangent:
         found = [part for part in given if part is not None]
         rows = stacked([matrix for matrix, _ in found], self.matrix)
         free = self.matrix.createVecRight()
-        free.array_w[:] = self._free
+        free.array_w[:] = self.system.constraints.free_dofs()[: self._owned]
         rows.diagonalScale(None, free)
         free.destroy()
         return rows, np.concatenate([stiffness for _, stiffness in found])
@@ -194,28 +219,72 @@ class Tangent:
         """The owned nodes with something free that are stiffer than the material; collective."""
         found = (family.stiff_nodes(factor, self._material) for family in self.families)
         nodes = functools.reduce(np.union1d, found)
-        is_free = np.any(self._free.reshape(-1, self._dim) > 0.0, axis=1)
+        is_free = self.system.constraints.free_nodes()
         return nodes[is_free[nodes]].astype(np.int32)
 
-    def _find_residual(self, reactions: Iterable[Reaction]) -> None:
-        self._unbalanced.copy(self._right)
+    def _refresh_border(self) -> None:
+        """Solve for the response to each travel; collective."""
+        tools = self.system.tools
+        corner = np.zeros(len(tools))
+        for number, column in enumerate(self._border.columns):
+            travel = self.nothing()
+            travel[self._owned + number] = 1.0
+            pressed = [family for family in self.families if number in family.tools]
+            self._start_right()
+            self._add([Reaction(family, family.block(family.see(travel))) for family in pressed])
+            corner[number] = self._right_tools[number]
+            self._right.copy(column)
+        self._border.refresh(
+            corner,
+            lambda right, answer: self._linear.solve(
+                right, answer, _BORDER_ACCURACY * float(right.norm()), is_rough=True
+            ),
+        )
+
+    def _with_travels(self, answer: PETSc.Vec) -> FloatArray:
+        """The displacement with the travels for an answer without them; collective."""
+        if not self.system.tools:
+            return self.system.constraints.free_part(answer.array_r)
+        answer.copy(self._whole)
+        travels = self._border.solve(self._whole, self._right_tools)
+        return np.concatenate([self.system.constraints.free_part(self._whole.array_r), travels])
+
+    def _find_residual(self, reactions: Sequence[Reaction]) -> None:
+        self._start_right(self._unbalanced, -1.0)
         self._add(reactions)
 
-    def _add(self, reactions: Iterable[Reaction]) -> None:
+    def _start_right(self, forces: PETSc.Vec | None = None, share: float = 0.0) -> None:
+        """Set the right-hand side to given forces, and to a share of the forces of the tools."""
+        if forces is None:
+            self._right.set(0.0)
+        else:
+            forces.copy(self._right)
+        self._right_tools = share * np.array([tool.force for tool in self.system.tools])
+
+    def _scale_right(self, sign: float) -> None:
+        self._right.scale(sign)
+        self._right_tools *= sign
+
+    def _add(self, reactions: Sequence[Reaction]) -> None:
         for reaction in reactions:
             reaction.add_to(self._right)
+        if self.system.tools:
+            local = np.zeros_like(self._right_tools)
+            for reaction in reactions:
+                reaction.family.add_tool_forces(reaction.values, local)
+            self._right_tools = self._right_tools + self.comm.allreduce(local)
         # PETSc keeps the norm of a vector until the array is given back.
         with self._right as right:
-            right *= self._free
+            right[:] = self.system.constraints.free_part(np.asarray(right))
 
     def _solve_for(
-        self, reactions: Iterable[Reaction], sign: float, accuracy: float, is_rough: bool = False
+        self, reactions: Sequence[Reaction], sign: float, accuracy: float, is_rough: bool = False
     ) -> FloatArray:
         """Solve for ``sign`` times the right-hand side that there is with reactions added."""
         self._add(reactions)
-        self._right.scale(sign)
+        self._scale_right(sign)
         residual = accuracy * float(self._right.norm())
         self._answer.set(0.0)
         if self._right.norm() > 0.0:
             self._linear.solve(self._right, self._answer, residual, is_rough)
-        return self._answer.array_r * self._free
+        return self._with_travels(self._answer)

@@ -1,0 +1,160 @@
+"""The rigid motions of the body, and those that its conditions and contacts leave free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from dolfinx import fem
+
+from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.errors import InputError
+from contact_locking.problem.conditions import Constraints
+from contact_locking.problem.domain import Domain
+
+
+def rigid_motions(space: fem.FunctionSpace, axisymmetric: bool = False) -> FloatArray:
+    """The translations and the rotations about the origin, as values at the local dofs.
+
+    The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.  An
+    axisymmetric body has one rigid motion, the translation along its axis.
+    """
+    x = space.tabulate_dof_coordinates()
+    dim = space.mesh.topology.dim
+    motions = np.zeros((dim + dim * (dim - 1) // 2, len(x), dim))
+    for i in range(dim):
+        motions[i, :, i] = 1.0
+    pairs = [(i, j) for i in range(dim) for j in range(i + 1, dim)]
+    for k, (i, j) in enumerate(pairs):
+        motions[dim + k, :, i] = -x[:, j]
+        motions[dim + k, :, j] = x[:, i]
+    if axisymmetric:
+        motions = motions[1:2]
+    return motions.reshape(len(motions), -1)
+
+
+def free_motions(
+    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: BoolArray
+) -> FloatArray:
+    """Coefficients (m, f) of the f rigid motions that the conditions leave free; collective.
+
+    The conditions are those of one part of the body; ``part`` marks the local dofs of the part.
+    """
+    motions = rigid_motions(space, domain.axisymmetric)
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    held = constraints.dofs[constraints.dofs < owned]
+    fixed = motions[:, held[part[held]]]
+    everything = motions[:, :owned][:, part[:owned]]
+    directions = constraints.supports.directions
+    if constraints.supports.placed:
+        # The component conditions count at their nodes already.
+        along = np.array([directions.part_of(motion * part)[:owned] for motion in motions])
+        along[:, held] = 0.0
+        fixed = np.column_stack([fixed, along])
+    gram = domain.comm.allreduce(fixed @ fixed.T)
+    # A rotation about the origin has large values far away.  The norm over the part scales each
+    # motion.
+    scale = 1.0 / np.sqrt(np.diag(domain.comm.allreduce(everything @ everything.T)))
+    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+    return scale[:, None] * vectors[:, values <= 1e-12]
+
+
+def check_held(
+    free: FloatArray, contact: FloatArray, rubs: BoolArray, work: FloatArray, dim: int
+) -> None:
+    """Raise InputError for a body that can move rigidly without resistance.
+
+    ``free`` (m, f) are the motions that the displacement conditions leave free, ``contact`` (k, f)
+    are their normal components at the nodes of Gamma_C, ``rubs`` (k,) marks the nodes with
+    friction, and ``work`` (f,) is the work of the loads along the motions.
+
+    Without friction a minimiser exists if there is no motion c != 0 with ``contact c <= 0`` (the
+    body leaves the foundation or slides along it) and ``work . c >= 0`` (the loads do not resist).
+    With friction the bound is not known yet: an error is raised only for a motion that leaves the
+    foundation at all nodes with friction, ``contact c < 0``, and contains no motion that slides
+    there.
+    """
+    count = free.shape[1]
+    if count == 0:
+        return
+    normal = contact / max(float(np.abs(contact).max(initial=0.0)), 1e-300)
+    rows = np.vstack([normal, -work[None, :] / max(float(np.abs(work).max()), 1e-300)])
+    motions: Iterable[FloatArray | None]
+    if rubs.any():
+        motions = [_leaving(rows, np.append(rubs, False))]
+    else:
+        motions = (_unresisted(rows, aim) for aim in _directions(count))
+    for motion in motions:
+        if motion is None:
+            continue
+        if not len(contact):
+            why = "nothing holds the body"
+        elif np.abs(normal @ motion).max(initial=0.0) >= 1e-6:
+            why = "the loads do not press the body onto the foundation"
+        else:
+            why = "it slides along the foundation"
+        raise InputError(
+            f"the displacement conditions leave a rigid motion free "
+            f"({describe_motion(free @ motion, dim)}): {why}; fix a boundary part, or a component "
+            "of it, in loads.displacements, or a direction in loads.supports",
+            "loads.displacements",
+        )
+
+
+def _directions(count: int) -> list[FloatArray]:
+    """The unit vectors (count,) of all coordinates in both directions."""
+    return [sign * row for row in np.eye(count) for sign in (1.0, -1.0)]
+
+
+def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
+    """The motion c with ``rows c <= 0`` and the largest ``aim . c``; None if all have 0."""
+    # Few bodies have free motions, and the import takes a tenth of a second.
+    from scipy.optimize import linprog
+
+    found = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), 1e-9), bounds=(-1, 1))
+    return np.asarray(found.x) if found.status == 0 and -found.fun > 1e-3 else None
+
+
+def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
+    """The motion c with ``rows c <= 0`` and the least maximum of ``rows c`` over the rows that rub.
+
+    The motion is orthogonal to all motions that slide at every node with friction.  None if the
+    least maximum is 0.
+    """
+    from scipy.optimize import linprog
+
+    count = rows.shape[1]
+    slides = sliding_motions(rows[rubs])
+    found = linprog(
+        np.append(np.zeros(count), -1.0),
+        A_ub=np.column_stack([rows, rubs.astype(float)]),
+        b_ub=np.full(len(rows), 1e-9),
+        A_eq=np.column_stack([slides.T, np.zeros(slides.shape[1])]),
+        b_eq=np.zeros(slides.shape[1]),
+        bounds=[(-1, 1)] * count + [(0, 1)],
+    )
+    return np.asarray(found.x[:count]) if found.status == 0 and -found.fun > 1e-3 else None
+
+
+def sliding_motions(contact: FloatArray) -> FloatArray:
+    """Coefficients (f, m) of the motions without a normal component on Gamma_C.
+
+    ``contact`` (k, f) are the normal components of f free motions at the nodes of Gamma_C.
+    """
+    if not contact.size:
+        return np.eye(contact.shape[1])
+    _, sizes, directions = np.linalg.svd(contact, full_matrices=True)
+    sizes = np.append(sizes, np.zeros(contact.shape[1] - len(sizes)))
+    return np.asarray(directions[sizes <= 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)].T)
+
+
+def describe_motion(motion: FloatArray, dim: int) -> str:
+    """A rigid motion (3 or 6 coefficients, 1 of an axisymmetric body) in words."""
+    if len(motion) == 1:
+        return "translation along y, the axis"
+    share = np.abs(motion) / np.abs(motion).max()
+    along = [axis for axis, size in zip(AXES, share[:dim], strict=False) if size > 0.1]
+    about = [axis for axis, size in zip("zyx", share[dim:], strict=False) if size > 0.1]
+    turns = "rotation" + (f" about {' and '.join(about)}" if dim == 3 else "")
+    moves = [f"translation along {' and '.join(along)}"] if along else []
+    return " with ".join([*moves, turns] if about else moves)

@@ -1,0 +1,450 @@
+"""Tools: foundations that a prescribed force pushes, with their travel as one more unknown."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import block, column
+
+from contact_locking import InputError, Parameters, Solution, assemble, save, solve, solve_steps
+from contact_locking.certificate.balances import equilibrium
+from contact_locking.monitor import Monitor
+from contact_locking.problem.tool_balance import ToolBalance
+from contact_locking.steps.increment import Increment
+
+NONE = {"kernel": "none"}
+HELD = [{"on": "bottom", "value": [0.0, 0.0]}]
+UP = {"point": [0.0, 1.0], "normal": [0.0, -1.0]}
+
+
+def tool(force: list[Any], on: str = "top", mu: float = 0.3, **shape: Any) -> dict[str, Any]:
+    """A contact whose foundation, by default a plane above a unit block, is pushed by a force."""
+    friction = {"coefficient": mu, "smoothing": NONE}
+    return {
+        "on": on,
+        "foundation": {**(shape or {"half_space": UP}), "force": force},
+        "friction": friction,
+    }
+
+
+def pressed(contact: Any, n: float = math.inf, **changes: Any) -> Parameters:
+    """A unit block that stands on its clamped bottom, with a load on its right."""
+    loads = {
+        "tractions": [{"on": "right", "value": [-0.01, 0.003]}],
+        "displacements": HELD,
+    }
+    given: dict[str, Any] = {"h": 0.34, "loads": loads, "penalty__n": n, "contact": contact}
+    return block(**(given | changes))
+
+
+def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Solution:
+    solution = solve(parameters, comm)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+def told(solution: Solution, number: int = 0) -> dict[str, Any]:
+    """The entry of the summary about a tool."""
+    return dict(solution.summary["contacts"][number]["tool"])
+
+
+# What is right by hand.
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_the_force_on_a_column_gives_the_strain_of_uniaxial_compression(dim: int, n: float) -> None:
+    area, distance, epsilon, limit = 1.0, 0.5, 1e-4, 0.02
+    plane = {"point": [0.0] * (dim - 1) + [2.0 + distance], "normal": [0.0] * (dim - 1) + [-1.0]}
+    rollers = column(dim).loads.displacements
+    stands = {"on": ["bottom"], "value": [None] * (dim - 1) + [0.0]}
+    for force in (0.01, 0.05):
+        push = tool([0.0] * (dim - 1) + [-force], mu=0.0, half_space=plane)
+        loads = {"displacements": [*(item.model_dump() for item in rollers), stands]}
+        found = solved(column(dim, contact=push, loads=loads, penalty={"n": n, "epsilon": epsilon}))
+        lame, shear = 0.3 / (1.3 * 0.4), 1.0 / 2.6
+        strain = force / area / (lame + 2.0 * shear)
+        if strain > limit:
+            # sigma = (lambda + 2 mu) eps + 2 n (eps - M)
+            more = 0.0 if n == math.inf else (strain - limit) / (1.0 + 2.0 * n / (lame + 2 * shear))
+            strain = limit + more
+        assert found.summary["strain_norm_max"] == pytest.approx(strain, rel=1e-7)
+        travel = distance + 2.0 * strain + epsilon * force / area
+        assert told(found)["travel"] == pytest.approx(travel, rel=1e-9)
+        assert found.summary["contact_force"][-1] == pytest.approx(-force, rel=1e-8)
+
+
+def test_two_tools_press_from_both_sides_with_their_own_forces() -> None:
+    left = tool([0.02, 0.0], "left", half_space={"point": [-0.1, 0.0], "normal": [1.0, 0.0]})
+    right = tool([-0.03, 0.0], "right", half_space={"point": [1.2, 0.0], "normal": [-1.0, 0.0]})
+    found = solved(pressed([left, right], loads={"displacements": HELD}))
+    forces = [
+        np.add(entry["contact_force"], entry["friction_force"])[0]
+        for entry in found.summary["contacts"]
+    ]
+    assert forces == pytest.approx([0.02, -0.03], rel=1e-7)
+    assert told(found, 0)["direction"] == [1.0, 0.0]
+    assert told(found, 1)["direction"] == [-1.0, 0.0]
+    # Both reach the body, and the stronger push goes farther beyond.
+    beyond = [told(found, i)["travel"] - gap for i, gap in enumerate((0.1, 0.2))]
+    assert 0.0 < beyond[0] < beyond[1] < 0.05
+
+
+def test_a_force_along_an_oblique_line_includes_friction() -> None:
+    found = solved(pressed(tool([0.006, -0.03], mu=0.5)))
+    entry = found.summary["contacts"][0]
+    force = np.add(entry["contact_force"], entry["friction_force"])
+    direction = np.array([0.006, -0.03]) / math.hypot(0.006, 0.03)
+    assert force @ direction == pytest.approx(math.hypot(0.006, 0.03), rel=1e-8)
+    # The force across the line is that of the guide.
+    assert abs(entry["friction_force"][0]) > 1e-4
+
+
+@pytest.mark.parametrize("weight", [0.017, 0.019])
+def test_a_pinch_holds_a_weight_up_to_twice_the_friction_of_a_tool(weight: float) -> None:
+    sides = [
+        tool([0.03 * side, 0.0], on, half_space={"point": [x, 0.0], "normal": [side, 0.0]})
+        for on, x, side in (("left", 0.0, 1.0), ("right", 1.0, -1.0))
+    ]
+    loads = {
+        "body_force": [0.0, -weight],
+        "displacements": [{"on": "bottom", "value": [0.0, None]}],
+    }
+    found = solve(pressed(sides, loads=loads))
+    # 2 mu F = 0.018
+    if weight < 0.018:
+        assert found.converged, found.summary["reason"]
+        assert found.summary["friction_force"][1] == pytest.approx(weight, rel=1e-7)
+    else:
+        assert not found.converged
+        assert "friction cannot hold the body" in found.summary["reason"]
+        assert "translation along y" in found.summary["reason"]
+
+
+def test_a_locked_body_bears_any_force() -> None:
+    found = solved(pressed(tool([0.0, -50.0], mu=0.0), h=0.5))
+    assert found.summary["contact_force"][1] == pytest.approx(-50.0, rel=1e-8)
+    assert told(found)["travel"] <= 0.02 * (1.0 + 1e-6)
+
+
+def test_a_tool_reaches_a_body_that_moves_away() -> None:
+    away = {"tractions": [{"on": "right", "value": [0.0, -0.01]}], "displacements": HELD}
+    far = {"point": [0.0, 7.0], "normal": [0.0, -1.0]}
+    found = solved(pressed(tool([0.0, -0.001], half_space=far), loads=away))
+    assert told(found)["travel"] > 6.0
+    assert found.summary["contact_force"][1] == pytest.approx(-0.001, rel=1e-7)
+
+
+# The same by other ways.
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_the_found_travel_gives_the_same_state_as_a_foundation_that_stands_there(n: float) -> None:
+    pushed = solved(pressed(tool([0.0, -0.03]), n))
+    place = {"point": [0.0, 1.0 - told(pushed)["travel"]], "normal": [0.0, -1.0]}
+    still = tool([], half_space=place)
+    del still["foundation"]["force"]
+    fixed = solved(pressed(still, n))
+    # Friction acts along the foundation, which has not moved along itself.
+    u, w = (found.displacement.x.array for found in (pushed, fixed))
+    assert np.abs(u - w).max() <= 1e-6 * np.abs(w).max()
+    for key in ("contact_force", "friction_force"):
+        assert pushed.summary[key] == pytest.approx(fixed.summary[key], rel=1e-5, abs=1e-8)
+
+
+def test_newton_and_the_interior_point_method_agree() -> None:
+    contacts = [tool([0.004, -0.03]), tool([0.02, 0.0], "left", sphere={"centre": [-1.02, 0.5],
+                                                                       "radius": 1.0})]  # fmt: skip
+    ways = [
+        solved(pressed(contacts, 1e3, solver__method=method))
+        for method in ("newton", "interior_point")
+    ]
+    u, w = (found.displacement.x.array for found in ways)
+    assert np.abs(u - w).max() <= 1e-7 * np.abs(w).max()
+    for number in range(2):
+        travels = [told(found, number)["travel"] for found in ways]
+        assert travels[0] == pytest.approx(travels[1], rel=1e-7)
+
+
+def test_an_iterative_solver_finds_the_same_travel() -> None:
+    direct, iterative = (
+        solved(pressed(tool([0.0, -0.03]), solver__linear=linear))
+        for linear in ("direct", "iterative")
+    )
+    assert told(iterative)["travel"] == pytest.approx(told(direct)["travel"], rel=1e-7)
+
+
+def test_units_do_not_matter() -> None:
+    small, strong = 1e-6, 1e9
+
+    def scaled(length: float, stress: float) -> Solution:
+        plane = {"point": [0.0, length], "normal": [0.0, -1.0]}
+        return solved(
+            pressed(
+                tool([0.0, -0.03 * stress * length], half_space=plane),
+                mesh={"builder": "block", "size": [length] * 2, "h": 0.34 * length},
+                material__elasticity={"young": stress, "poisson": 0.3},
+                loads={"displacements": HELD},
+            )
+        )
+
+    one, other = scaled(1.0, 1.0), scaled(small, strong)
+    assert told(other)["travel"] == pytest.approx(small * told(one)["travel"], rel=1e-7)
+    force = np.array(one.summary["contact_force"])
+    assert other.summary["contact_force"] == pytest.approx(small * strong * force, rel=1e-7)
+    assert other.summary["iterations"]["tangents"] == one.summary["iterations"]["tangents"]
+
+
+def test_quadratic_elements_have_tools() -> None:
+    coarse = pressed(tool([0.0, -0.03]), h=0.5, discretisation__degree=2)
+    found = solved(coarse)
+    linear = solved(pressed(tool([0.0, -0.03]), h=0.125))
+    assert told(found)["travel"] == pytest.approx(told(linear)["travel"], rel=0.02)
+
+
+def test_several_ranks_find_what_one_finds(comm: MPI.Intracomm) -> None:
+    parameters = pressed([tool([0.004, -0.03]), tool([0.02, 0.0], "left", half_space={
+        "point": [-0.1, 0.0], "normal": [1.0, 0.0]})])  # fmt: skip
+    together, alone = solved(parameters, comm), solved(parameters, MPI.COMM_SELF)
+    for number in range(2):
+        travels = told(together, number)["travel"], told(alone, number)["travel"]
+        assert travels[0] == pytest.approx(travels[1], rel=1e-6)
+    assert together.summary["contact_force"] == pytest.approx(
+        alone.summary["contact_force"], rel=1e-6
+    )
+
+
+# The laws of a tool.
+
+
+def balance_of(parameters: Parameters) -> tuple[Increment, ToolBalance]:
+    problem = assemble(parameters, MPI.COMM_WORLD)
+    increment = Increment(problem, Monitor())
+    increment.system.set_penalty(problem.penalty)
+    return increment, increment.system.tools.balances[0]
+
+
+def test_a_tool_settles_from_anywhere_and_its_border_is_the_derivative() -> None:
+    """``q(u)`` is the root of g, and ``dq = -B . du/c``."""
+    increment, balance = balance_of(pressed(tool([0.003, -0.03]), 1e3))
+    system, contact = increment.system, balance.tool.contact
+    random = np.random.default_rng(1)
+    x = system.u.function_space.tabulate_dof_coordinates()[:, :2]
+    waves = np.sin(x @ random.normal(size=(2, 2)) * 3.0)
+    system.u.x.array[:] = 0.01 * waves.reshape(-1)
+    contact.bounds = np.full(len(contact.bounds), 0.02)
+    places = []
+    for start in (0.0, -3.0, 5.0):
+        balance.tool.travel = start
+        balance.settle(system.u)
+        places.append(balance.tool.travel)
+    assert places == pytest.approx([places[0]] * 3, rel=1e-12)
+    tractions, corner = balance.border(system.u, 0.0)
+    assert corner > 0.0
+    forces = contact.surface.nodal_forces(tractions)
+    change = 1e-7 * np.cos(5.0 * x).reshape(-1)
+    owned = contact.surface.vector_space.dofmap.index_map.size_local * 2
+    expected = -system.comm.allreduce(float(forces[:owned] @ change[:owned])) / corner
+    system.u.x.array[:] += change
+    balance.settle(system.u)
+    moved = balance.tool.travel - places[0]
+    assert moved == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_wrong_force_or_travel_breaks_the_balance_of_the_tool() -> None:
+    increment, balance = balance_of(pressed(tool([0.0, -0.03]), h=0.5))
+    state = increment.state(increment.solve())
+    tolerance = increment.settings.tolerance
+    assert equilibrium(state).criteria(tolerance)["tool_balance"].holds
+    balance.tool.force *= 1.0 + 1e-5
+    assert not equilibrium(state).criteria(tolerance)["tool_balance"].holds
+    balance.tool.force /= 1.0 + 1e-5
+    fields = state.contacts[0]
+    fields.pressure = fields.pressure * (1.0 - 1e-5)
+    assert not equilibrium(state).criteria(tolerance)["tool_balance"].holds
+
+
+def test_proofs_for_foundations_in_a_known_place_say_that_they_do_not_apply() -> None:
+    loads = {"displacements": [{"on": "bottom", "value": [0.0, 0.001]}]}
+    certificate = {"error_bound": True, "constants": True}
+    found = solved(pressed(tool([0.0, -0.03]), 1e3, loads=loads, certificate=certificate, h=0.5))
+    proofs = found.summary["certificate"]
+    entries = [
+        proofs["errors"]["guaranteed"],
+        proofs["errors"]["penalty"],
+        proofs["limit_load"],
+    ]
+    for entry in (*entries, *found.summary["bounds"].values()):
+        assert "a force pushes a foundation" in entry["reason"]
+    assert proofs["errors"]["guaranteed"]["energy_norm"] is None
+    assert proofs["errors"]["penalty"]["energy_norm"] is None
+    assert proofs["limit_load"]["load_factor"] is None
+    assert proofs["constants"]["uniqueness"]["verdict"] == "not known"
+
+
+# Processes.
+
+
+def cycle(**changes: Any) -> Parameters:
+    """A tool that presses, is dragged by a load on the body, and lets go."""
+    loads = {
+        "tractions": [{"on": "right", "value": ["-0.012*t", 0.0]}],
+        "displacements": HELD,
+    }
+    force = [0.0, "-0.03*sin(pi*t)"]
+    times = {"times": [0.0, 0.25, 0.5, 0.75, 1.0]}
+    given: dict[str, Any] = {"loads": loads, "steps": times, "h": 0.5}
+    return pressed(tool(force), **(given | changes))
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_the_work_of_a_force_is_stored_or_dissipated(n: float) -> None:
+    found = list(solve_steps(cycle(n=n)))
+    assert all(one.converged for one in found), found[-1].summary["reason"]
+    history = found[-1].history
+    force, travel = history.column("tool_force"), history.column("tool_travel")
+    assert force == pytest.approx(0.03 * np.sin(np.pi * history.column("t")), abs=1e-12)
+    # Without a force the tool touches the body and presses with nothing.
+    for one in (found[0], found[-1]):
+        assert one.summary["contact_area"] == 0.0
+        assert one.summary["contact_force"] == [0.0, 0.0]
+    assert travel[-1] < travel[0] < travel[2]
+    fields = found[-1].contacts[0]
+    assert float(np.max(fields.u_normal - fields.gap, initial=-1.0)) <= 0.0
+    rest = history.column("work") - np.diff(history.column("stored"), prepend=0.0)
+    rest -= history.column("dissipated") + history.column("numerical")
+    assert np.abs(rest).max() <= 1e-12
+    assert (history.column("numerical") >= -1e-12).all()
+    # Without another load the work is F dq alone.
+    alone = list(solve_steps(cycle(n=n, loads={"displacements": HELD})))[-1].history
+    expected = alone.column("tool_force") * np.diff(alone.column("tool_travel"), prepend=0.0)
+    assert alone.column("work") == pytest.approx(expected, rel=1e-6, abs=1e-10)
+
+
+def test_friction_remembers_the_slip_relative_to_the_tool() -> None:
+    """A tool that moves along its own surface as well drags the body back and forth."""
+    force = [0.0, -0.03]
+    plane = {"point": [0.0, 1.0], "normal": [-0.4, -1.0]}
+    way = {"displacements": [{"on": "bottom", "value": ["0.01*sin(2*pi*t)", 0.0]}]}
+    given = pressed(
+        tool(force, half_space=plane, mu=0.5), loads=way, steps={"to": 1.0, "count": 4}, h=0.5
+    )
+    found = list(solve_steps(given))
+    assert all(one.converged for one in found), found[-1].summary["reason"]
+    last = found[-1].contacts[0]
+    direction = np.array([0.0, -1.0])
+    travel = told(found[-1])["travel"] - told(found[-2])["travel"]
+    across = direction - (last.normal @ direction)[:, None] * last.normal
+    step = last.u_tangent - found[-2].contacts[0].u_tangent - travel * across
+    sticks = last.state == 1
+    assert found[-1].domain.comm.allreduce(int(sticks.sum())) > 0
+    assert np.abs(step[sticks]).max(initial=0.0) <= 1e-9
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_a_tool_that_is_pushed_down_and_led_across_drags_the_body(n: float) -> None:
+    """The plane presses with its force while its motion slides it along the body."""
+    led = tool([0.0, -0.02], mu=0.3)
+    led["foundation"]["motion"] = ["0.05*t", 0.0]
+    given = pressed(led, n, loads={"displacements": HELD}, steps={"to": 1.0, "count": 2}, h=0.5)
+    found = list(solve_steps(given))
+    assert all(one.converged for one in found), found[-1].summary["reason"]
+    assert found[-1].summary["contact_force"][1] == pytest.approx(-0.02, rel=1e-7)
+    # In the end all of the tool slides over the body, which it drags with mu F.  Regularised
+    # friction misses its bound by (delta/slip)^2/2.
+    share = 1e-6 if n == math.inf else 2e-3
+    assert found[-1].summary["friction_force"][0] == pytest.approx(0.3 * 0.02, rel=share)
+    history = found[-1].history
+    assert history.column("work").sum() > 0.3 * 0.02 * 0.02
+
+
+def test_a_motion_along_the_force_is_refused() -> None:
+    led = tool([0.0, -0.02])
+    led["foundation"]["motion"] = [0.0, "-0.01*t"]
+    with pytest.raises(InputError, match="is along foundation"):
+        assemble(pressed(led, steps={"to": 1.0, "count": 2}), MPI.COMM_WORLD)
+
+
+def test_a_process_goes_on_from_a_saved_step(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    folder = comm.bcast(tmp_path)
+    found = []
+    for number, one in enumerate(solve_steps(cycle())):
+        found.append(one)
+        if number == 2:
+            save(one, folder)
+    went_on = list(solve_steps(cycle(), restart=folder))
+    assert [one.time for one in went_on] == [0.5, 0.75, 1.0]
+    for one, again in zip(found[2:], went_on, strict=True):
+        assert again.converged, again.summary["reason"]
+        assert told(again)["travel"] == pytest.approx(told(one)["travel"], rel=1e-7)
+    assert went_on[-1].history.column("work_total")[-1] == pytest.approx(
+        found[-1].history.column("work_total")[-1], rel=1e-6
+    )
+
+
+# What has no answer.
+
+
+@pytest.mark.parametrize(
+    ("force", "why"),
+    [
+        ([0.0, 0.03], "does not push the foundation towards the body"),
+        ([0.03, 0.0], "does not push the foundation towards the body"),
+        ([0.0, "0*t"], "is zero at all times"),
+        (["t", -1.0], "has another direction at t = 1"),
+        ([0.0, "1.5*t - 1"], "is turned round at t = 1"),
+        ([0.0, "1/(t - 0.5)"], "contact.foundation.force"),
+    ],
+)
+def test_a_force_that_cannot_push_is_refused(force: list[Any], why: str) -> None:
+    given = pressed(tool(force), steps={"to": 1.0, "count": 2})
+    with pytest.raises(InputError) as raised:
+        assemble(given, MPI.COMM_WORLD)
+    assert why in f"{raised.value.key}: {raised.value}"
+
+
+def test_the_study_file_refuses_a_zero_force_and_another_number_of_components() -> None:
+    for force, why in (([0.0, 0.0], "nothing pushes"), ([0.0, 0.0, -1.0], "2 components")):
+        with pytest.raises(ValueError, match=why):
+            pressed(tool(force))
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_a_body_that_only_tools_hold_is_refused(mu: float) -> None:
+    below = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
+    two = [tool([0.0, -0.03], mu=mu), tool([0.0, 0.03], "bottom", mu=mu, **below)]
+    with pytest.raises(InputError, match="body and tools can move together"):
+        assemble(pressed(two, loads={}), MPI.COMM_WORLD)
+
+
+def test_a_force_that_gets_too_small_to_hold_the_body_is_named() -> None:
+    below = {"on": "bottom"}
+    loads = {
+        "tractions": [{"on": "right", "value": [0.0, 0.005]}],
+        "displacements": [{"on": "left", "value": [0.0, None]}],
+    }
+    steps = {"times": [0.5, 1.0], "least": 0.5}
+    contact = [tool([0.0, "-0.02*(1 - t)"], mu=0.0), below]
+    given: dict[str, Any] = {"loads": loads, "steps": steps, "friction__coefficient": 0.0}
+    found = list(solve_steps(pressed(contact, h=0.5, **given)))
+    assert [one.converged for one in found] == [True, False]
+    assert "translation along y" in found[-1].summary["reason"]
+    assert "hold it by loads.displacements" in found[-1].summary["suggestion"]
+
+
+def test_what_the_gap_and_the_tool_cannot_stop_is_still_infeasible() -> None:
+    apart = [*HELD, {"on": "right", "value": [0.1, None]}]
+    found = solve(pressed(tool([0.0, -0.03]), loads={"displacements": apart}))
+    assert not found.converged
+    assert found.summary["reason"].startswith("infeasible")
+
+
+def test_a_problem_without_tools_has_no_word_of_them() -> None:
+    found = solved(block(h=0.5))
+    assert "tool" not in found.summary["contacts"][0]
+    assert "tool_balance" not in found.summary["certificate"]["criteria"]

@@ -1,0 +1,68 @@
+"""V24: Hertz's line contact by force control and by displacement control is one state."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from verification_table import Row
+
+from contact_locking import Parameters, Solution, solving
+
+TEST = "test_verification_force.py"
+# A force of 10 presses a cylinder of radius 8, as its lower half, onto a plane (V6).
+FORCE, HALF_WIDTH, PEAK = 10.0, 0.681, 9.35
+
+
+def pressed_cylinder(down: float, n: float, **foundation: Any) -> Solution:
+    """The cylinder whose top moves down onto a plane, which a force may push."""
+    plane = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}, **foundation}
+    mesh = {"builder": "disc", "radius": 8.0, "h": 2.0, "h_contact": 0.1, "contact_width": 1.5}
+    return solving.solve(
+        Parameters.model_validate(
+            {
+                "mesh": mesh,
+                "material": {
+                    "elasticity": {"young": 200.0, "poisson": 0.3},
+                    "locking_limit": 0.05,
+                },
+                "loads": {"displacements": [{"on": "top", "value": [0.0, -down]}]},
+                "contact": {"on": "contact", "foundation": plane},
+                "friction": {"coefficient": 0.3, "smoothing": {"kernel": "none"}},
+                "penalty": {"n": n},
+            }
+        )
+    )
+
+
+@pytest.mark.parametrize("n", [1e5, math.inf])
+def test_v24_the_force_that_came_out_gives_the_same_state(n: float, found: list[Row]) -> None:
+    pushed = pressed_cylinder(0.0, n, force=[0.0, FORCE])
+    assert pushed.converged, pushed.summary["reason"]
+    travel = pushed.summary["contacts"][0]["tool"]["travel"]
+    moved = pressed_cylinder(travel, n)
+    assert moved.converged, moved.summary["reason"]
+    force = moved.summary["contact_force"][1]
+    # The cylinder has moved down instead of the plane up.
+    down = np.array([0.0, travel])
+    u = pushed.displacement.x.array.reshape(-1, 2)
+    w = moved.displacement.x.array.reshape(-1, 2) + down
+    comm = pushed.domain.comm
+    distance = max(comm.allgather(float(np.abs(u - w).max(initial=0.0)))) / travel
+    problem = f"cylinder by force and by displacement, n = {n:g}"
+    half = pushed.summary["contact_area"] / 2.0
+    found += [
+        Row("V24", problem, "force that came out", force, FORCE, TEST),
+        Row("V24", problem, "distance of the displacements over the travel", distance, None, TEST),
+        Row("V24", problem, "half-width", half, HALF_WIDTH, TEST),
+    ]
+    assert force == pytest.approx(FORCE, rel=1e-6)
+    assert distance <= 1e-6
+    assert half == pytest.approx(HALF_WIDTH, rel=0.15)
+    if pushed.contact_points is not None and moved.contact_points is not None:
+        peaks = [float(one.contact_points.pressure.max()) for one in (pushed, moved)]  # type: ignore[union-attr]
+        found.append(Row("V24", problem, "peak pressure", peaks[0], PEAK, TEST))
+        assert peaks[0] == pytest.approx(peaks[1], rel=1e-5)
+        assert peaks[0] == pytest.approx(PEAK, rel=0.08)

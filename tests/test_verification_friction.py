@@ -1,0 +1,98 @@
+"""V23 and V26: a plate of code_aster's tests that slides, and partial slip of a sphere in 3D."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import with_changes
+from verification_table import Row
+
+from contact_locking import assemble, solve
+from contact_locking.steps.loop import Steps
+
+pytestmark = pytest.mark.serial
+
+TEST = "test_verification_friction.py"
+#: Distances from the left corner in m, and the slips there in m (code_aster, test SSNV128).
+SLIPS = {0.0: 2.86e-5, 1.25e-3: 2.72e-5, 5.0e-3: 2.28e-5, 7.5e-3: 1.98e-5}
+
+
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_v23_the_slip_of_a_plate(degree: int, found: list[Row]) -> None:
+    """A plate between a pressure, a wall and a floor with mu = 1, in one step, in SI units."""
+    plate: dict[str, Any] = {
+        "mesh": {"builder": "block", "size": [0.04, 0.04], "h": 1.25e-3, "structured": True},
+        "discretisation": {"degree": degree},
+        "material": {
+            "elasticity": {"young": 1.3e11, "poisson": 0.2},
+            "locking_limit": math.inf,
+        },
+        "loads": {
+            "pressures": [{"on": "top", "value": 5e7}, {"on": "left", "value": 1.5e8}],
+            "supports": [{"on": "right", "along": "normal"}],
+        },
+        "contact": {"on": "bottom"},
+        "friction": {"coefficient": 1.0, "smoothing": {"kernel": "none"}},
+    }
+    solution = solve(with_changes(plate))
+    assert solution.converged
+    (contact,) = solution.contacts
+    x = contact.surface.points[:, 0]
+    slip = np.linalg.norm(contact.u_tangent, axis=1)
+    for place, exact in SLIPS.items():
+        computed = float(slip[np.argmin(np.abs(x - place))])
+        what = f"slip at x = {1e3 * place:g} mm"
+        found.append(Row("V23", f"SSNV128, P{degree}", what, computed, exact, TEST))
+        # The reference has three digits.
+        assert computed == pytest.approx(exact, rel=4e-3)
+
+
+@pytest.mark.slow
+def test_v26_partial_slip_of_a_sphere(found: list[Row]) -> None:
+    """The stick zone has the radius ``c = a (1 - Q/(mu P))^(1/3)`` (Johnson, 7.2 (b)).
+
+    Half of a block, with its mirror image in y = 0, is pressed onto a sphere without friction, and
+    then moved along.  P, Q and the radius a are those of the solution, as the block is no
+    half-space.
+    """
+    mu, depth, shift = 0.5, 0.045, 0.03
+    data: dict[str, Any] = {
+        "mesh": {
+            "builder": "block",
+            "dim": 3,
+            "size": [2.0, 1.0, 1.0],
+            "h": 0.3,
+            "h_contact": 0.04,
+        },
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.45}, "locking_limit": math.inf},
+        "loads": {
+            "displacements": [
+                {"on": "top", "value": [f"{shift}*max(t - 1, 0)", 0, f"-{depth}*min(t, 1)"]},
+                {"on": "front", "value": [None, 0, None]},
+            ]
+        },
+        "contact": {"on": "bottom", "gap": "((x - 1)**2 + y**2)/4"},
+        "friction": {"coefficient": mu, "smoothing": {"kernel": "none"}},
+        "steps": {"times": [1.0, 1.5, 2.0]},
+    }
+    steps = Steps(assemble(with_changes(data), MPI.COMM_WORLD))
+    (friction,) = (contact.friction for contact in steps.problem.contacts)
+    friction.share = 0.0
+    pressed = next(steps)
+    friction.share = 1.0
+    a = math.sqrt(2.0 * pressed.summary["contact_area"] / math.pi)
+    for solution in steps:
+        assert solution.converged, solution.summary["reason"]
+        force = solution.summary["contact_force"][2]
+        share = abs(solution.summary["friction_force"][0]) / (mu * force)
+        sticks = solution.summary["contact_area"] - solution.summary["slip_area"]
+        stick = math.sqrt(2.0 * sticks / math.pi)
+        exact = (1.0 - share) ** (1.0 / 3.0)
+        problem = f"Cattaneo-Mindlin, 3D, Q = {share:.2f} mu P"
+        found.append(Row("V26", problem, "stick radius over a", stick / a, exact, TEST))
+        assert 0.15 < share < 0.97
+        assert stick / a == pytest.approx(exact, abs=0.06)
