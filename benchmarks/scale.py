@@ -83,7 +83,7 @@ class Tangents(Monitor):
             seconds[1] += time.perf_counter() - began
             self.rows[-1] = (preconditioner(solver._multigrid), seconds, counts)
 
-        TangentSolver.refresh = refresh_and_note  # type: ignore[method-assign]
+        TangentSolver.refresh = refresh_and_note  # type: ignore[method-assign,assignment]
         TangentSolver.solve = solve_and_note  # type: ignore[method-assign,assignment]
 
 

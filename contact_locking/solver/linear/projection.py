@@ -52,14 +52,22 @@ class Projection:
         self._coupling.setDiagonal(diagonal)
         self._coupling.setOption(PETSc.Mat.Option.SPD, True)
         diagonal.destroy()
-        self._ksp = create_ksp(comm, direct_options(comm), prefix=PREFIX + "projection_")
-        self._ksp.setOperators(self._coupling)
-        self._ksp.setUp()
+        # A rank may have no stiff point, so that there are no pieces to factorise rank by rank.
+        package = {} if comm.size == 1 else {"pc_factor_mat_solver_type": "mumps"}
+        options = direct_options(comm)
+        self._ksp = create_ksp(comm, options, package, prefix=PREFIX + "projection_")
+        self._is_empty = rows.getSize()[0] == 0
+        if not self._is_empty:
+            self._ksp.setOperators(self._coupling)
+            self._ksp.setUp()
         self._change, self._right = rows.createVecs()
         self._first, self._second = self._right.duplicate(), self._right.duplicate()
 
     def apply(self, soft: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` with ``soft`` in the place of G."""
+        if self._is_empty:
+            soft.apply(r, z)
+            return
         change, right, first, second = self._change, self._right, self._first, self._second
         self._scaled.mult(r, right)
         self._ksp.solve(right, first)
