@@ -110,8 +110,10 @@ def test_one_rank_reads_what_all_have_saved_and_all_what_one_has(dim: int, folde
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize(
+    ("ranks", "dim"),
+    [(2, 3), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((2, 2), (3, 2), (3, 3)))],
+)
 def test_other_numbers_of_ranks_read_what_one_saved_and_save_for_it(
     dim: int, ranks: int, tmp_path: Path
 ) -> None:

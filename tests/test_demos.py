@@ -37,7 +37,7 @@ COARSE = {
 }
 
 # A static problem, a process, and a sequence of meshes.
-ALWAYS_ON_TWO_RANKS = ("block", "cyclic_slip", "adaptive")
+ALWAYS_ON_TWO_RANKS = ("block", "adaptive")
 
 
 def compliance(folder: Path, ranks: int) -> float:

@@ -229,7 +229,7 @@ def test_a_failed_build_leaves_nothing(equipped: Host) -> None:
 def test_an_interrupted_build_is_not_used_and_the_next_one_succeeds(
     equipped: Host, end: signal.Signals
 ) -> None:
-    process = equipped.start("echo", "solved", FAKE_SECONDS="5")
+    process = equipped.start("echo", "solved", FAKE_SECONDS="2")
     wait_for(lambda: "mmdebstrap fills" in equipped.log.read_text())
     os.killpg(process.pid, end)
     out, _ = process.communicate(timeout=10)

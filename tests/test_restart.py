@@ -64,7 +64,9 @@ CHANGES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("method", ["interior_point", "newton"])
+@pytest.mark.parametrize(
+    "method", ["interior_point", pytest.param("newton", marks=pytest.mark.slow)]
+)
 def test_a_restart_after_any_change_finds_what_a_cold_start_finds(
     method: str, folder: Path
 ) -> None:

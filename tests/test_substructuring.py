@@ -288,7 +288,7 @@ def test_whoever_says_anything_of_packages_gets_them(
 
 @needs_cholmod
 @pytest.mark.serial
-@pytest.mark.parametrize("ranks", [3, 4])
+@pytest.mark.parametrize("ranks", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_more_ranks_than_two(ranks: int) -> None:
     mpirun = shutil.which("mpirun")
     if mpirun is None:

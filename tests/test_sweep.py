@@ -19,6 +19,7 @@ from sweep.solve import (
     BROKEN,
     INFEASIBLE,
     SOLVED,
+    WEDGED,
     WRONG,
     Outcome,
     outcome_of,
@@ -210,11 +211,12 @@ def test_what_is_not_right_is_left_as_a_study_file(tmp_path: Path) -> None:
 
 
 def test_the_table_counts_outcomes_by_family() -> None:
-    kinds = [SOLVED, SOLVED, INFEASIBLE, WRONG]
+    kinds = [SOLVED, SOLVED, INFEASIBLE, WRONG, WEDGED]
     outcomes = [Outcome("a", i, kind, tangents=10 + i) for i, kind in enumerate(kinds)]
     lines = run.table(outcomes).splitlines()
-    assert lines[1].split() == ["a", "4", "2", "1", ".", ".", "1", ".", "11", "12", "0.0"]
-    assert lines[-1] == "right: 3 of 4, 75.00 %"
+    assert lines[1].split() == ["a", "5", "2", "1", ".", "1", ".", "1", ".", "11", "12", "0.0"]
+    assert lines[-2] == "right: 4 of 5, 80.00 %"
+    assert lines[-1].endswith("known: 1")
 
 
 def test_a_refusal_counts_as_right_only_where_it_is() -> None:

@@ -143,7 +143,9 @@ def creep(count: int) -> tuple[float, float]:
     return moved, float(np.abs(begin).max())
 
 
-@pytest.mark.parametrize("count", [30, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "count", [10, *(pytest.param(k, marks=pytest.mark.slow) for k in (30, 1000))]
+)
 def test_v22_a_pinch_that_holds_does_not_creep(count: int, found: list[Row]) -> None:
     moved, size = creep(count)
     found.append(

@@ -87,8 +87,8 @@ class Parameters(Section):
     )
     tables: dict[str, TableParameters] | None = entry(
         None,
-        "tables of numbers by name, which loads, gaps, motions and friction use as functions of "
-        "one argument, such as name(t)",
+        "tables of numbers, used by name as functions of one argument, as ramp(t), in loads, gaps, "
+        "motions and friction",
         optional=True,
     )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
