@@ -118,7 +118,7 @@ def _section(
             else:
                 yield from _section(section, value, depth + 1, given)
         elif section is not None and isinstance(value, list):
-            yield _Line(depth, f"{name}:", about, given)
+            yield _Line(depth, f"{name}:" if value else f"{name}: []", about, given)
             for entry in value:
                 yield _Line(depth + 1, f"- {_flow(entry)}", "", given)
             for key, inner in visible_fields(section).items():
