@@ -195,7 +195,12 @@ def script(name: str) -> ModuleType:
 @pytest.mark.parametrize(
     ("name", "words", "smaller"),
     [
-        ("theorem_4_10", ["--finest", "16"], {"DIVISIONS": (2, 4, 8), "EXPONENTS": (1.0, 2.0)}),
+        pytest.param(
+            "theorem_4_10",
+            ["--finest", "16"],
+            {"DIVISIONS": (2, 4, 8), "EXPONENTS": (1.0, 2.0)},
+            marks=pytest.mark.slow,
+        ),
         ("local_friction", ["--divisions", "10"], {"RADII": (0.4, 0.2)}),
         ("locking_stress", ["--finest", "16"], {"COARSEST": 4}),
     ],

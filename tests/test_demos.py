@@ -38,6 +38,9 @@ COARSE = {
 
 # A static problem, a process, and a sequence of meshes.
 ALWAYS_ON_TWO_RANKS = ("block", "adaptive")
+# A law of the user's own, several contacts, a process with tools; building the documentation runs
+# all scripts.
+ALWAYS_AS_A_SCRIPT = ("block", "stiffening", "two_foundations", "gripper")
 
 
 def compliance(folder: Path, ranks: int) -> float:
@@ -73,7 +76,13 @@ def test_the_penalty_alone_may_be_changed_up_to_infinity(name: str, n: str, tmp_
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("name", COARSE)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in ALWAYS_AS_A_SCRIPT else pytest.mark.slow)
+        for name in COARSE
+    ],
+)
 def test_script_gives_the_same_as_the_study_file(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.serial
 
 DEMOS = Path(__file__).parent.parent / "demos"
 FILES = sorted([*DEMOS.glob("*.yml"), *DEMOS.glob("studies/*.yml")])
-COUNTS = [150, pytest.param(5000, marks=pytest.mark.slow)]
+COUNTS = [60, pytest.param(5000, marks=pytest.mark.slow)]
 
 # A file of the permitted size takes 4 s, a case some ms, of which there may be 10 000.
 SECONDS, SECONDS_A_CASE = 10.0, 0.02
