@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import resource
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -39,23 +37,10 @@ def main() -> None:
     sys.path.append(str(HERE.parent / "tests"))
     from mpi4py import MPI
     from problems import block
+    from stopwatch import WallClock
 
     from contact_locking import solving
     from contact_locking.monitor import Monitor
-
-    class Clock(Monitor):
-        """The nonlinear solve alone, by the clock on the wall."""
-
-        began = ended = math.nan
-
-        def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-            MPI.COMM_WORLD.Barrier()
-            self.began = time.perf_counter()
-
-        def message(self, text: str) -> None:
-            if math.isnan(self.ended) and not math.isnan(self.began):
-                MPI.COMM_WORLD.Barrier()
-                self.ended = time.perf_counter()
 
     def solve(divisions: int, monitor: Monitor) -> Any:
         h = 1.0 / divisions
@@ -63,14 +48,14 @@ def main() -> None:
         return solving.solve(block(given.dim, h, mesh__structured=True, **changes), monitor=monitor)
 
     solve(4, Monitor())
-    clock = Clock()
+    clock = WallClock()
     summary = solve(given.divisions, clock).summary
     kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     memory = MPI.COMM_WORLD.allreduce(kilobytes)
     if MPI.COMM_WORLD.rank == 0:
         kept = ("dofs", "converged", "reason", "iterations", "compliance", "elastic_energy")
         result = {key: summary[key] for key in kept}
-        result |= {"seconds": clock.ended - clock.began, "gigabytes": memory / 2**20}
+        result |= {"seconds": clock.seconds, "gigabytes": memory / 2**20}
         print(json.dumps(result))
 
 

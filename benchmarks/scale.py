@@ -27,7 +27,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import solving
-from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.ksp import FILTER_LIMIT
@@ -37,26 +36,17 @@ from contact_locking.solver.linear.tangent_solver import TangentSolver
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
 from problems import block
+from stopwatch import WallClock
 
 
-class Tangents(Monitor):
+class Tangents(WallClock):
     """Notes for each tangent how it is preconditioned, its CG iterations and its seconds."""
 
     def __init__(self) -> None:
-        self.began = self.ended = math.nan
+        super().__init__()
         #: What preconditions, seconds of its set-up and of solves, and the iterations of solves.
         self.rows: list[tuple[str, list[float], list[int]]] = []
         self._watch(TangentSolver.refresh, TangentSolver.solve)
-
-    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        if math.isnan(self.began):
-            MPI.COMM_WORLD.Barrier()
-            self.began = time.perf_counter()
-
-    def message(self, text: str) -> None:
-        if math.isnan(self.ended) and not math.isnan(self.began):
-            MPI.COMM_WORLD.Barrier()
-            self.ended = time.perf_counter()
 
     def _watch(
         self,
@@ -145,7 +135,7 @@ def main() -> None:
         f"{len(used)} ranks on {os.cpu_count()} cores: {summary['reason']}; "
         f"{summary['iterations']['tangents']} tangents, {sum(every)} CG iterations, "
         f"{max(every, default=0)} at most in a solve; solver "
-        f"{tangents.ended - tangents.began:.0f} s, in all {total:.0f} s; memory "
+        f"{tangents.seconds:.0f} s, in all {total:.0f} s; memory "
         f"{max(used):.2f} GB in a rank, {sum(used):.1f} GB in all"
     )
 

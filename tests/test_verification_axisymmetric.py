@@ -12,6 +12,8 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 from problems import with_changes
+from test_verification_hertz import DEPTH, FORCE, HALF_WIDTH, MODULUS, PEAK, RADIUS, section
+from test_verification_hertz import YOUNG as HERTZ_YOUNG
 from verification_table import Row
 
 from contact_locking import solving
@@ -259,52 +261,15 @@ def test_v25_the_force_of_a_ball_at_a_depth_pushes_the_ball_to_that_depth(found:
     assert reached["contact_force"][1] == pytest.approx(force, rel=1e-8)
 
 
-RADIUS, DEPTH, STIFF = 0.5, 0.02, 10.0
-HALF_WIDTH = math.sqrt(RADIUS * DEPTH)
-MODULUS = STIFF / (1.0 - POISSON**2)
-FORCE = 4.0 / 3.0 * MODULUS * HALF_WIDTH * DEPTH
-PEAK = 1.5 * FORCE / (math.pi * HALF_WIDTH**2)
-
-
-def half_section(path: Path, size: float, h: float, finest: float) -> None:
-    """The half section of a cylinder of radius and height ``size``, fine around the origin."""
-    import gmsh
-
-    gmsh.initialize([], interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        square = gmsh.model.occ.addRectangle(0, 0, 0, size, size)
-        gmsh.model.occ.synchronize()
-        gmsh.model.addPhysicalGroup(2, [square], name="body")
-        for name, axis, place in (("bottom", 1, 0.0), ("top", 1, size)):
-            tags = [
-                tag
-                for dim, tag in gmsh.model.getEntities(1)
-                if abs(gmsh.model.occ.getCenterOfMass(dim, tag)[axis] - place) < 1e-9
-            ]
-            gmsh.model.addPhysicalGroup(1, tags, name=name)
-        field = gmsh.model.mesh.field.add("Ball")
-        sizes = {"Radius": 1.3 * HALF_WIDTH, "Thickness": size, "VIn": finest, "VOut": h}
-        for key, value in sizes.items():
-            gmsh.model.mesh.field.setNumber(field, key, value)
-        gmsh.model.mesh.field.setAsBackgroundMesh(field)
-        for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints"):
-            gmsh.option.setNumber(f"Mesh.{option}", 0)
-        gmsh.model.mesh.generate(2)
-        gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
-
-
 def test_v25_an_indented_cylinder_is_near_to_hertz_in_a_second(
     tmp_path: Path, found: list[Row]
 ) -> None:
     """``a^3 = 3 F R/(4 E*)``: the data of V4, on a block of 80 half-widths."""
     file = tmp_path / "half_section.msh"
-    half_section(file, 8.0, 1.0, 0.005)
+    section(file, 8.0, 1.0, 0.005, dim=2)
     data: dict[str, Any] = {
         "mesh": {"file": str(file), "axisymmetric": True},
-        "material": {"elasticity": {"young": STIFF, "poisson": POISSON}},
+        "material": {"elasticity": {"young": HERTZ_YOUNG, "poisson": POISSON}},
         "loads": {"displacements": [{"on": "top", "value": [0, 0]}]},
         "contact": {"on": "bottom", "gap": f"x*x/(2*{RADIUS}) - {DEPTH}"},
         "penalty": {"n": 1e4, "epsilon": 1e-4},

@@ -16,33 +16,34 @@ pytestmark = pytest.mark.serial
 
 RADIUS, DEPTH, YOUNG, POISSON = 0.5, 0.02, 10.0, 0.3
 HALF_WIDTH = math.sqrt(RADIUS * DEPTH)
-FORCE = 4.0 / 3.0 * YOUNG / (1.0 - POISSON**2) * HALF_WIDTH * DEPTH
+MODULUS = YOUNG / (1.0 - POISSON**2)
+FORCE = 4.0 / 3.0 * MODULUS * HALF_WIDTH * DEPTH
 PEAK = 1.5 * FORCE / (math.pi * HALF_WIDTH**2)
 TEST = "test_verification_hertz.py"
 
 
-def quarter(path: Path, size: float, h: float, finest: float) -> None:
-    """A quarter of the block, cut at x = 0 and y = 0, fine around the origin."""
+def section(path: Path, size: float, h: float, finest: float, dim: int = 3) -> None:
+    """A quarter of the block, in 2D the half section of a cylinder, fine around the origin."""
     import gmsh
 
     gmsh.initialize([], interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        box = gmsh.model.occ.addBox(0, 0, 0, size, size, size)
+        if dim == 3:
+            body = gmsh.model.occ.addBox(0, 0, 0, size, size, size)
+            sides = [("bottom", 2, 0.0), ("top", 2, size), ("left", 0, 0.0), ("front", 1, 0.0)]
+        else:
+            body = gmsh.model.occ.addRectangle(0, 0, 0, size, size)
+            sides = [("bottom", 1, 0.0), ("top", 1, size)]
         gmsh.model.occ.synchronize()
-        gmsh.model.addPhysicalGroup(3, [box], name="body")
-        for name, axis, place in (
-            ("bottom", 2, 0.0),
-            ("top", 2, size),
-            ("left", 0, 0.0),
-            ("front", 1, 0.0),
-        ):
+        gmsh.model.addPhysicalGroup(dim, [body], name="body")
+        for name, axis, place in sides:
             tags = [
                 tag
-                for dim, tag in gmsh.model.getEntities(2)
-                if abs(gmsh.model.occ.getCenterOfMass(dim, tag)[axis] - place) < 1e-9
+                for _, tag in gmsh.model.getEntities(dim - 1)
+                if abs(gmsh.model.occ.getCenterOfMass(dim - 1, tag)[axis] - place) < 1e-9
             ]
-            gmsh.model.addPhysicalGroup(2, tags, name=name)
+            gmsh.model.addPhysicalGroup(dim - 1, tags, name=name)
         ball = gmsh.model.mesh.field.add("Ball")
         sizes = {"Radius": 1.3 * HALF_WIDTH, "Thickness": size, "VIn": finest, "VOut": h}
         for key, value in sizes.items():
@@ -50,7 +51,7 @@ def quarter(path: Path, size: float, h: float, finest: float) -> None:
         gmsh.model.mesh.field.setAsBackgroundMesh(ball)
         for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints"):
             gmsh.option.setNumber(f"Mesh.{option}", 0)
-        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.generate(dim)
         gmsh.write(str(path))
     finally:
         gmsh.finalize()
@@ -61,7 +62,7 @@ def indented(
 ) -> tuple[float, float, float]:
     """Force, half-width and peak pressure on the whole block."""
     file = folder / "quarter.msh"
-    quarter(file, size, h, finest)
+    section(file, size, h, finest)
     data: dict[str, Any] = {
         "mesh": {"file": str(file)},
         "material": {"elasticity": {"young": YOUNG, "poisson": POISSON}},
