@@ -188,12 +188,9 @@ def growth_with_the_penalty(task: Task) -> str:
     """
     if task.target.penalty.epsilon > 0.0:
         return ""
-    share = 0.0
-    for stiffness in _SMOOTH_STIFFNESSES:
-        found = _entered(task, _regularised(_stiff(task.target, stiffness)))
-        if found is not None:
-            share = found
-            break
+    targets = (_regularised(_stiff(task.target, stiffness)) for stiffness in _SMOOTH_STIFFNESSES)
+    found = (_entered(task, target) for target in targets)
+    share = next((share for share in found if share is not None), 0.0)
     if share < _WEDGED:
         return ""
     return (
