@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import basix.ufl
@@ -16,6 +19,7 @@ from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.mesh_file.data import MeshData, Simplices
 
 _CELL = {2: "triangle", 3: "tetrahedron"}
+_SCOTCH_THREADS = "SCOTCH_PTHREAD_NUMBER"
 
 
 class Distributed(NamedTuple):
@@ -33,7 +37,8 @@ def distribute(
     """Distribute cells and named facets; collective.
 
     Only rank 0 has ``data``, ``facets`` and ``parts`` (k,), the part of each cell; the other ranks
-    pass None and an empty array.  Nodes without a cell are left out.
+    pass None and an empty array.  Nodes without a cell are left out.  The same mesh is distributed
+    in the same way each time, so that solutions can be compared node by node.
     """
     points: FloatArray = np.empty((0, dim))
     cells: IntArray = np.empty((0, dim + 1), dtype=np.int64)
@@ -53,9 +58,10 @@ def distribute(
     groups = comm.bcast(groups)
     element = basix.ufl.element("Lagrange", _CELL[dim], 1, shape=(dim,), dtype=default_real_type)
     # Keyword arguments, because DOLFINx 0.10 changed the order.
-    mesh = dmesh.create_mesh(
-        comm=comm, cells=cells, x=points.astype(default_real_type), e=ufl.Mesh(element)
-    )
+    with _one_partitioning_thread():
+        mesh = dmesh.create_mesh(
+            comm=comm, cells=cells, x=points.astype(default_real_type), e=ufl.Mesh(element)
+        )
     mesh.topology.create_connectivity(dim, 0)
     both = _tags(mesh, dim, cells, values)
     order = np.argsort(both.indices)
@@ -65,6 +71,22 @@ def distribute(
     mesh.topology.create_connectivity(dim, dim - 1)
     facet_tags = _tags(mesh, dim - 1, marked, marks)
     return Distributed(mesh, cell_tags, facet_tags, (numbers // len(groups)).astype(np.int32))
+
+
+@contextmanager
+def _one_partitioning_thread() -> Iterator[None]:
+    """SCOTCH partitions with one thread unless the user's environment says otherwise.
+
+    The parts that several threads find depend on their timing.
+    """
+    if _SCOTCH_THREADS in os.environ:
+        yield
+        return
+    os.environ[_SCOTCH_THREADS] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[_SCOTCH_THREADS]
 
 
 def _tags(mesh: dmesh.Mesh, dim: int, entities: IntArray, values: IndexArray) -> Any:
