@@ -25,7 +25,7 @@ LAYERS = (
     ("_compat", "parallel", "files"),
     ("laws", "expressions", "meshes"),
     ("parameters", "mesh_file"),
-    ("study_file", "problem"),
+    ("study_file", "problem", "costs"),
     ("solver",),
     ("results",),
     ("certificate", "convergence"),
