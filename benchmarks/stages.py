@@ -5,8 +5,9 @@
 
 The case is the unit block of the tests on a regular grid, mu = 0.3, solved with multigrid, written
 without a picture.  ``--file`` gives another mesh of a body with the same names of boundary parts.
-The memory of a stage is the largest resident memory of a rank during the stage, and the sum over
-all ranks; it contains what earlier stages have left.  Times are by the clock on the wall.
+The memory of a stage is the largest resident memory during the stage, as a sum over all ranks and
+in the rank with most; it contains what earlier stages have left.  Times are by the clock
+on the wall.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -31,6 +32,7 @@ from contact_locking._version import __version__
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble, mesh_of
+from contact_locking.results.solution import Solution
 from contact_locking.steps.increment import Increment, solution_of
 
 # The reference problem belongs to the tests.
@@ -44,11 +46,19 @@ _CLEAR, _STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 AFTER = ("certificate", "fields and summary", "files", "report")
 
 
+class Row(NamedTuple):
+    """Seconds, the memory of all ranks at the start, and the largest of each rank, in GB."""
+
+    seconds: float
+    before: float
+    most: list[float]
+
+
 class Stages:
-    """The seconds of each stage, and its largest memory on each rank in GB."""
+    """What each stage took."""
 
     def __init__(self) -> None:
-        self.rows: dict[str, tuple[float, list[float]]] = {}
+        self.rows: dict[str, Row] = {}
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -56,33 +66,34 @@ class Stages:
         gc.collect()
         COMM.Barrier()
         _CLEAR.write_text("5")
-        began = time.perf_counter()
+        before, began = COMM.allreduce(_memory("VmRSS")), time.perf_counter()
         yield
         COMM.Barrier()
-        self.rows[name] = time.perf_counter() - began, COMM.allgather(_largest_memory())
+        seconds = time.perf_counter() - began
+        self.rows[name] = Row(seconds, before, COMM.allgather(_memory("VmHWM")))
 
     def table(self) -> str:
         """The stages as a table, and what those after the solve take of the solve."""
-        solve, most = self.rows["solve"][0], self.rows["solve"][1]
-        lines = ["| stage | s | share of the solve | GB in a rank | GB in all |"]
-        lines.append("| --- | --- | --- | --- | --- |")
-        for name, (seconds, used) in self.rows.items():
-            share = f"{100.0 * seconds / solve:.1f} %"
-            lines.append(
-                f"| {name} | {seconds:.2f} | {share} | {max(used):.3f} | {sum(used):.3f} |"
-            )
-        after = sum(self.rows[name][0] for name in AFTER)
-        peak = max(sum(self.rows[name][1]) for name in AFTER)
+        solve = self.rows["solve"]
+        lines = ["| stage | s | share of the solve | GB before | GB | GB in a rank |"]
+        lines.append("| --- | --- | --- | --- | --- | --- |")
+        for name, row in self.rows.items():
+            share = f"{100.0 * row.seconds / solve.seconds:.1f} %"
+            memory = f"{row.before:.3f} | {sum(row.most):.3f} | {max(row.most):.3f}"
+            lines.append(f"| {name} | {row.seconds:.2f} | {share} | {memory} |")
+        after = sum(self.rows[name].seconds for name in AFTER)
+        peak = max(sum(self.rows[name].most) for name in AFTER)
         lines += [
             "",
-            f"After the solve: {100.0 * after / solve:.1f} % of its time, and a memory of "
-            f"{100.0 * peak / sum(most):.0f} % of that of the solve.",
+            f"After the solve: {100.0 * after / solve.seconds:.1f} % of its time, and a memory of "
+            f"{100.0 * peak / sum(solve.most):.0f} % of that of the solve.",
         ]
         return "\n".join(lines)
 
 
-def _largest_memory() -> float:
-    found = re.search(r"VmHWM:\s+(\d+) kB", _STATUS.read_text(encoding="utf-8"))
+def _memory(name: str) -> float:
+    """A resident memory of this process in GB, at present or the largest."""
+    found = re.search(rf"{name}:\s+(\d+) kB", _STATUS.read_text(encoding="utf-8"))
     assert found is not None
     return int(found[1]) / 2**20
 
@@ -90,6 +101,17 @@ def _largest_memory() -> float:
 def run(parameters: Parameters, folder: Path) -> Stages:
     """Mesh, assemble, solve, certify, write and report; collective."""
     stages = Stages()
+    solution = solved(parameters, stages)
+    with stages.stage("files"):
+        writing.write(solution, folder)
+    with stages.stage("report"):
+        if COMM.rank == 0:
+            report.write(folder)
+    return stages
+
+
+def solved(parameters: Parameters, stages: Stages) -> Solution:
+    """The solution, as `solving.solve` makes it; collective."""
     with stages.stage("mesh"):
         domain = mesh_of(parameters, COMM)
     with stages.stage("assembly"):
@@ -103,13 +125,8 @@ def run(parameters: Parameters, folder: Path) -> Stages:
     with stages.stage("fields and summary"):
         solution = solution_of(state, judged)
         solution.summary["version"] = __version__
-    with stages.stage("files"):
-        writing.write(solution, folder)
-    problem.close()
-    with stages.stage("report"):
-        if COMM.rank == 0:
-            report.write(folder)
-    return stages
+        problem.close()
+    return solution
 
 
 def case(h: Fraction, n: float, degree: int, file: Path | None = None) -> Parameters:
