@@ -200,14 +200,13 @@ class Tangent:
             self._stiff_nodes(stiff),
             lambda: self._stiff_nodes(nearly),
             assemble_rest,
-            lambda: self._stiff_strains(along),
+            lambda: self._stiff_rows(along),
             assemble_across,
         )
 
-    def _stiff_strains(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
+    def _stiff_rows(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
         """The rows of all families, without the part that is prescribed; collective."""
-        given = (family.stiff_strains(factor, self._material) for family in self.families)
-        found = [part for part in given if part is not None]
+        found = [family.stiff_rows(factor, self._material) for family in self.families]
         rows = stacked([matrix for matrix, _ in found], self.matrix)
         free = self.matrix.createVecRight()
         constraints = self.system.constraints

@@ -11,8 +11,8 @@ symmetric and positive definite whatever ``G`` misses.  A residual that vanishes
 degrees of freedom keeps doing so, and for it ``B = (I - F A) G``: one exact solve, not two.  So
 solves start from :meth:`FilteredMultigrid.start`.  A variant of doi:10.48550/arXiv.2505.18576.
 
-Where more is stiff than can be filtered, the multigrid for the matrix without the stiffness along
-the stiff strains is projected instead (:mod:`projection`).
+Where more is stiff than can be filtered, the multigrid for the matrix without the stiffness of
+points along single directions is projected instead (:mod:`projection`).
 
 Without either, ``B`` is a multigrid cycle for ``A`` itself, which is faster as long as no cell
 is much stiffer than others; the iterations grow like the square root of the contrast.
@@ -55,7 +55,7 @@ class StiffPart(NamedTuple):
 
     ``nodes`` are the local numbers of its owned nodes; ``find_nearly`` finds them together with
     those that may soon be stiff, too; ``assemble_rest`` gives another matrix of the same pattern
-    the values without the stiffness of ``nodes``.  ``find_strains`` returns the rows C and the
+    the values without the stiffness of ``nodes``.  ``find_rows`` returns the rows C and the
     stiffness B of :class:`Projection`, for points that are still stiffer, and ``assemble_across``
     assembles the matrix without ``C^T B C``.  All are collective.
     """
@@ -63,7 +63,7 @@ class StiffPart(NamedTuple):
     nodes: npt.NDArray[np.int32]
     find_nearly: Callable[[], npt.NDArray[np.int32]]
     assemble_rest: Callable[[PETSc.Mat], None]
-    find_strains: Callable[[], tuple[PETSc.Mat, FloatArray]]
+    find_rows: Callable[[], tuple[PETSc.Mat, FloatArray]]
     assemble_across: Callable[[PETSc.Mat], None]
 
 
@@ -172,7 +172,7 @@ class FilteredMultigrid:
             self._projection = None
         if stiff is not None and projects:
             self._forget()
-            self._projection = Projection(*stiff.find_strains(), by_entry)
+            self._projection = Projection(*stiff.find_rows(), by_entry)
 
     def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""

@@ -1,7 +1,8 @@
-"""Projection onto the displacements that stretch no stiff cell along its stiff strain.
+"""Projection onto the displacements that no stiff point of the body or of contact resists.
 
-With ``A = A_0 + C^T B C``, where each row of ``C`` takes the strain of one point along the
-direction in which the point is stiff, and ``B`` holds these stiffnesses, the projection is
+With ``A = A_0 + C^T B C``, where each row of ``C`` takes the strain of a point of a cell, or the
+displacement of a point of contact, along a direction in which the point is stiff, and ``B`` holds
+these stiffnesses, the projection is
 
     Q = I - K^T T^-1 C,    K = C D^-1,    T = C K^T + B^-1,
 
