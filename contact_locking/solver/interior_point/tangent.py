@@ -17,6 +17,7 @@ from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
+from contact_locking.solver.linear.multigrid import CoarserSpace
 from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
@@ -58,7 +59,9 @@ class Tangent:
         self._right_tools: FloatArray = np.zeros(len(system.tools))
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
-        self._linear = TangentSolver(self.matrix, self._dim, task.settings, task.monitor.linear)
+        self._linear = TangentSolver(
+            self.matrix, self._dim, task.settings, task.monitor.linear, self._coarser_spaces
+        )
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
@@ -177,6 +180,9 @@ class Tangent:
             self._whole,
         ):
             item.destroy()
+
+    def _coarser_spaces(self) -> list[CoarserSpace]:
+        return [CoarserSpace(*found) for found in self.system.coarser_spaces()]
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
         self.system.constraints.assemble_matrix(self._form, matrix)

@@ -26,6 +26,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
+from contact_locking.solver.linear.multigrid import Multigrid
 from contact_locking.solver.linear.options import PREFIX
 
 
@@ -64,7 +65,7 @@ class Projection:
         self._change, self._right = rows.createVecs()
         self._first, self._second = self._right.duplicate(), self._right.duplicate()
 
-    def apply(self, soft: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
+    def apply(self, soft: Multigrid, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` with ``soft`` in the place of G."""
         if self._is_empty:
             soft.apply(r, z)
