@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray
-from contact_locking.errors import InputError, with_key
+from contact_locking.errors import InputError, Misplaced, with_key
 from contact_locking.expressions import TIME, parse
 from contact_locking.laws.foundation import Foundation
 from contact_locking.laws.level_set import LevelSet
@@ -113,7 +113,8 @@ class Tool:
     """A rigid body with a prescribed motion from rest, or at rest.
 
     The constructor is collective, as a shape may be in a file.  Raises InputError for a shape that
-    is none, for a body whose distance is not finite, and for one that lies behind Gamma_C.
+    is none and for a body whose distance is not finite, and Misplaced for one that lies behind
+    Gamma_C.
     """
 
     def __init__(self, site: Site, given: ContactParameters) -> None:
@@ -187,9 +188,9 @@ class Tool:
             # Only a part of Gamma_C faces a tool with several sides; the rest is outside of the
             # tool, and keeps the distance from the nearest side.
             if on_any_rank(comm, behind & (gap < 0.0)):
-                raise InputError(f"{_INSIDE}: {_TURN[self._shape]}", self._key)
+                raise Misplaced(f"{_INSIDE}: {_TURN[self._shape]}", self._key)
         elif on_any_rank(comm, behind):
-            raise InputError(_BEHIND.format(on=self._on), self._key)
+            raise Misplaced(_BEHIND.format(on=self._on), self._key)
         self._check_open_end(points, gap)
         return gap, normals
 
@@ -232,9 +233,9 @@ class Tool:
         return self._body.at_open_end(self.motion(self._site.clock.now).origin(points))
 
     def _check_open_end(self, points: FloatArray, gap: FloatArray) -> None:
-        """Raise InputError for a node that is behind an open tool, beyond its end; collective."""
+        """Raise Misplaced for a node that is behind an open tool, beyond its end; collective."""
         if on_any_rank(self._site.comm, self._at_open_end(points) & (gap < 0.0)):
-            raise InputError(
+            raise Misplaced(
                 "Gamma_C reaches around the end of the open tool, where it has no inside; close "
                 "the tool, or let it reach beyond the body",
                 f"{self._key}.{self._shape}",
