@@ -12,12 +12,13 @@ from petsc4py import PETSc
 from problems import block
 
 from contact_locking import solving
+from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.errors import InputError
 from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid
-from contact_locking.solver.linear.ksp import FILTER_LIMIT, LINEAR_SOLVERS, default_options
+from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options
 from contact_locking.solver.linear.projection import Projection
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 

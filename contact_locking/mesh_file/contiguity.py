@@ -5,14 +5,18 @@ Only nodes of the boundary, which consists of the facets of a single cell, need 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial import cKDTree
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh_file import places
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.topology import Facets, longest_edges
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 # Nodes are at one place if they are nearer than this share of a facet: files hold rounded numbers.
 _SAME_PLACE = 1e-5
@@ -24,6 +28,8 @@ _FRAGMENT = (
 
 def check_contiguity(mesh: MeshData, facets: Facets, parts: IntArray, warnings: list[str]) -> None:
     """Raise InputError where parts touch without shared nodes, or a node hangs on a facet."""
+    from scipy.spatial import cKDTree
+
     exterior = np.flatnonzero(facets.shared == 1)
     owner = facets.owner(exterior)
     check_boundary(mesh, facets.nodes[exterior], owner, parts[owner], warnings)

@@ -7,12 +7,11 @@ from typing import Any
 
 from petsc4py import PETSc
 
+from contact_locking.costs.factorised import FILTER_LIMIT, chosen
 from contact_locking.errors import NotConverged
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.ksp import (
-    FILTER_LIMIT,
     LINEAR_FAILURE,
-    chosen,
     create_ksp,
     default_options,
     destroy_ksp,
