@@ -42,6 +42,13 @@ class InputError(ContactLockingError):
         self.key = key
 
 
+class Misplaced(InputError):
+    """A foundation is where no law of contact holds, as behind Gamma_C.
+
+    A foundation that moves may have been in a place that is right before.
+    """
+
+
 class NotConverged(ContactLockingError):
     """A solver stopped before its criteria held; the message names the criterion and a remedy."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import subprocess
@@ -74,6 +75,33 @@ def assert_same(a: History, b: History) -> None:
         assert np.allclose(a.column(name), b.column(name), rtol=1e-6, atol=1e-7 * size + 1e-12), (
             name
         )
+
+
+def test_a_tool_that_gets_behind_the_body_halves_the_step_and_leaves_the_steps_before(
+    tmp_path: Path,
+) -> None:
+    """The centre of the tool enters the body at t = 0.6, where the way out turns round."""
+    folder = shared(tmp_path)
+    disc = {"sphere": {"centre": [0.5, 1.6], "radius": 0.5}, "motion": [0.0, "-t"]}
+    given = block(
+        h=0.5,
+        loads={"displacements": [{"on": "bottom", "value": [0.0, 0.0]}]},
+        material__locking_limit=math.inf,
+        contact={"on": "top", "foundation": disc},
+        penalty__n=math.inf,
+        steps={"times": [0.5, 0.75, 1.0], "least": 0.06},
+        output={"picture": False, "fields": False},
+    )
+    with pytest.raises(InputError, match=r"at t = 0.625 the foundation lies behind") as caught:
+        run_steps(given, folder)
+    assert caught.value.key == "contact.foundation"
+    assert history_in(folder).column("t") == pytest.approx([0.5, 0.5625])
+    summary = json.loads((folder / "summary.json").read_text())
+    assert not summary["converged"]
+    assert summary["reason"].startswith("contact.foundation: at t = 0.625 the foundation lies")
+    halved = [text for text in summary["warnings"] if "it is halved" in text]
+    assert halved[0] == "the step to t = 0.75 takes contact.foundation too far; it is halved"
+    assert len(halved) == summary["steps"]["halvings"]
 
 
 class Interrupting(Monitor):

@@ -139,7 +139,7 @@ def trace_constant(state: SolvedState) -> float:
         mask = surface.createVecLeft()
         mask.array_w[:] = constraints.free_dofs()[: mask.getLocalSize()]
         surface.diagonalScale(mask, mask)
-        constraints.supports.directions.eliminate(surface, diagonal=0.0)
+        constraints.supports.directions.eliminate(surface, holds=False)
         solver = SLEPc.EPS().create(state.comm)
         solver.setOptionsPrefix(_PREFIX)
         solver.setOperators(surface, problem.matrix)

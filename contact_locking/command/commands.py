@@ -166,8 +166,14 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def mesh(arguments: argparse.Namespace) -> int:
-    """Write the mesh of the study file's builder."""
+    """Write the mesh of the study file: of its builder for Gmsh, and any mesh as XDMF."""
     study = _load(arguments.file, arguments.set)
+    if arguments.output.suffix == ".xdmf":
+        comm = world_with_dolfinx(arguments)
+        from contact_locking.command.exporting import export_mesh
+
+        with _explained(study):
+            return export_mesh(study.parameters, arguments.output, comm)
     geometry = study.parameters.mesh.geometry
     if geometry is None:
         raise InputError(

@@ -103,7 +103,7 @@ class Constraints:
         return np.asarray(np.any(mask.reshape(index_map.size_local, -1) > 0.0, axis=1))
 
     def assemble_matrix(self, form: JointForm, matrix: PETSc.Mat) -> None:
-        """Assemble a bilinear form, with the identity for what the conditions hold; collective."""
+        """Assemble a bilinear form, positive on the diagonal where conditions hold; collective."""
         form.assemble_matrix(matrix, self.conditions)
         self.supports.directions.eliminate(matrix)
 

@@ -107,7 +107,7 @@ class MovingGap:
     def advance(self) -> None:
         """Put gap, normal and drag to the present time; collective.
 
-        Raises InputError for a foundation that has moved behind Gamma_C.
+        Raises Misplaced for a foundation that has moved behind Gamma_C.
         """
         contact, surface = self.contact, self.contact.surface
         gap, normals = contact.obstacle.at_nodes(surface)

@@ -3,9 +3,11 @@
 At a node with the held directions m_1, ..., m_r (unit vectors, orthonormalised) let ``H = sum m_i
 m_i^T`` and ``P = I - H``, and let g be the displacement in the span of the directions that has the
 prescribed components.  Then ``u = P u + g``.  With the P of all nodes, the free part of a residual
-r is ``P r``, and the tangent A is replaced by ``P A P + H``, which is symmetric and, on the free
-displacements, the tangent itself.  For a direction along an axis these are the usual zero rows and
-columns with the identity on the diagonal.
+r is ``P r``, and the tangent A is replaced by ``P A P + s H`` with a stiffness s > 0 at each node,
+which is symmetric and, on the free displacements, the tangent itself.  For a direction along an
+axis these are the usual zero rows and columns with s on the diagonal.  Rounding in ``P A P``
+couples the held directions with the free ones by a share of the stiffness of the node, which grows
+without bound where the node sticks to a foundation.  So s is the stiffness of the node itself.
 """
 
 from __future__ import annotations
@@ -69,10 +71,11 @@ class HeldDirections:
         found.values = self.values[kept]
         return found
 
-    def eliminate(self, matrix: PETSc.Mat, diagonal: float = 1.0) -> None:
-        """Replace an assembled matrix A by ``P A P + diagonal H``; collective.
+    def eliminate(self, matrix: PETSc.Mat, holds: bool = True) -> None:
+        """Replace an assembled matrix A by ``P A P + s H``, or by ``P A P`` alone; collective.
 
-        The pattern of the matrix is symmetric and has whole blocks of a node's components.
+        s is the largest entry on the diagonal of A at the node.  The pattern of the matrix is
+        symmetric and has whole blocks of a node's components.
         """
         if not self._is_anywhere:
             return
@@ -89,11 +92,13 @@ class HeldDirections:
             row = start // dim
             stacked = np.array([values for _, values in rows])
             blocks: FloatArray = stacked.reshape(dim, -1, dim)
+            stiffness = float(np.einsum("ici->ic", blocks[:, columns == row]).max(initial=0.0))
             blocks = blocks - np.tensordot(held, blocks, axes=1)
             found = np.minimum(np.searchsorted(numbers, columns), len(numbers) - 1)
             both = numbers[found] == columns
             blocks[:, both] -= np.einsum("icj,cjl->icl", blocks[:, both], projections[found[both]])
-            blocks[:, columns == row] += diagonal * held[:, None]
+            if holds:
+                blocks[:, columns == row] += stiffness * held[:, None]
             own = np.array([row], dtype=PETSc.IntType)
             changes.append((own, columns, blocks.reshape(dim, -1)))
             # The owner of the other node sets the rows of that node if it holds a direction too.

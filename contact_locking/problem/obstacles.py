@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray
-from contact_locking.errors import InputError, with_key
+from contact_locking.errors import InputError, Misplaced, with_key
 from contact_locking.expressions import TIME, parse
 from contact_locking.laws.foundation import Foundation
 from contact_locking.laws.level_set import LevelSet
@@ -23,6 +23,7 @@ from contact_locking.problem.clock import Clock, is_timed
 from contact_locking.problem.coefficients import evaluate
 from contact_locking.problem.plausibility import about_the_distance, about_the_size
 from contact_locking.problem.surface import ContactSurface
+from contact_locking.problem.tool_outline import outline
 from contact_locking.problem.tool_shapes import Site, build
 
 _TOO_FAR = "its distance is not a finite number: the foundation is too far away or too large"
@@ -75,8 +76,11 @@ class Obstacle(Protocol):
         ``since`` is None for the state at rest.
         """
 
-    def outline(self, dim: int) -> FloatArray:
-        """The facets (t, dim, dim) of its surface at present, by their corners, if it has any."""
+    def outline(self, box: FloatArray) -> FloatArray:
+        """The facets (t, d, d) of its surface at present, by their corners, if it has any.
+
+        A surface that is not made of facets has those of its part in the box (2, d).
+        """
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         """What is probably not intended, of the gap (k,) at the nodes at present; collective."""
@@ -102,8 +106,8 @@ class GivenGap:
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
         return np.zeros_like(surface.points)
 
-    def outline(self, dim: int) -> FloatArray:
-        return np.empty((0, dim, dim))
+    def outline(self, box: FloatArray) -> FloatArray:
+        return np.empty((0, *[box.shape[1]] * 2))
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         return []
@@ -113,7 +117,8 @@ class Tool:
     """A rigid body with a prescribed motion from rest, or at rest.
 
     The constructor is collective, as a shape may be in a file.  Raises InputError for a shape that
-    is none, for a body whose distance is not finite, and for one that lies behind Gamma_C.
+    is none and for a body whose distance is not finite, and Misplaced for one that lies behind
+    Gamma_C.
     """
 
     def __init__(self, site: Site, given: ContactParameters) -> None:
@@ -187,9 +192,9 @@ class Tool:
             # Only a part of Gamma_C faces a tool with several sides; the rest is outside of the
             # tool, and keeps the distance from the nearest side.
             if on_any_rank(comm, behind & (gap < 0.0)):
-                raise InputError(f"{_INSIDE}: {_TURN[self._shape]}", self._key)
+                raise Misplaced(f"{_INSIDE}: {_TURN[self._shape]}", self._key)
         elif on_any_rank(comm, behind):
-            raise InputError(_BEHIND.format(on=self._on), self._key)
+            raise Misplaced(_BEHIND.format(on=self._on), self._key)
         self._check_open_end(points, gap)
         return gap, normals
 
@@ -214,11 +219,12 @@ class Tool:
             found += about_the_size(surface.domain, body.extent, f"{self._key}.{self._shape}")
         return found + about_the_distance(surface.domain, gap, self._key)
 
-    def outline(self, dim: int) -> FloatArray:
+    def outline(self, box: FloatArray) -> FloatArray:
+        motion = self.motion(self._site.clock.now)
         if not isinstance(self._body, TriangulatedSurface | Polyline):
-            return np.empty((0, dim, dim))
+            return outline(self._body, motion, box)
         facets = self._body.facets
-        places = self.motion(self._site.clock.now).place(facets.reshape(-1, dim).T)
+        places = motion.place(facets.reshape(-1, self._site.dim).T)
         return places.T.reshape(facets.shape)
 
     def _slopes(self, body: LevelSet, surface: ContactSurface) -> tuple[float, float]:
@@ -232,9 +238,9 @@ class Tool:
         return self._body.at_open_end(self.motion(self._site.clock.now).origin(points))
 
     def _check_open_end(self, points: FloatArray, gap: FloatArray) -> None:
-        """Raise InputError for a node that is behind an open tool, beyond its end; collective."""
+        """Raise Misplaced for a node that is behind an open tool, beyond its end; collective."""
         if on_any_rank(self._site.comm, self._at_open_end(points) & (gap < 0.0)):
-            raise InputError(
+            raise Misplaced(
                 "Gamma_C reaches around the end of the open tool, where it has no inside; close "
                 "the tool, or let it reach beyond the body",
                 f"{self._key}.{self._shape}",

@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 from contact_locking import checkpoint, solving, study_file, writing
 from contact_locking.checkpoint import saved_steps
+from contact_locking.errors import InputError
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
@@ -38,7 +39,8 @@ def run_steps(
     for each, or for some of many.  ``restart`` is the folder
     of another process to go on from; without it the run goes on from what an earlier run with the
     same parameters has left in ``directory``.  ``save_state`` adds the checkpoint of the last step.
-    Raises the errors of `solving.solve` and `writing.write`.  Collective.
+    Raises the errors of `solving.solve` and `writing.write`; where data cannot be used at a later
+    time, the steps before are written first.  Collective.
     """
     target, monitor = Path(directory), monitor or Monitor()
     found: list[Path] = []
@@ -56,19 +58,28 @@ def run_steps(
             series = stack.enter_context(writing.FieldSeries(target, comm))
         film = film_of(parameters)
         solutions = solving.solve_steps(parameters, comm, monitor, petsc_options, restart)
-        for solution in solutions:
-            last = solution
-            if series is not None:
-                series.add(solution)
-            film.add(solution)
-            if keeps and solution.converged and solution.summary["restart"] is None:
-                _save(solution, target, parameters)
+        ended: InputError | None = None
+        try:
+            for solution in solutions:
+                last = solution
+                if series is not None:
+                    series.add(solution)
+                film.add(solution)
+                if keeps and solution.converged and solution.summary["restart"] is None:
+                    _save(solution, target, parameters)
+        except InputError as error:
+            # Data that cannot be used at a time do not take the steps before with them.
+            if last is None or last.converged:
+                raise
+            ended = error
         assert last is not None
         fields = None if series is None else series.finish()
         animation, problem = film.finish(monitor)
         if problem is not None:
             last.summary["warnings"] = [*last.summary.get("warnings", []), problem]
         warnings = writing.write(last, target, save_state, fields, animation)
+    if ended is not None:
+        raise ended
     if last.converged:
         on_root(comm, lambda: saved_steps.remove(target))
     return last, warnings

@@ -1,8 +1,9 @@
 """The steps of a process, one solution after the other.
 
 1. Put the problem to the next time: loads, prescribed displacements, gaps.
-2. Solve the problem of the step, from the state before if that helps.  If the solve fails, go back
-   to 1 with half the step, down to the least step.
+2. Solve the problem of the step, from the state before if that helps.  If the solve fails, or if a
+   foundation has moved to where none can be, go back to 1 with half the step, down to the least
+   step.
 3. Judge the solution: the certificate, and the energy balance of the step.
 4. Add the row to the history and hand out the solution.
 5. Friction remembers the displacement and the slip.  Go on with 1.
@@ -21,6 +22,7 @@ import numpy as np
 from contact_locking.certificate import certify
 from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
 from contact_locking.problem.assembly import Problem
 from contact_locking.results.contact_points import STICK
@@ -41,9 +43,10 @@ class Steps(Iterator[Solution]):
 
     ``problem`` may be changed between two steps; ``history`` has the numbers of the steps so far.
     After a step that does not converge, whatever its length, the iteration ends with the state that
-    was reached.  ``saved`` are the checkpoints of steps that were solved earlier: they are read and
-    judged again, and the iteration goes on from the last of them.  Whoever stops earlier calls
-    :meth:`close`, on all ranks.
+    was reached.  Raises InputError, with the time, for data that cannot be used at a time: the last
+    solution then says that the process has not come to its end.  ``saved`` are the checkpoints of
+    steps that were solved earlier: they are read and judged again, and the iteration goes on from
+    the last of them.  Whoever stops earlier calls :meth:`close`, on all ranks.
     """
 
     def __init__(
@@ -74,6 +77,7 @@ class Steps(Iterator[Solution]):
 
     def _solve(self) -> Generator[Solution]:
         timeline = self._timeline
+        solution: Solution | None = None
         saved: SavedState | None = None
         before: Moment | None = None
         try:
@@ -92,8 +96,20 @@ class Steps(Iterator[Solution]):
             while not timeline.is_over:
                 began = time.perf_counter()
                 at = timeline.target
-                report = self._solve_at(at, saved)
-                if not report.converged and self._halve(at, report.reason):
+                try:
+                    report = self._solve_at(at, saved)
+                except InputError as error:
+                    is_misplaced = isinstance(error, Misplaced)
+                    if is_misplaced and self._halve(
+                        f"the step to t = {at:.6g} takes {error.key} too far"
+                    ):
+                        continue
+                    text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
+                    self._end(solution, f"{error.key}: {text}")
+                    raise InputError(text, error.key) from error
+                if not report.converged and self._halve(
+                    f"the step to t = {at:.6g} did not converge ({report.reason})"
+                ):
                     continue
                 state = self._increment.state(report)
                 energy, before = energy_balance(before or Moment.at_rest(state), state)
@@ -122,12 +138,11 @@ class Steps(Iterator[Solution]):
         self._increment.advance(at)
         return self._increment.solve(saved)
 
-    def _halve(self, at: float, reason: str) -> bool:
+    def _halve(self, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
-        timeline = self._timeline
-        if not timeline.fail():
+        if not self._timeline.fail():
             return False
-        text = f"the step to t = {at:.6g} did not converge ({reason}); it is halved"
+        text = f"{failure}; it is halved"
         self._halved = (*self._halved, text)
         self._monitor.message(f"warning: {text}")
         return True
@@ -141,6 +156,15 @@ class Steps(Iterator[Solution]):
         own = self.problem.u.copy()
         own.name = self.problem.u.name
         return dataclasses.replace(solution, displacement=own, time=at)
+
+    def _end(self, last: Solution | None, reason: str) -> None:
+        """Let the last solution say why the process ends with it."""
+        if last is None:
+            return
+        new = self._halved[len(last.halved) :]
+        last.halved, last.summary["steps"]["halvings"] = self._halved, len(self._halved)
+        last.summary["warnings"] += new
+        last.summary |= {"converged": False, "reason": reason, "suggestion": ""}
 
     def _tell(self, solution: Solution) -> None:
         """Add the history of the process to a solution."""
