@@ -40,7 +40,6 @@ CASES = (
     ("block_3d", "mesh.h=0.06 solver.linear=iterative", "3D, CG"),
     ("ball_3d", "mesh.h_contact=0.02", "3D, elastic"),
     ("pressed_tool", "steps.count=6", "3D, 6 steps, a tool"),
-    ("adaptive", "", "2D, adapted meshes, at most"),
 )
 
 

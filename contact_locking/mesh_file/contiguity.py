@@ -28,8 +28,6 @@ _FRAGMENT = (
 
 def check_contiguity(mesh: MeshData, facets: Facets, parts: IntArray, warnings: list[str]) -> None:
     """Raise InputError where parts touch without shared nodes, or a node hangs on a facet."""
-    from scipy.spatial import cKDTree
-
     exterior = np.flatnonzero(facets.shared == 1)
     owner = facets.owner(exterior)
     check_boundary(mesh, facets.nodes[exterior], owner, parts[owner], warnings)
@@ -43,6 +41,8 @@ def check_boundary(
     ``owner`` (f,) are the cells of the facets and ``parts`` (f,) the parts of these cells.  Other
     cells and nodes of the mesh may be missing.
     """
+    from scipy.spatial import cKDTree
+
     size = longest_edges(mesh.points, boundary)
     nodes = np.unique(boundary)
     part = np.empty(len(mesh.points), dtype=np.int64)
