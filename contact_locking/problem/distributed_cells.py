@@ -17,8 +17,6 @@ import numpy as np
 from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
@@ -89,6 +87,9 @@ class DistributedCells:
 
         The parts are in the order of their first cells in the file.
         """
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
         count = len(self.facets)
         place = self.facets.reshape(-1)
         cell = np.repeat(np.arange(count), self.dim + 1)
@@ -125,7 +126,8 @@ class DistributedCells:
     def check(self) -> list[str]:
         """The warnings about the mesh; collective.  Raises InputError if it cannot be a body."""
         found: list[str] = []
-        agree(self.comm, lambda: check_cells(self.data, found))
+        # Of a small mesh a rank may have no cells.
+        agree(self.comm, lambda: check_cells(self.data, found) if len(self.facets) else None)
         # Of the cells of all ranks that cause the same warning the first rank names one.
         warnings: list[str] = next(filter(None, self.comm.allgather(found)), [])
         agree(self.comm, self._check_folds)
