@@ -61,7 +61,6 @@ def test_more_unknowns_and_more_steps_take_longer_and_more_unknowns_take_more_me
 def test_a_solve_that_does_more_of_the_same_takes_longer() -> None:
     once = expected(2, 10**4)
     more: list[dict[str, Any]] = [
-        {"solver__method": "newton"},
         {"solver__friction": "nested"},
         {"certificate__limit": True},
         {"adapt": {"max_dofs": 10**5}},

@@ -199,6 +199,35 @@ class Failing:
         monkeypatch.setattr(Increment, "solve", solved)
 
 
+@pytest.mark.parametrize("young", [1.0, 2.1e11])
+def test_a_body_that_moves_without_a_touch_creates_no_energy(young: float) -> None:
+    """All forces are rounding, and so is their work."""
+    loads = {"displacements": [{"on": "top", "value": [0.01, "-0.03*t"]}]}
+    given = block(
+        h=0.5,
+        loads=loads,
+        contact__gap=0.04,
+        material__elasticity={"young": young, "poisson": 0.3},
+        penalty__n=math.inf,
+        steps={"to": 1.0, "count": 3},
+    )
+    for found in all_of(given):
+        assert found.summary["contact_force"] == [0.0, 0.0]
+
+
+def test_a_load_that_is_zero_but_for_rounding_leaves_nothing_behind() -> None:
+    """``sin(pi)`` is 1.2e-16: the body that was pulled along the foundation is at rest again."""
+    loads = {
+        "tractions": [{"on": "top", "value": ["0.03*sin(pi*t)", "-0.05*sin(pi*t)"]}],
+        "displacements": [{"on": "left", "value": [0, 0]}],
+    }
+    given = block(h=0.5, loads=loads, penalty__n=math.inf, steps={"times": [0.5, 1.0]})
+    pulled, rests = all_of(given)
+    assert np.abs(pulled.displacement.x.array).max(initial=0.0) > 0.01
+    assert not rests.displacement.x.array.any()
+    assert rests.summary["certificate"]["resultants"]["loads"] == [0.0, 0.0]
+
+
 def test_a_step_that_does_not_converge_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
     failing = Failing(0.3)
     failing.patch(monkeypatch)

@@ -21,7 +21,7 @@ from contact_locking import assemble, solve_steps
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.foundation import HalfSpace, Round
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
-from contact_locking.plotting import draw, offscreen, plane, snapshot_file, views
+from contact_locking.plotting import contact_map, draw, offscreen, plane, snapshot_file, views
 from contact_locking.plotting.camera import from_the_side
 from contact_locking.plotting.film_look import look_of
 from contact_locking.plotting.gather import gather
@@ -215,6 +215,13 @@ def test_a_tool_on_top_is_seen_from_above() -> None:
     )
     ground = replace(body, contact=replace(body.contact, tools=()))
     assert views.views(ground)[views.BODY].camera.towards[2] < 0.0
+
+
+def test_a_map_shows_all_of_a_plane_beside_a_tool_with_steep_sides() -> None:
+    body = with_tools("locked", np.empty((0, 3, 3)))
+    # Most points are beside the tool, where the normals point along the plane.
+    normal = np.tile([0.96, 0.0, -0.28], (len(body.contact.points), 1))
+    assert contact_map.frame(replace(body.contact.points, normal=normal)) == (0, 1, True)
 
 
 def test_matplotlib_alone_draws_a_tool_in_space(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.convex import squared_norm
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem import forms
+from contact_locking.problem.system import ROUNDING
 from contact_locking.results.derived import integral
 
 # Rounding and the solver's tolerance may put a measured value this share above its bound.
@@ -73,15 +74,26 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
         proved = _pressed_bounds(state, w) if state.problem.free else _held_bounds(state, w)
     except NotApplicable as failure:
         return {name: _open(value, str(failure)) for name, value in values.items()}
-    found = {}
+    found, rounding = {}, _rounding(state)
     for name, value in values.items():
         bound = getattr(proved, name)
         if np.isfinite(bound):
-            holds = bool(value <= bound * (1.0 + _SLACK))
+            holds = bool(value <= bound * (1.0 + _SLACK) + getattr(rounding, name))
             found[name] = {"value": value, "bound": bound, "holds": holds}
         else:
             found[name] = _open(value, "no admissible strain below the locking limit was found")
     return found
+
+
+def _rounding(state: SolvedState) -> _Bounds:
+    """What rounding in the displacement makes of each value, by strains and by the penalty."""
+    alpha, epsilon = state.problem.material.ellipticity, state.target.penalty.epsilon
+    strain = ROUNDING * state.largest_displacement / state.target.length
+    if state.contacts and epsilon > 0.0:
+        strain += ROUNDING * state.largest_displacement / (epsilon * alpha)
+    size = strain * float(np.sqrt(state.points.volume))
+    work = alpha * size**2
+    return _Bounds(size, work, work, work)
 
 
 def _open(value: float, reason: str) -> dict[str, Any]:

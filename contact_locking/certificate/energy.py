@@ -136,7 +136,7 @@ class EnergyBalance:
     """Work, energies and numerical dissipation of a step, and the bounds of the latter.
 
     ``defect`` is how far the numerical dissipation lies outside of its bounds, relative to the work
-    of the states or of the nodal forces, whichever is largest.
+    of the states, of the nodal forces, or of what rounding makes of these, whichever is largest.
     """
 
     work: float
@@ -197,6 +197,9 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     highest = work - earlier - quadratic + resisted - dissipated
     outside = max(quadratic - numerical, numerical - highest, 0.0)
     size = max(after.work, before.work, state.sum(np.abs(after.forces * moved)))
+    # A body that moves without being strained has forces of rounding.
+    rounding = state.system.force_rounding() / state.settings.tolerance
+    size = max(size, rounding * float(np.sqrt(state.sum(moved**2))))
     for fields, _, acting in places:
         if fields.contact.moves:
             size = max(size, state.sum(np.abs(acting.weights * _dragged(acting, fields))))

@@ -2,8 +2,9 @@
 
 The estimate is ``tangents x seconds of a tangent`` for the unknowns N of the mesh.  The number of
 tangents hardly depends on the mesh and on n, and the time and the memory of a tangent grow with N
-as measured (`reference`).  How many bodies and steps need more tangents than others is not known
-before the solve: the estimate is within a factor of 3 where it was tried.
+as measured (`reference`).  A solve that locks everywhere, or one
+with friction that hardly settles, takes more tangents: that is not known before the solve.
+docs/guides/large.md has measured times beside the estimate, which are within a factor of 3.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from mpi4py import MPI
 
 from contact_locking.costs import probe
 from contact_locking.costs.factorised import FILTER_LIMIT, chosen
-from contact_locking.costs.reference import REFERENCE, Growth, Reference
+from contact_locking.costs.reference import REFERENCE, Reference
 from contact_locking.parameters import Parameters
 from contact_locking.plain_text import count, duration, gigabytes
 
@@ -26,8 +27,8 @@ class Workload:
     """The data of a solve that its cost depends on.
 
     ``unknowns`` are those of the displacement.  ``tangents`` are the matrices of all
-    ``steps`` together; a static problem is one step.  ``factor`` is the number of rows that are
-    factorised in each tangent, by the direct solver or beside CG.
+    ``steps`` together; a static problem is one step.  ``factor`` is the number of rows that each
+    tangent factorises, by the direct solver or beside CG.
     """
 
     dim: int
@@ -123,11 +124,10 @@ def _times(parameters: Parameters, reference: Reference) -> float:
     limits = [material.limits, *(region.limits for region in material.regions.values())]
     if not any(limits) and not parameters.contacts:
         return reference.linear
-    more = 1.0 if parameters.certificate.limit else 0.0
-    if parameters.solver.method == "newton":
-        return reference.newton + more
+    simple = 1.0 if any(limits) and parameters.contacts else reference.simple
     nests = parameters.solver.friction == "nested" and parameters.contacts
-    return (reference.nested if nests else 1.0) + more
+    more = 1.0 if parameters.certificate.limit else 0.0
+    return simple * ((reference.nested if nests else 1.0) + more)
 
 
 def estimate(load: Workload, speed: float = 1.0, reference: Reference = REFERENCE) -> Estimate:
@@ -144,7 +144,8 @@ def _tangent(load: Workload, reference: Reference) -> float:
     if load.is_direct:
         return direct(load.unknowns)
     iterative = reference.iterative_2d if flat else reference.iterative_3d
-    return iterative(load.unknowns) + Growth(0.0, direct.factor, direct.power)(load.factor)
+    factorised = replace(direct, linear=0.0)(load.factor)
+    return reference.set_up + iterative(load.unknowns) + factorised
 
 
 def _speed_up(load: Workload, reference: Reference) -> float:

@@ -29,7 +29,7 @@ class Reference:
     """
 
     #: A process before its first tangent: imports, and compiled forms that are loaded.
-    start: float = 0.7
+    start: float = 0.5
     #: A step beside its tangents: fields, certificate and files.
     step: float = 0.1
     #: A tangent beside what grows with the unknowns.
@@ -39,17 +39,18 @@ class Reference:
     tangents: float = 17.0
     tangents_of_step: float = 13.0
     #: As many times the tangents: with whole solves for one friction bound after the other, with
-    #: Newton's method for one n after the other, and for bodies without contact and limit.
+    #: only contact or only a limit, and with neither.
     nested: float = 8.0
-    newton: float = 3.0
+    simple: float = 0.7
     linear: float = 0.15
 
     #: Seconds of a tangent that is factorised; the exponents are those of nested dissection.
     direct_2d: Growth = Growth(4.1e-6, 3.4e-9, 1.5)
     direct_3d: Growth = Growth(1.08e-5, 4.5e-10, 2.0)
-    #: Seconds of a tangent by CG, whose iterations grow slowly with the unknowns.
-    iterative_2d: Growth = Growth(0.0, 1.4e-6, 7 / 6)
-    iterative_3d: Growth = Growth(0.0, 2.8e-6, 7 / 6)
+    #: Seconds of a tangent by CG, beside the factor of the filter, and of its set-up.
+    iterative_2d: Growth = Growth(1.2e-5)
+    iterative_3d: Growth = Growth(2.5e-5)
+    set_up: float = 0.3
     #: The share of the unknowns that the filter beside CG factorises, as the block has it.
     filtered: float = 0.65
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -61,13 +62,13 @@ def figure(body: Snapshot, images: Mapping[str, Image]) -> Figure:
 
 
 def frames(
-    bodies: Sequence[Snapshot], images: Iterable[Image], look: Look, titles: Sequence[str]
+    bodies: Sequence[Snapshot], images: Sequence[Image], look: Look, titles: Sequence[str]
 ) -> Iterator[Figure]:
     """The pictures of an animation, each with its title and the scale of colours."""
-    view = side_view(bodies, look.factor, FILM_WIDTH)
+    view, shown = side_view(bodies, look.factor, FILM_WIDTH), np.minimum.reduce(images)
     for image, shade, title in zip(images, look.shades, titles, strict=True):
         sheet = Sheet(view.width + 2 * _MARGIN, _TITLE + view.height + _BELOW)
-        sheet.view(view, image, _MARGIN, _TITLE, title)
+        sheet.view(view, image, _MARGIN, _TITLE, title, shown)
         colours = ScalarMappable(shade.norm, shade.cmap)
         sheet.bar(colours, _MARGIN, _TITLE + view.height, _BAR, shade.extend, shade.label)
         yield sheet.figure

@@ -2,6 +2,10 @@
 
 The body's integrals have displacements as arguments.  Those over Gamma_C have fields of the limited
 space, whose degrees of freedom are those of the displacement (`PointValues`).
+
+FFCx 0.9 takes what it finds at the only point of a quadrature rule for constant in the cell, and
+uses that in the other rules of the same form, too.  So integrals that evaluate the coordinates in
+one point, as all of an axisymmetric body do with linear displacements, have forms of their own.
 """
 
 from __future__ import annotations
@@ -20,12 +24,25 @@ from contact_locking.problem import compiled
 
 
 def by_space(form: ufl.Form) -> list[ufl.Form]:
-    """The integrals of a form, one form for each space of the arguments."""
+    """The integrals of a form, in forms that can be compiled together.
+
+    These are one form for each space of the arguments, or two if some integrals evaluate the
+    coordinates in one point.
+    """
     groups: dict[Any, list[Any]] = {}
     for integral in form.integrals():
         arguments = ufl.algorithms.extract_arguments(integral.integrand())
-        groups.setdefault(arguments[0].ufl_element(), []).append(integral)
+        key = arguments[0].ufl_element(), _is_at_one_point(integral)
+        groups.setdefault(key, []).append(integral)
     return [ufl.Form(integrals) for integrals in groups.values()]
+
+
+def _is_at_one_point(integral: Any) -> bool:
+    """Whether an integral evaluates the coordinates in one point of a cell or facet."""
+    if integral.metadata().get("quadrature_degree", 2) > 1:
+        return False
+    places = ufl.algorithms.analysis.extract_type(integral, ufl.SpatialCoordinate)
+    return bool(places)
 
 
 def action(bilinear: ufl.Form, u: fem.Function) -> ufl.Form:
@@ -38,7 +55,7 @@ def action(bilinear: ufl.Form, u: fem.Function) -> ufl.Form:
 
 
 class JointForm:
-    """A compiled form of :func:`by_space`; all local arrays have the displacement's dofs.
+    """A compiled form, in the parts of :func:`by_space`; local arrays have the displacement's dofs.
 
     The integrals with displacements as arguments come first.  ``options`` are those of the form
     compiler.

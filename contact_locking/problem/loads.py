@@ -36,6 +36,8 @@ _DEGREE, _OTHER_DEGREE = 4, 6
 # A load is resolved if both rules give the same mean square up to this share.  At a pole like 1/x
 # the difference is larger on every mesh; at a jump it is smaller from a handful of facets on.
 _RESOLVED = 0.3
+# A load below this share of the largest so far is zero with rounding, as in sin(pi*t) at t = 1.
+_ROUNDING = 1e-12
 # The quadrature points of so many cells or facets are in memory at a time.
 _CHUNK = 20_000
 _SHAPES = {
@@ -127,6 +129,8 @@ class _Load:
         self._lookups = Lookups(domain.mesh, self._components, element.degree, clock)
         self._constant = all(component.is_constant for component in self._components)
         self.timed = any(is_timed(component) for component in self._components)
+        # 1, or 0 at the times at which the load is zero with rounding.
+        self._acts, self._most = fem.Constant(domain.mesh, 1.0), 0.0
         self._warned = False
 
     @property
@@ -144,7 +148,8 @@ class _Load:
         places: dict[str, Any] = {axis: x[i] for i, axis in enumerate(AXES[: self._domain.dim])}
         places[TIME] = self._clock.constant
         tables = self._lookups.coefficients
-        return ufl.as_vector([component.ufl(tables, **places) for component in self._components])
+        load = ufl.as_vector([component.ufl(tables, **places) for component in self._components])
+        return self._acts * load if self.timed else load
 
     def advance(self, dim: int, entities: IndexArray, warnings: list[str]) -> None:
         """Put the load to the present time, with the check of :meth:`check`; collective."""
@@ -154,8 +159,15 @@ class _Load:
     def check(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
         """The largest ``|g|`` at the quadrature points of cells or facets; collective.
 
-        Raises and warns as `build_loads`.
+        A load that depends on the time is put to zero where it is zero with rounding.  Raises and
+        warns as `build_loads`.
         """
+        largest = self._largest(dim, entities, warnings)
+        self._most = max(self._most, largest)
+        self._acts.value = float(not self.timed or largest > _ROUNDING * self._most)
+        return largest
+
+    def _largest(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
         if self._constant:
             return float(np.linalg.norm([component.numpy() for component in self._components]))
         comm = self._domain.comm
