@@ -84,12 +84,20 @@ MONSTERS = {
 }
 
 
+LONGEST = "as many numbers as are read"
 COMMANDS = (["check"], ["run"], ["study"], ["mesh", "-o", "body.msh"])
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [*((name, COMMANDS[0]) for name in MONSTERS), *(("aliases", words) for words in COMMANDS[1:])],
+    [
+        *(
+            # Hundreds of thousands of faulty values take seconds, and brackets are as many.
+            pytest.param(name, COMMANDS[0], marks=pytest.mark.slow if name == LONGEST else ())
+            for name in MONSTERS
+        ),
+        *(("aliases", words) for words in COMMANDS[1:]),
+    ],
 )
 def test_a_monster_is_refused_by_the_command_line_at_once(
     name: str, words: list[str], tmp_path: Path

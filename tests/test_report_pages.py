@@ -30,12 +30,15 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     study_folder(folder / "study")
     run_folder(folder / "solid", dim=3)
     study_folder(folder / "large", many_rows(), LARGE)
-    return {
-        "run": report.write(case),
-        "run in 3D": report.write(folder / "solid"),
-        "study": report.write(folder / "study"),
-        "large study": report.write(folder / "large"),
-    }
+    with pytest.MonkeyPatch.context() as patch:
+        # The pages show the SVG files; to draw the charts once more as PNG takes as long.
+        patch.setattr("matplotlib.figure.Figure.savefig", lambda *given, **options: None)
+        return {
+            "run": report.write(case),
+            "run in 3D": report.write(folder / "solid"),
+            "study": report.write(folder / "study"),
+            "large study": report.write(folder / "large"),
+        }
 
 
 @pytest.fixture(scope="module")
