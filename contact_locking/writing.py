@@ -17,6 +17,7 @@ from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom
 from contact_locking.files import atomic
 from contact_locking.files.lock import make_folders
 from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
+from contact_locking.results.heap import give_back
 from contact_locking.results.names import (
     ANIMATION,
     CONTACT,
@@ -104,6 +105,7 @@ def write(
     wanted = solution.parameters.output
     warnings: list[str] = []
     refused: list[str] = []
+    give_back()
     with _staging(comm, target) as staging:
         if series is not None:
             on_root_of(comm, target, partial(_move, series, staging / FIELDS))

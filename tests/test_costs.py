@@ -14,7 +14,7 @@ from problems import SMALL_BLOCK, block
 
 from contact_locking import check
 from contact_locking.command import cli
-from contact_locking.costs import probe
+from contact_locking.costs import forecast, probe
 from contact_locking.costs.forecast import Estimate, estimate, workload
 
 
@@ -109,4 +109,7 @@ def test_check_names_the_estimate_an_estimate(
     assert re.search(r"estimated time +about \d\.\d s, within a factor of 3\n", shown)
     words = ["--set", "adapt={max_dofs: 200000}"]
     assert cli.main(["check", str(file), "--set", f"output.directory={tmp_path}/out", *words]) == 0
-    assert "at most about" in capsys.readouterr().out
+    assert capsys.readouterr().out.count("at most about") == 2
+    large = forecast.rows(forecast.Estimate(9e9, 1e4, 4, "at least"))
+    assert dict(large)["estimated memory"] == "at least about 9.0 GB in all, on 4 ranks"
+    assert dict(large)["estimated time"] == "at least about 2 h 47 min"

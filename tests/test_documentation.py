@@ -18,6 +18,7 @@ from mpi4py import MPI
 
 from contact_locking import from_mapping, solve, solve_steps
 from contact_locking.command import arguments, cli
+from contact_locking.problem.xdmf_mesh import from_xdmf
 from contact_locking.results.summary import summary_text
 from contact_locking.study_file.listing import rows
 from contact_locking.study_file.source import read
@@ -157,7 +158,8 @@ def _leaves(value: Any, place: str = "") -> Iterator[str]:
 def test_the_guide_to_meshes_makes_a_mesh_that_is_solved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (script,), (study,) = (blocks("docs/guides/mesh.md", name) for name in ("python", "yaml"))
+    script, writer = blocks("docs/guides/mesh.md", "python")
+    (study,) = blocks("docs/guides/mesh.md", "yaml")
     monkeypatch.chdir(tmp_path)
     subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, timeout=60)
     Path("beam.yml").write_text(study, encoding="utf-8")
@@ -165,6 +167,15 @@ def test_the_guide_to_meshes_makes_a_mesh_that_is_solved(
     assert cli.main(["run", "beam.yml", "--quiet", *plain]) == 0
     summary = json.loads(Path("results/beam/summary.json").read_text())
     assert 0.0 < summary["contact_area"] < 2.0
+    assert cli.main(["mesh", "beam.yml", "-o", "beam.xdmf"]) == 0
+    beam = from_xdmf(Path("beam.xdmf"), MPI.COMM_SELF)
+    assert set(beam.cell_names) == {"body", "insert"} and "clamp" in beam.facet_names
+    names: dict[str, Any] = {}
+    exec(writer, names)
+    beam.cell_tags.name, beam.facet_tags.name = "cells", "facets"
+    names["write"]("own.xdmf", beam.mesh, [beam.cell_tags, beam.facet_tags])
+    own = from_xdmf(Path("own.xdmf"), MPI.COMM_SELF)
+    assert sorted(own.cell_names) == ["1", "2"] and sorted(own.facet_names) == ["1", "2", "3"]
 
 
 def test_the_guide_to_laws_stiffens_tissue(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
-"""What ranks send to each other beside DOLFINx and PETSc is as large as a surface at most.
+"""A run does without the whole body on one rank, and without the memory that its solve has freed.
 
+What ranks send to each other beside DOLFINx and PETSc is as large as a surface at most.
 Without a picture, a film or adapted meshes nobody needs the body as a whole.  A body that is too
 large for the memory of one rank can then be solved, certified, written and saved.
 """
@@ -7,6 +8,7 @@ large for the memory of one rank can then be solved, certified, written and save
 from __future__ import annotations
 
 import pickle
+import platform
 import re
 import traceback
 from collections.abc import Iterator
@@ -14,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
@@ -22,6 +25,7 @@ import contact_locking
 from contact_locking import checkpoint, solving, writing
 from contact_locking.plotting.gather import gather
 from contact_locking.problem.whole_mesh import gather_mesh
+from contact_locking.results.heap import give_back
 from contact_locking.results.solution import Solution
 
 # The direct solver of several ranks partitions the graph of its matrix, whose size is limited.
@@ -91,3 +95,23 @@ def test_only_sums_bypass_the_meters_as_buffers() -> None:
         for name in buffers.findall(path.read_text(encoding="utf-8"))
     }
     assert found <= {"Abort", "Allreduce", "Barrier", "Ibarrier"} and "Allreduce" in found
+
+
+@pytest.mark.serial
+def test_freed_memory_goes_back_to_the_system() -> None:
+    status = Path("/proc/self/status")
+    if not status.is_file() or platform.libc_ver()[0] != "glibc":
+        pytest.skip("the memory of a process is known on Linux, and given back by its C library")
+
+    def resident() -> int:
+        found = re.search(r"VmRSS:\s+(\d+) kB", status.read_text(encoding="utf-8"))
+        assert found is not None
+        return int(found[1])
+
+    pieces = [np.ones(8_000) for _ in range(1_000)]
+    # The last piece keeps the heap from shrinking by itself.
+    last = pieces.pop()
+    del pieces
+    full = resident()
+    give_back()
+    assert resident() < full - 40_000 and last.sum() == 8_000

@@ -9,9 +9,10 @@ docs/guides/large.md has measured times beside the estimate, which are within a 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 from mpi4py import MPI
 
@@ -44,13 +45,14 @@ class Workload:
 class Estimate:
     """Bytes of all ``ranks`` together, and seconds by the clock with a core for each rank.
 
-    ``is_bound`` says that the adapted meshes may end earlier.
+    ``kind`` is "at most" for adapted meshes, which may end earlier, and "at least" for sizes beyond
+    what has been measured.
     """
 
     memory: float
     seconds: float
     ranks: int
-    is_bound: bool = False
+    kind: Literal["about", "at most", "at least"] = "about"
 
 
 def completed(
@@ -62,19 +64,28 @@ def completed(
     """
     load = workload(parameters, facts["dimension"], facts["dofs"], comm.size)
     slowest = comm.allreduce(probe.speed(), op=MPI.MIN)
-    found = replace(estimate(load, slowest), is_bound=parameters.adapt is not None)
+    found = replace(estimate(load, slowest), kind=_kind(parameters, load))
     warnings = [*facts["warnings"], *_warnings(found, comm)]
     return {**facts, "estimate": found, "warnings": warnings}
 
 
 def rows(expected: Estimate) -> list[tuple[str, str]]:
     """The estimate in words."""
-    about = "at most about" if expected.is_bound else "about"
+    about = "about" if expected.kind == "about" else f"{expected.kind} about"
+    precision = ", within a factor of 3" if expected.kind == "about" else ""
     ranks = count(expected.ranks, "rank")
     return [
         ("estimated memory", f"{about} {gigabytes(expected.memory)} in all, on {ranks}"),
-        ("estimated time", f"{about} {duration(expected.seconds)}, within a factor of 3"),
+        ("estimated time", f"{about} {duration(expected.seconds)}{precision}"),
     ]
+
+
+def _kind(parameters: Parameters, load: Workload) -> Literal["about", "at most", "at least"]:
+    if parameters.adapt is not None:
+        return "at most"
+    is_exact = math.isinf(parameters.penalty.n) and _limits_strain(parameters)
+    is_measured = load.is_direct or REFERENCE.filtered * load.unknowns <= FILTER_LIMIT[load.dim]
+    return "at least" if is_exact and not is_measured else "about"
 
 
 def _warnings(expected: Estimate, comm: MPI.Intracomm) -> list[str]:
@@ -120,14 +131,18 @@ def workload(
 
 def _times(parameters: Parameters, reference: Reference) -> float:
     """The tangents of this solver and problem, relative to those of the reference."""
-    material = parameters.material
-    limits = [material.limits, *(region.limits for region in material.regions.values())]
-    if not any(limits) and not parameters.contacts:
+    has_limit = _limits_strain(parameters)
+    if not has_limit and not parameters.contacts:
         return reference.linear
-    simple = 1.0 if any(limits) and parameters.contacts else reference.simple
+    simple = 1.0 if has_limit and parameters.contacts else reference.simple
     nests = parameters.solver.friction == "nested" and parameters.contacts
     more = 1.0 if parameters.certificate.limit else 0.0
     return simple * ((reference.nested if nests else 1.0) + more)
+
+
+def _limits_strain(parameters: Parameters) -> bool:
+    material = parameters.material
+    return bool(material.limits) or any(region.limits for region in material.regions.values())
 
 
 def estimate(load: Workload, speed: float = 1.0, reference: Reference = REFERENCE) -> Estimate:

@@ -25,7 +25,7 @@ class Reference:
     block of the tests at n = .inf with h = 1/64 to 1/256 in 2D and 1/12 to 1/24 in 3D, and with
     h = 1/32, 1/40 and 1/64 in 3D for iterative solves (docs/benchmarks.md); numbers of tangents and
     times of small solves are those of the demos.  docs/guides/large.md compares the estimate with
-    problems that nothing was fitted to.
+    what other solves took.
     """
 
     #: A process before its first tangent: imports, and compiled forms that are loaded.
