@@ -145,6 +145,10 @@ class FilteredMultigrid:
         Without ``stiff``, the multigrid is for the matrix to be solved with, and nothing is
         filtered.
         """
+        # Its factor is free before multigrid takes memory for the new values.
+        if self._projection is not None:
+            self._projection.destroy()
+            self._projection = None
         projects = stiff is not None and self.must_project(stiff)
         smoothed = self._matrix if stiff is None else self._without(stiff, projects)
         # The residuals of its finest level stay those of the first matrix that it was given.
@@ -155,9 +159,6 @@ class FilteredMultigrid:
         by_entry = self._unblocked.of(smoothed)
         self._multigrid.set_up(smoothed, by_entry)
         self._filter = None if stiff is None or projects else self._filter_of(stiff)
-        if self._projection is not None:
-            self._projection.destroy()
-            self._projection = None
         if stiff is not None and projects:
             self._forget()
             self._projection = Projection(*stiff.find_rows(), by_entry)
