@@ -27,9 +27,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import solving
+from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.parameters import Parameters
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
-from contact_locking.solver.linear.ksp import FILTER_LIMIT
 from contact_locking.solver.linear.projection import Projection
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 

@@ -44,6 +44,22 @@ def per_cent(share: float) -> str:
     return f"{value:.2g} %" if abs(value) < 1.0 else f"{value:.1f} %".replace(".0 %", " %")
 
 
+def duration(seconds: float) -> str:
+    """A time in seconds, minutes or hours, as its length suggests."""
+    if seconds < 99.5:
+        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    if minutes < 100:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60} min"
+
+
+def gigabytes(size: float) -> str:
+    """Bytes in GB (1e9 bytes) with one decimal where there are few: 0.3 GB, 12 GB."""
+    value = size / 1e9
+    return f"{value:.1f} GB" if value < 9.95 else f"{value:.0f} GB"
+
+
 def defect(error: Exception) -> str:
     """What an error about unreadable data says, in words."""
     return f"without {error}" if isinstance(error, KeyError) else str(error) or "unreadable"

@@ -16,6 +16,7 @@ from contact_locking.certificate import certify
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.checkpoint.restart import Restart
 from contact_locking.checkpoint.saved_steps import saved_steps
+from contact_locking.costs import forecast
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
@@ -144,9 +145,12 @@ def _static(
 
 
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
-    """The facts and warnings of the assembled problem, without a solve; collective."""
+    """The facts and warnings of the assembled problem, without a solve; collective.
+
+    ``estimate`` is what the solve would take (:class:`contact_locking.costs.forecast.Estimate`).
+    """
     require_usable_options(parameters)
-    return assembly.check(parameters, comm)
+    return forecast.completed(assembly.check(parameters, comm), parameters, comm)
 
 
 def _measure_against_limit(

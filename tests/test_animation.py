@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +15,16 @@ import pytest
 from mpi4py import MPI
 from PIL import Image
 from problems import block
+from solutions import of_kind
 
 from contact_locking import report
+from contact_locking.errors import NoRendering
 from contact_locking.parameters import Parameters
+from contact_locking.plotting import offscreen, style
 from contact_locking.plotting.animation import MOST_FRAMES, Film, Frame, gif
-from contact_locking.plotting.snapshot import ContactMap, Snapshot
+from contact_locking.plotting.film_look import look_of
+from contact_locking.plotting.gather import gather
+from contact_locking.plotting.snapshot import ContactMap, Snapshot, seen_from_outside
 from contact_locking.report.frames import frames
 from contact_locking.running import run_steps
 
@@ -139,6 +146,72 @@ def test_a_page_with_a_damaged_animation_has_no_slider(folder: Path, tmp_path: P
         assert frames(path) == []
     assert frames(None) == []
     assert len(frames(folder / "animation.gif")) == 3
+
+
+# In three dimensions ------------------------------------------------------------------------------
+
+
+def solid_body(scale: float = 1.0) -> Snapshot:
+    """The locked block of the pictures, with strain and displacement scaled."""
+    body = gather(of_kind(3, "locked"))
+    assert body is not None
+    strain, displacement = scale * body.strain_norm, scale * body.displacement
+    return replace(body, strain_norm=strain, displacement=displacement)
+
+
+def test_a_process_in_space_has_an_animation_also_where_nothing_can_render(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
+) -> None:
+    def fail(source: Path) -> dict[str, Any]:
+        raise NoRendering("there is no screen")
+
+    monkeypatch.setattr(offscreen, "views", fail)
+    place = comm.bcast(tmp_path)
+    solution, _ = run_steps(process(3), place)
+    warning = "the animation was drawn by Matplotlib alone: there is no screen"
+    assert warning in solution.summary["warnings"]
+    comm.Barrier()
+    assert [frame.step for frame in frames(place / "animation.gif")] == [1, 2, 3]
+
+
+@pytest.mark.serial
+def test_a_film_in_space_keeps_the_cells_that_touch_the_surface() -> None:
+    body = solid_body()
+    skin = seen_from_outside(body)
+    assert len(skin.cells) < len(body.cells)
+    for name in ("boundary", "contact.vertices"):
+        before, after = (attrgetter(name)(one) for one in (body, skin))
+        assert np.array_equal(skin.x[after], body.x[before])
+        assert np.array_equal(skin.displacement[after], body.displacement[before])
+        # The line around the locked zone stays where it is.
+        shares = style.locked_share(skin)[after], style.locked_share(body)[before]
+        assert np.array_equal(*shares)
+    for name in ("strain_norm", "locking_limit", "locked"):
+        before, after = (getattr(one, name)[one.boundary_cell] for one in (body, skin))
+        assert np.array_equal(after, before)
+    flat = flat_body()
+    assert seen_from_outside(flat) is flat
+
+
+@pytest.mark.serial
+def test_the_frames_of_a_film_share_magnification_scale_and_palette(tmp_path: Path) -> None:
+    bodies = [solid_body(scale) for scale in (0.25, 1.0)]
+    look = look_of(bodies)
+    assert look.factor == style.magnification(bodies[1])
+    assert {shade.norm.vmax for shade in look.shades} == {1.0}
+    path = tmp_path / "animation.gif"
+    path.write_bytes(gif([Frame(step, 0.1 * step, body) for step, body in enumerate(bodies)]))
+    bars = []
+    with Image.open(path) as opened:
+        assert opened.getpalette() is not None
+        for number in range(2):
+            opened.seek(number)
+            image = np.asarray(opened.convert("RGB"))
+            bars.append(image[:, -image.shape[1] // 8 :])
+        assert opened.tell() == 1
+    # The scale of colours is at the right, and the same in both.
+    assert np.ptp(bars[0].astype(int), axis=-1).max() > 100
+    assert np.array_equal(bars[0], bars[1])
 
 
 # The page in a browser ----------------------------------------------------------------------------

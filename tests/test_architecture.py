@@ -25,7 +25,7 @@ LAYERS = (
     ("_compat", "parallel", "files"),
     ("laws", "expressions", "meshes"),
     ("parameters", "mesh_file"),
-    ("study_file", "problem"),
+    ("study_file", "problem", "costs"),
     ("solver",),
     ("results",),
     ("certificate", "convergence"),
@@ -145,7 +145,7 @@ with contextlib.redirect_stdout(io.StringIO()):
     code = cli.main(["check", "demos/block.yml"])
 heavy = ("solver", "certificate", "steps", "solving", "writing", "plotting", "report", "checkpoint")
 loaded = {f"contact_locking.{name}" for name in heavy} & set(sys.modules)
-print(code, loaded | {"matplotlib", "scipy.optimize", "pyvista", "jinja2"} & set(sys.modules))
+print(code, loaded | {"matplotlib", "scipy", "pyvista", "jinja2"} & set(sys.modules))
 """
     root = PACKAGE.parent
     done = subprocess.run(

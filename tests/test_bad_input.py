@@ -342,10 +342,11 @@ def test_a_filter_with_a_huge_radius_is_the_mean(radius: float, tmp_path: Path) 
     smoothing.destroy()
 
 
-def test_radius_below_the_mesh_size_is_a_warning_only(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("radius", [0.01, 0.25])
+def test_radius_not_above_the_mesh_size_is_a_warning_only(
+    radius: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = _write(tmp_path, {"friction.smoothing.radius": 0.01})
+    file = _write(tmp_path, {"friction.smoothing.radius": radius, "mesh.h": 0.25})
     assert cli.main(["check", str(file), "--set", f"output.directory={tmp_path}/out"]) == 0
     warning = capsys.readouterr().err
     assert "friction.smoothing.radius" in warning and "on bottom, so R hardly smooths" in warning

@@ -30,7 +30,7 @@ COARSE = {
     "two_foundations": ("mesh.h=0.1", *PLAIN),
     "gripper": ("mesh.h=0.14", "steps.count=4", *PLAIN),
     "ball_3d": ("mesh.h=0.5", "mesh.h_contact=0.06", *PLAIN),
-    "pressed_tool": ("mesh.h=0.4", "steps.count=3", *PLAIN),
+    "pressed_tool": ("mesh.h=0.4", "steps.count=2", *PLAIN),
     "notch": ("mesh.h=0.2", "mesh.h_contact=0.05", *PLAIN),
     "ssnv128": ("mesh.h=2.5e-3", *PLAIN),
     "cyclic_slip": ("mesh.h=0.2", "mesh.h_contact=0.05", "steps.count=6", *PLAIN),

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +39,13 @@ RENDER_ALL = """
 import sys
 from pathlib import Path
 from contact_locking.plotting import render
-for folder in map(Path, sys.argv[1:]):
+*folders, film = map(Path, sys.argv[1:])
+for folder in folders:
     render.main(folder / "snapshot.npz", folder / "views.npz", 60)
+render.main(film / "frames", film / "views.npz", 60)
 """
+#: The scales of the displacement in the frames of a film.
+FILM = (0.5, 1.0, 0.5)
 
 
 DRAWN = ("locked", "without contact", "partly unlimited", "at rest", "with two contacts")
@@ -55,10 +59,16 @@ def snapshot(dim: int = 3, kind: str = "locked") -> Snapshot:
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Image]]:
-    """The views of every kind of body, from one process."""
+    """The views of every kind of body, and the frames of a film, from one process."""
     folders = {kind: tmp_path_factory.mktemp("kind") for kind in DRAWN}
     for kind, folder in folders.items():
         snapshot_file.save(snapshot(3, kind), folder / "snapshot.npz")
+    folders["film"] = tmp_path_factory.mktemp("film")
+    (folders["film"] / "frames").mkdir()
+    for number, scale in enumerate(FILM):
+        body = snapshot(3, "locked")
+        body = replace(body, displacement=scale * body.displacement)
+        snapshot_file.save(body, folders["film"] / "frames" / f"{number}.npz", compressed=False)
     words = [*offscreen.XVFB, sys.executable, "-c", RENDER_ALL, *map(str, folders.values())]
     subprocess.run(words, env=offscreen.environment(), timeout=120, check=True)
     found = {}
@@ -108,6 +118,16 @@ def test_the_locked_zone_is_the_upper_half_and_the_pressure_is_on_the_right(
     assert np.quantile(columns, 0.05) > 0.5 * contact.shape[1]
     # At rest it touches nowhere.
     assert np.ptp(drawn["at rest"]["contact"].astype(int), axis=-1).max() < 10
+
+
+@pytest.mark.serial
+@needs_pyvista
+def test_the_frames_of_a_film_have_one_camera(drawn: dict[str, dict[str, Image]]) -> None:
+    frames = [drawn["film"][name] for name in ("0", "1", "2")]
+    assert np.array_equal(frames[0], frames[2])
+    assert frames[0].shape == frames[1].shape
+    # The body moves, and what is around the body does not.
+    assert 0.02 < np.mean((frames[0] != frames[1]).any(axis=-1)) < 0.5
 
 
 @needs_pyvista

@@ -228,6 +228,9 @@ def test_aliases_cannot_blow_up_a_file(tmp_path: Path) -> None:
 def test_a_path_that_is_no_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such file"):
         load(tmp_path / "none.yml")
+    (tmp_path / "foot.yml").touch()
+    with pytest.raises(InputError, match=r"no such file \(did you mean 'foot.yml'\?\)"):
+        load(tmp_path / "fot.yml")
     with pytest.raises(InputError, match="is a folder"):
         load(tmp_path)
     with pytest.raises(InputError, match="cannot be read"):

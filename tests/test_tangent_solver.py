@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,13 @@ from petsc4py import PETSc
 from problems import block
 
 from contact_locking import solving
+from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.errors import InputError
 from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.linear import tangent_solver
-from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid
-from contact_locking.solver.linear.ksp import FILTER_LIMIT, LINEAR_SOLVERS, default_options
+from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid, StiffPart
+from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options
 from contact_locking.solver.linear.projection import Projection
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 
@@ -55,6 +57,19 @@ _SAME = 2e-7
 def _agree(one: Solution, other: Solution) -> None:
     for key in ("compliance", "elastic_energy"):
         assert one.summary[key] == pytest.approx(other.summary[key], rel=_SAME)
+
+
+def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """A list that gets the iterations of each solve by CG."""
+    counts: list[int] = []
+    solve = TangentSolver._solve
+
+    def counted(self: TangentSolver, right: PETSc.Vec, step: PETSc.Vec) -> int:
+        counts.append(solve(self, right, step))
+        return counts[-1]
+
+    monkeypatch.setattr(TangentSolver, "_solve", counted)
+    return counts
 
 
 @pytest.mark.parametrize("patience", [0, 30, _NEVER], ids=["at once", "on the way", "never"])
@@ -120,14 +135,7 @@ def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
 ) -> None:
     monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
     monkeypatch.setitem(FILTER_LIMIT, 3, 0)
-    counts: list[int] = []
-    solve = TangentSolver._solve
-
-    def counted(self: TangentSolver, right: PETSc.Vec, step: PETSc.Vec) -> int:
-        counts.append(solve(self, right, step))
-        return counts[-1]
-
-    monkeypatch.setattr(TangentSolver, "_solve", counted)
+    counts = _count_iterations(monkeypatch)
     projected = _solved(math.inf, "iterative")
     # At the end the stiffest cells are 1e12 times as stiff as the softest.
     assert max(counts) <= 25
@@ -159,6 +167,54 @@ def test_one_sided_limits_of_the_strain_are_projected_as_well(
     )  # fmt: skip
     assert projected.converged, projected.summary["reason"]
     assert max(made) > 0
+    _agree(direct, projected)
+
+
+def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.MonkeyPatch) -> None:
+    refresh, counts = TangentSolver.refresh, []
+
+    def compared(self: TangentSolver, split: Callable[[], StiffPart]) -> None:
+        refresh(self, split)
+        stiff = split()
+        rows, stiffness = stiff.find_rows()
+        left = self._matrix.duplicate()
+        stiff.assemble_across(left)
+        counts.append(rows.getSize()[0])
+        # A random displacement shows everything that is missing.
+        step, forces = self._matrix.createVecs()
+        step.array_w[:] = np.random.default_rng(1).standard_normal(step.getLocalSize())
+        other, stretched = forces.duplicate(), rows.createVecLeft()
+        self._matrix.mult(step, forces)
+        rows.mult(step, stretched)
+        stretched.array_w[:] *= stiffness
+        left.mult(step, other)
+        rows.multTransposeAdd(stretched, other, other)
+        other.axpy(-1.0, forces)
+        assert other.norm() <= 1e-12 * forces.norm()
+        for item in (rows, left, step, forces, other, stretched):
+            item.destroy()
+
+    monkeypatch.setattr(TangentSolver, "refresh", compared)
+    # Control values of the contact couple several nodes.
+    solving.solve(block(2, 1 / 4, penalty__n=math.inf, discretisation__degree=2))
+    assert max(counts) > 0
+
+
+def test_projection_of_quadratic_elements_bears_any_contrast(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
+    monkeypatch.setitem(FILTER_LIMIT, 2, 0)
+    counts = _count_iterations(monkeypatch)
+    direct, projected = (
+        solving.solve(
+            block(2, 1 / 12, mesh__structured=True, penalty__n=math.inf,
+                  discretisation__degree=2, solver__linear=linear)
+        )
+        for linear in ("direct", "iterative")
+    )  # fmt: skip
+    assert projected.converged, projected.summary["reason"]
+    assert max(counts) <= 60
     _agree(direct, projected)
 
 

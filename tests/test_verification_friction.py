@@ -12,6 +12,7 @@ from problems import with_changes
 from verification_table import Row
 
 from contact_locking import assemble, solve
+from contact_locking.arrays import FloatArray
 from contact_locking.steps.loop import Steps
 
 pytestmark = pytest.mark.serial
@@ -58,24 +59,33 @@ def test_v26_partial_slip_of_a_sphere(found: list[Row]) -> None:
     Half of a block, with its mirror image in y = 0, is pressed onto a sphere without friction, and
     then moved along.  P, Q and the radius a are those of the solution, as the block is no
     half-space.
+
+    Hertz's pressure ``p0 sqrt(1 - r^2/a^2)`` has the second moment ``int p r^2 = 2/5 a^2 int p``,
+    and what the friction traction leaves of its bound is a pressure of Hertz with the radius c.
+    Radii by these moments do not depend on how many nodes stick, as radii by areas do.
     """
-    mu, depth, shift = 0.5, 0.045, 0.03
+    mu, depth, shift, sphere = 0.5, 0.045, 0.03, 2.0
+    young, poisson = 1.0, 0.45
     data: dict[str, Any] = {
         "mesh": {
             "builder": "block",
             "dim": 3,
             "size": [2.0, 1.0, 1.0],
-            "h": 0.3,
-            "h_contact": 0.04,
+            "h": 0.4,
+            "h_contact": 0.08,
         },
-        "material": {"elasticity": {"young": 1.0, "poisson": 0.45}, "locking_limit": math.inf},
+        "discretisation": {"degree": 2},
+        "material": {
+            "elasticity": {"young": young, "poisson": poisson},
+            "locking_limit": math.inf,
+        },
         "loads": {
             "displacements": [
                 {"on": "top", "value": [f"{shift}*max(t - 1, 0)", 0, f"-{depth}*min(t, 1)"]},
                 {"on": "front", "value": [None, 0, None]},
             ]
         },
-        "contact": {"on": "bottom", "gap": "((x - 1)**2 + y**2)/4"},
+        "contact": {"on": "bottom", "gap": f"((x - 1)**2 + y**2)/{2.0 * sphere}"},
         "friction": {"coefficient": mu, "smoothing": {"kernel": "none"}},
         "steps": {"times": [1.0, 1.5, 2.0]},
     }
@@ -84,15 +94,31 @@ def test_v26_partial_slip_of_a_sphere(found: list[Row]) -> None:
     friction.share = 0.0
     pressed = next(steps)
     friction.share = 1.0
-    a = math.sqrt(2.0 * pressed.summary["contact_area"] / math.pi)
+    (contact,) = pressed.contacts
+    weights, r2 = contact.surface.weights, np.sum((contact.surface.points - [1, 0, 0]) ** 2, axis=1)
+
+    def radius(traction: FloatArray) -> float:
+        return math.sqrt(2.5 * float(np.sum(weights * traction * r2) / np.sum(weights * traction)))
+
+    force = pressed.summary["contact_force"][2]
+    # The force of the whole body is twice that of its half.
+    hertz = (3.0 * 2.0 * force * sphere * (1.0 - poisson**2) / (4.0 * young)) ** (1.0 / 3.0)
+    a, by_area = radius(contact.pressure), math.sqrt(2.0 * pressed.summary["contact_area"] / np.pi)
+    found.append(Row("V26", "Hertz, 3D, P2", "radius a by moments", a, hertz, TEST))
+    assert a == pytest.approx(hertz, rel=0.01)
     for solution in steps:
         assert solution.converged, solution.summary["reason"]
         force = solution.summary["contact_force"][2]
         share = abs(solution.summary["friction_force"][0]) / (mu * force)
+        assert 0.15 < share < 0.97
+        exact = (1.0 - share) ** (1.0 / 3.0)
+        (contact,) = solution.contacts
+        c = radius(contact.bound - np.linalg.norm(contact.traction, axis=1))
         sticks = solution.summary["contact_area"] - solution.summary["slip_area"]
         stick = math.sqrt(2.0 * sticks / math.pi)
-        exact = (1.0 - share) ** (1.0 / 3.0)
-        problem = f"Cattaneo-Mindlin, 3D, Q = {share:.2f} mu P"
-        found.append(Row("V26", problem, "stick radius over a", stick / a, exact, TEST))
-        assert 0.15 < share < 0.97
-        assert stick / a == pytest.approx(exact, abs=0.06)
+        problem = f"Cattaneo-Mindlin, 3D, P2, Q = {share:.2f} mu P"
+        found.append(Row("V26", problem, "c/a by moments", c / a, exact, TEST))
+        found.append(Row("V26", problem, "c/a by areas", stick / by_area, exact, TEST))
+        assert c / a == pytest.approx(exact, rel=0.02)
+        # Some ten nodes are along the radius.
+        assert stick / by_area == pytest.approx(exact, rel=0.04)

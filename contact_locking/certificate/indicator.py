@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import basix
 import numpy as np
 from dolfinx import fem, la
+from scipy import sparse
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
@@ -128,11 +129,17 @@ def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
     for inside in _regions(state, len(values)):
         sums = fem.Function(space)
         nodal = sums.x.array.reshape(-1, size + 1)
-        np.add.at(nodal, corners[inside], weighted[inside][:, None, :])
+        cells = np.flatnonzero(inside)
+        # A row for each cell, with 1 at its corners.
+        starts = np.arange(len(cells) + 1) * (state.dim + 1)
+        entries = np.ones(starts[-1]), corners[cells].reshape(-1), starts
+        at_corners = sparse.csr_matrix(entries, shape=(len(cells), len(nodal)))
+        nodal[:] = at_corners.T @ weighted[cells]
         sums.x.scatter_reverse(la.InsertMode.add)
         sums.x.scatter_forward()
-        around = nodal[corners[inside]]
-        result[inside] = around[:, :, :size] / around[:, :, size:]
+        # Nodes without a cell inside have no mean, and no cell inside has such a node.
+        means = nodal[:, :size] / np.where(nodal[:, size:] > 0.0, nodal[:, size:], 1.0)
+        result[cells] = means[corners[cells]]
     return result
 
 

@@ -137,18 +137,19 @@ def check(arguments: argparse.Namespace) -> int:
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
     from contact_locking.command import trial
+    from contact_locking.costs import forecast
     from contact_locking.problem import assembly, groups
     from contact_locking.results import output_folder
 
     with _explained(study):
         output_folder.prepare(parameters.output.directory, comm)
         trial.require_usable_options(parameters)
-        facts = assembly.check(parameters, comm)
+        facts = forecast.completed(assembly.check(parameters, comm), parameters, comm)
     for warning in [*facts.pop("warnings"), *trial.warnings(parameters, facts["dimension"], comm)]:
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
-        table, held = facts.pop("groups"), facts.pop("held by")
+        table, held, expected = (facts.pop(name) for name in ("groups", "held by", "estimate"))
         del facts["regions"], facts["boundary parts"]  # the table has them
         rows += [(name, _shown(value)) for name, value in facts.items()]
         rows += [(f"{part} is held by", words) for part, words in held.items()]
@@ -158,14 +159,21 @@ def check(arguments: argparse.Namespace) -> int:
             cases = studies.Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
+        rows += forecast.rows(expected)
         print(f"{arguments.file} can be run:\n{terminal.columns(rows)}\n")
         print(terminal.columns(groups.table(table)))
     return 0
 
 
 def mesh(arguments: argparse.Namespace) -> int:
-    """Write the mesh of the study file's builder."""
+    """Write the mesh of the study file: of its builder for Gmsh, and any mesh as XDMF."""
     study = _load(arguments.file, arguments.set)
+    if arguments.output.suffix == ".xdmf":
+        comm = world_with_dolfinx(arguments)
+        from contact_locking.command.exporting import export_mesh
+
+        with _explained(study):
+            return export_mesh(study.parameters, arguments.output, comm)
     geometry = study.parameters.mesh.geometry
     if geometry is None:
         raise InputError(

@@ -5,14 +5,18 @@ Only nodes of the boundary, which consists of the facets of a single cell, need 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial import cKDTree
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh_file import places
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.topology import Facets, longest_edges
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 # Nodes are at one place if they are nearer than this share of a facet: files hold rounded numbers.
 _SAME_PLACE = 1e-5
@@ -25,15 +29,28 @@ _FRAGMENT = (
 def check_contiguity(mesh: MeshData, facets: Facets, parts: IntArray, warnings: list[str]) -> None:
     """Raise InputError where parts touch without shared nodes, or a node hangs on a facet."""
     exterior = np.flatnonzero(facets.shared == 1)
-    boundary, owner = facets.nodes[exterior], facets.owner(exterior)
+    owner = facets.owner(exterior)
+    check_boundary(mesh, facets.nodes[exterior], owner, parts[owner], warnings)
+
+
+def check_boundary(
+    mesh: MeshData, boundary: IntArray, owner: IntArray, parts: IntArray, warnings: list[str]
+) -> None:
+    """`check_contiguity` for the boundary (f, d) of a body, as nodes of ``mesh``.
+
+    ``owner`` (f,) are the cells of the facets and ``parts`` (f,) the parts of these cells.  Other
+    cells and nodes of the mesh may be missing.
+    """
+    from scipy.spatial import cKDTree
+
     size = longest_edges(mesh.points, boundary)
     nodes = np.unique(boundary)
     part = np.empty(len(mesh.points), dtype=np.int64)
-    part[mesh.cells.nodes] = parts[:, None]
+    part[boundary] = parts[:, None]
     tree = cKDTree(mesh.points[nodes])
     _check_duplicates(mesh, nodes, part, tree, float(size.min()), warnings)
     _check_hanging(mesh, nodes, tree, boundary, owner, size)
-    _warn_of_hinges(mesh, parts, warnings)
+    _warn_of_hinges(mesh, boundary, parts, warnings)
 
 
 def _check_duplicates(
@@ -96,10 +113,10 @@ def _check_hanging(
     if not len(hanging):
         return
     first = int(hanging[np.argmin(mesh.numbers[node[hanging]])])
-    what = "edge" if mesh.dim == 2 else "face"
+    article, what = ("an", "edge") if mesh.dim == 2 else ("a", "face")
     number = mesh.cells.numbers[owner[facet[first]]]
     raise InputError(
-        f"{places.node(mesh, int(node[first]))} hangs: it lies on an {what} of "
+        f"{places.node(mesh, int(node[first]))} hangs: it lies on {article} {what} of "
         f"{places.CELL[mesh.dim]} {number} ({places.nodes(mesh, boundary[facet[first]])}), and is "
         f"none of its corners{places.more(len(np.unique(node[hanging])))}, so that the body would "
         f"be cut there; neighbours have to share whole {what}s: {_FRAGMENT}"
@@ -120,13 +137,14 @@ def _inside(points: FloatArray, corners: FloatArray, size: FloatArray) -> BoolAr
     return on & (share <= 1.0 - 10 * _SAME_PLACE).all(axis=1)
 
 
-def _warn_of_hinges(mesh: MeshData, parts: IntArray, warnings: list[str]) -> None:
-    """Warn of parts that share nodes but no facet."""
+def _warn_of_hinges(
+    mesh: MeshData, boundary: IntArray, parts: IntArray, warnings: list[str]
+) -> None:
+    """Warn of parts that share nodes but no facet; such a node is on the boundary of both."""
     if not parts.any():
         return
-    corners = mesh.cells.nodes
     pairs = np.unique(
-        np.column_stack([corners.ravel(), np.repeat(parts, corners.shape[1])]), axis=0
+        np.column_stack([boundary.ravel(), np.repeat(parts, boundary.shape[1])]), axis=0
     )
     twice = np.flatnonzero(pairs[1:, 0] == pairs[:-1, 0])
     if len(twice):

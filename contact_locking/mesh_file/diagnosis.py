@@ -21,8 +21,8 @@ from contact_locking.mesh_file.topology import Facets, longest_edges, parts, sig
 # shares.
 _COLLAPSED = 1e-12
 _NEARLY_COLLAPSED = 1e-6
-# A mesh of more parts is one whose elements share no nodes: nobody holds so many parts one by one.
-_MOST_PARTS = 100
+#: A mesh of more parts is one whose elements share no nodes: nobody holds so many parts one by one.
+MOST_PARTS = 100
 
 
 @dataclass(frozen=True)
@@ -57,18 +57,18 @@ def diagnose(mesh: MeshData, origin: str) -> Diagnosis:
 
 def _diagnose(mesh: MeshData) -> Diagnosis:
     warnings: list[str] = []
-    _check_coordinates(mesh)
+    check_coordinates(mesh)
     _check_groups_of_cells(mesh)
-    _check_cells(mesh, warnings)
+    check_cells(mesh, warnings)
     facets = Facets(mesh.cells.nodes, len(mesh.points))
     _check_sharing(mesh, facets)
     _check_folds(mesh, facets)
     count, labels = parts(facets, len(mesh.cells))
     check_contiguity(mesh, facets, labels, warnings)
-    if count > _MOST_PARTS:
+    if count > MOST_PARTS:
         raise InputError(
             f"the body falls into {count} parts that share no edges or faces; at most "
-            f"{_MOST_PARTS} are allowed"
+            f"{MOST_PARTS} are allowed"
         )
     named, unusable = _named_facets(mesh, facets, warnings)
     return Diagnosis(_part_names(mesh, count, labels), labels, named, unusable, warnings)
@@ -88,7 +88,8 @@ def _part_names(mesh: MeshData, count: int, labels: IntArray) -> tuple[str, ...]
     return tuple(names)
 
 
-def _check_coordinates(mesh: MeshData) -> None:
+def check_coordinates(mesh: MeshData) -> None:
+    """Raise InputError for a coordinate that is no finite number."""
     bad = ~np.isfinite(mesh.points).all(axis=1)
     if bad.any():
         raise InputError(
@@ -109,7 +110,8 @@ def _check_groups_of_cells(mesh: MeshData) -> None:
         )
 
 
-def _check_cells(mesh: MeshData, warnings: list[str]) -> None:
+def check_cells(mesh: MeshData, warnings: list[str]) -> None:
+    """Raise InputError for a cell that has collapsed or has a node twice."""
     cells = mesh.cells.nodes
     shape = places.CELL[mesh.dim]
     corners = np.sort(cells, axis=1)

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
@@ -160,6 +158,9 @@ def _to_turn(triangles: IntArray, edges: _Edges, origin: str) -> BoolArray:
     same = edges.forward[pairs[:, 0]] != edges.forward[pairs[:, 1]]
     if same.all():
         return np.zeros(count, dtype=bool)
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
     # Two copies of each triangle, as it is and turned: a path joins those that look to one side.
     ends = np.where(same, other, other + count), np.where(same, other + count, other)
     rows, columns = np.concatenate([one, one + count]), np.concatenate(ends)

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from contact_locking.arrays import FloatArray, IntArray
 
@@ -65,6 +63,9 @@ class Facets:
 
 def parts(facets: Facets, num_cells: int) -> tuple[int, IntArray]:
     """The number of connected parts of the body, and the part (k,) of each cell."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     joined, _ = facets.pairs(np.flatnonzero(facets.shared >= 2))
     graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), (num_cells, num_cells))
     count, labels = connected_components(graph, directed=False)

@@ -1,4 +1,4 @@
-"""The mesh: a geometry of `contact_locking.meshes` with its parameters, or a Gmsh file."""
+"""The mesh: a geometry of `contact_locking.meshes` with its parameters, or a file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ class MeshParameters(Section):
 
     builder: Text | None = entry("block", "a geometry by name", optional=True)
     file: Text | None = entry(
-        None, "a Gmsh file, relative to the study file, in place of a builder", optional=True
+        None,
+        "a Gmsh or XDMF file, relative to the study file, in place of a builder",
+        optional=True,
     )
     axisymmetric: Switch = entry(
         False,

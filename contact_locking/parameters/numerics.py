@@ -116,8 +116,7 @@ class OutputParameters(Section):
     )
     animation: Switch = entry(
         True,
-        "whether a process in 2D with a picture has an animation, animation.gif, of at most 40 "
-        "frames",
+        "whether a process with a picture has an animation, animation.gif, of at most 40 frames",
     )
     probes: tuple[Probe, ...] = entry(
         (), "points where probes.csv has displacement, strain norm and stresses"

@@ -1,34 +1,49 @@
-"""An animation of a process in two dimensions, as a GIF file with the times of its frames.
+"""An animation of a process, as a GIF file with the times of its frames.
 
-All frames have one scale of colours, one magnification and one window, so that what moves is the
-body and not the axes.
+All frames have one scale of colours, one magnification and one window or camera, so that what moves
+is the body and not the axes.
 """
 
 from __future__ import annotations
 
 import io
 import json
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Normalize
+from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from PIL import Image
 
-from contact_locking.plotting import plane, style
-from contact_locking.plotting.snapshot import Snapshot
+from contact_locking.errors import NoRendering
+from contact_locking.plotting import (
+    offscreen,
+    plane,
+    snapshot_file,
+    space,
+    space_plain,
+    style,
+    views,
+)
+from contact_locking.plotting.film_look import FILM_DPI, look_of
+from contact_locking.plotting.snapshot import Snapshot, seen_from_outside
 
 #: The largest number of frames: a process of more steps has every second, fourth, ... step.
 MOST_FRAMES = 40
-#: The largest number of cells of a body, beyond which a frame takes seconds to draw.
-MOST_CELLS = 100_000
+#: The largest number of pieces of a body's cells by the dimension, beyond which it takes seconds to
+#: gather or to draw a frame.
+MOST_PIECES = {2: 100_000, 3: 1_000_000}
 
-_DPI, _COLOURS, _MILLISECONDS, _LAST = 90, 64, 150, 1200
-# The window has this share of its size around the body.
-_MARGIN = 0.06
+_DPI, _MILLISECONDS, _LAST = 90, 150, 1200
+# The colours of the palette: those of the scale, greys, and others, which are those of a number of
+# pictures.
+_LEVELS, _GREYS, _OTHERS, _SAMPLES = 80, 17, 158, 8
+_OF_THE_MESH = ("x", "cells", "boundary", "boundary_cell")
 
 
 @dataclass(frozen=True)
@@ -50,13 +65,14 @@ class Film:
 
     def add(self, frame: Frame) -> None:
         """Add the next step; a step of another mesh begins a new film."""
+        frame = replace(frame, body=seen_from_outside(frame.body))
         if self._last is not None:
             first = self._last.body
             if len(first.x) != len(frame.body.x):
                 self._kept, self._last, self._stride, self._count = [], None, 0, 0
             else:
                 # The mesh is in memory once.
-                same = {name: getattr(first, name) for name in ("x", "cells", "boundary")}
+                same = {name: getattr(first, name) for name in _OF_THE_MESH}
                 frame = replace(frame, body=replace(frame.body, **same))
         self._stride = self._stride or 1
         self._last = frame
@@ -75,42 +91,46 @@ class Film:
         return [*self._kept, self._last]
 
 
-def gif(frames: Sequence[Frame]) -> bytes:
-    """The film as a GIF file, whose comment has the steps and the times as JSON."""
-    factor = min(style.magnification(frame.body) for frame in frames)
-    shades = [style.shade(frame.body) for frame in frames]
-    top = max(float(shade.norm.vmax or 0.0) for shade in shades)
-    beyond = any(shade.extend == "max" for shade in shades)
-    shades = [
-        replace(shade, norm=Normalize(0.0, top), extend="max" if beyond else "neither")
-        for shade in shades
-    ]
-    places = np.concatenate([style.deformed(frame.body, factor) for frame in frames])
-    low, high = places.min(axis=0), places.max(axis=0)
-    margin = _MARGIN * float((high - low).max())
-    window = np.stack([low - margin, high + margin])
-    size = window[1] - window[0]
-    width = 6.4
-    height = float(np.clip(width * 0.78 * size[1] / size[0], 1.6, 6.4)) + 0.7
-    images = []
+def animation(frames: Sequence[Frame]) -> tuple[bytes, str | None]:
+    """The film as a GIF file, and the reason why it is only a plainer one, or None."""
+    if frames[0].body.dim == 2:
+        return gif(frames), None
+    try:
+        with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
+            for number, frame in enumerate(frames):
+                snapshot_file.save(frame.body, Path(folder) / f"{number:04d}.npz", compressed=False)
+            images = offscreen.views(Path(folder))
+        return gif(frames, [images[name] for name in sorted(images)]), None
+    except NoRendering as reason:
+        return gif(frames), f"the animation was drawn by Matplotlib alone: {reason}"
+
+
+def gif(frames: Sequence[Frame], images: Sequence[views.Image] | None = None) -> bytes:
+    """The film as a GIF file, whose comment has the steps and the times as JSON.
+
+    In three dimensions ``images`` are the pictures of the bodies, None if PyVista cannot draw.
+    """
+    bodies, titles = [frame.body for frame in frames], [f"t = {frame.time:.4g}" for frame in frames]
+    look, dpi = look_of(bodies), _DPI
     with matplotlib.rc_context(style.RC):
-        for frame, shade in zip(frames, shades, strict=True):
-            figure = Figure(figsize=(width, height), dpi=_DPI, layout="constrained")
-            canvas = FigureCanvasAgg(figure)
-            axes = figure.add_subplot()
-            plane.draw_frame(figure, axes, frame.body, factor, shade, window)
-            axes.set_title(f"t = {frame.time:.4g}", loc="left", parse_math=False)
-            images.append(_image(canvas))
+        if bodies[0].dim == 2:
+            figures = plane.frames(bodies, look, titles)
+        elif images is None:
+            figures = space_plain.frames(bodies, look, titles)
+        else:
+            figures, dpi = space.frames(bodies, images, look, titles), FILM_DPI
+        pictures = [_picture(figure, dpi) for figure in figures]
+    pictures = _in_few_colours(pictures, look.shades[0].cmap)
     comment = json.dumps(
         {"steps": [frame.step for frame in frames], "times": [frame.time for frame in frames]}
     )
-    durations = [_MILLISECONDS] * (len(images) - 1) + [_LAST]
+    durations = [_MILLISECONDS] * (len(pictures) - 1) + [_LAST]
     stream = io.BytesIO()
-    images[0].save(
+    pictures[0].save(
         stream,
         format="GIF",
         save_all=True,
-        append_images=images[1:],
+        append_images=pictures[1:],
         duration=durations,
         loop=0,
         comment=comment.encode(),
@@ -121,7 +141,23 @@ def gif(frames: Sequence[Frame]) -> bytes:
     return stream.getvalue()
 
 
-def _image(canvas: FigureCanvasAgg) -> Image.Image:
+def _picture(figure: Figure, dpi: int) -> Image.Image:
+    figure.set_dpi(dpi)
+    canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    whole = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    return whole.quantize(_COLOURS, dither=Image.Dither.NONE)
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+
+
+def _in_few_colours(pictures: Sequence[Image.Image], scale: Colormap) -> list[Image.Image]:
+    """The pictures with one palette for all, which has the colours of the scale."""
+    width, height = pictures[0].size
+    some = [*pictures[:: -(-len(pictures) // _SAMPLES)], pictures[-1]]
+    sheet = Image.new("RGB", (width, height * len(some)))
+    for number, picture in enumerate(some):
+        sheet.paste(picture, (0, number * height))
+    others = sheet.quantize(_OTHERS, Image.Quantize.MAXCOVERAGE).getpalette() or []
+    levels = scale(np.linspace(0.0, 1.0, _LEVELS), bytes=True)[:, :3]
+    greys = np.repeat(np.linspace(0, 255, _GREYS).astype(int), 3)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*levels.ravel().tolist(), *greys.tolist(), *others[: 3 * _OTHERS]])
+    return [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]

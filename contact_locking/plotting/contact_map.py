@@ -23,6 +23,8 @@ PRESSURE_LABEL = r"$-\sigma_\nu$  [stress]"
 # The largest number of arrows in a row; the longest arrow as a share of the width of a map; the
 # free space around a map for arrows that point outwards.
 _ARROWS, _LONGEST, _AROUND = 12, 0.12, 0.13
+# Gamma_C is in a plane if it is thinner than this share of its extent.
+_PLANE = 1e-6
 # At a larger ratio of the largest to the median pressure the colours follow the square root.
 _PEAKED = 6.0
 
@@ -154,10 +156,13 @@ def nearest_parts(x: FloatArray, facets: IntArray) -> tuple[FloatArray, IntArray
 def frame(points: ContactPoints) -> tuple[int, int, bool]:
     """The two axes of a map that shows Gamma_C from the foundation, and whether the second is down.
 
-    The viewer looks against the mean normal.
+    The viewer looks against the mean normal, along an axis of coordinates.
     """
-    normal = points.normal.mean(axis=0)
+    normal, extent = points.normal.mean(axis=0), np.ptp(points.x, axis=0)
     across = int(np.argmax(np.abs(normal)))
+    # Beside a tool the normals may point along a plane Gamma_C, of which the map shows all.
+    if extent.min() < _PLANE * extent.max():
+        across = int(np.argmin(extent))
     i, j = (axis for axis in range(3) if axis != across)
     # The cross product of right and up points at the viewer, as the normal does.
     return i, j, bool(np.cross(np.eye(3)[i], np.eye(3)[j]) @ normal < 0.0)

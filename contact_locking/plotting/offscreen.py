@@ -28,15 +28,20 @@ INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip in
 
 _PROGRAM = "contact_locking.plotting.render"
 _TARGET = "views.npz"
-_SECONDS, _GRACE_SECONDS = 120, 2
+# A film may take several times as long as a picture.
+_SECONDS, _FILM, _GRACE_SECONDS = 120, 3, 2
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 _SHELL, _CRASHED = 128, "VTK was ended by"
 #: A command that gives a program a hidden screen, which stays when a client has gone.
 XVFB = ("xvfb-run", "-a", "-s", "-screen 0 640x480x24 -noreset")
 
 
-def views(snapshot: Path) -> dict[str, Image]:
-    """Pictures (h, w, 3) of all views of a saved snapshot, by name. Raises NoRendering."""
+def views(source: Path) -> dict[str, Image]:
+    """Pictures (h, w, 3) of all views of a saved snapshot, by name.
+
+    If ``source`` is a folder with the snapshots of a film, these are the frames by the names of
+    their files.  Raises NoRendering.
+    """
     if importlib.util.find_spec("pyvista") is None:
         raise NoRendering("PyVista is not installed")
     hidden = shutil.which(XVFB[0]) is not None
@@ -45,7 +50,7 @@ def views(snapshot: Path) -> dict[str, Image]:
     for screen in [XVFB, ()] if hidden else [()]:
         try:
             with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
-                reason = _draw(screen, snapshot, Path(folder))
+                reason = _draw(screen, source, Path(folder))
                 if reason is None:
                     with np.load(Path(folder) / _TARGET, allow_pickle=False) as images:
                         return {name: images[name] for name in images.files}
@@ -81,14 +86,15 @@ def explain(code: int, told: str) -> str:
     return f"VTK ended with exit code {code}{said}"
 
 
-def _draw(screen: Sequence[str], snapshot: Path, folder: Path) -> str | None:
+def _draw(screen: Sequence[str], source: Path, folder: Path) -> str | None:
     """Run the program that draws and return None, or the reason why the program failed.
 
     All files are in ``folder``.  Raises NoRendering if the program does not end in time.
     """
     target, log = folder / _TARGET, folder / "log"
     # The program has a time limit of its own, in case this process ends first.
-    words = [*screen, *program(_PROGRAM), str(snapshot), str(target), str(2 * _SECONDS)]
+    seconds = _SECONDS * (_FILM if source.is_dir() else 1)
+    words = [*screen, *program(_PROGRAM), str(source), str(target), str(2 * seconds)]
     with log.open("wb") as stream:
         process = subprocess.Popen(
             words,
@@ -99,9 +105,9 @@ def _draw(screen: Sequence[str], snapshot: Path, folder: Path) -> str | None:
             start_new_session=True,
         )
         try:
-            code = process.wait(_SECONDS)
+            code = process.wait(seconds)
         except subprocess.TimeoutExpired:
-            raise NoRendering(f"VTK has not finished in {_SECONDS} seconds") from None
+            raise NoRendering(f"VTK has not finished in {seconds} seconds") from None
         finally:
             if process.poll() is None:
                 _end(process)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from matplotlib.path import Path
 
 from contact_locking.arrays import FloatArray
 from contact_locking.plotting import profile, style
+from contact_locking.plotting.film_look import Look
 from contact_locking.plotting.ground import tool, touched
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.results.ordering import curves
@@ -21,6 +23,9 @@ from contact_locking.results.ordering import curves
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
 _THICKNESS, _REACH = 0.05, 0.08
 _DASHES = (0, (4, 3))
+# The width of the pictures of an animation in inches, the free space around the body and its tools,
+# and how far beside the body tools are shown, as shares of the size.
+_FRAME, _MARGIN, _BESIDE = 6.4, 0.06, 0.25
 
 
 def figure(body: Snapshot) -> Figure:
@@ -37,12 +42,31 @@ def figure(body: Snapshot) -> Figure:
     return fig
 
 
-def draw_frame(
-    fig: Figure, axes: Axes, body: Snapshot, factor: float, shade: style.Shade, window: FloatArray
-) -> None:
-    """Draw the body of one frame of an animation; ``window`` (2, 2) has the corners of the view."""
-    _deformed(fig, axes, body, factor, shade)
-    axes.set(xlim=window[:, 0], ylim=window[:, 1])
+def frames(bodies: Sequence[Snapshot], look: Look, titles: Sequence[str]) -> Iterator[Figure]:
+    """The pictures of an animation, all with the same limits of the axes."""
+    low, high = _window(bodies, look.factor)
+    size = high - low
+    height = float(np.clip(_FRAME * 0.78 * size[1] / size[0], 1.6, 6.4)) + 0.7
+    for body, shade, title in zip(bodies, look.shades, titles, strict=True):
+        fig = Figure(figsize=(_FRAME, height), layout="constrained")
+        axes = fig.add_subplot()
+        _deformed(fig, axes, body, look.factor, shade)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set_title(title, loc="left", parse_math=False)
+        yield fig
+
+
+def _window(bodies: Sequence[Snapshot], factor: float) -> tuple[FloatArray, FloatArray]:
+    """The corners of a window with all deformed bodies and what is beside them of their tools."""
+    places = np.concatenate([style.deformed(body, factor) for body in bodies])
+    low, high = places.min(axis=0), places.max(axis=0)
+    beside = _BESIDE * float((high - low).max())
+    tools = [tool(part, factor) for body in bodies for part in body.contact.parts()]
+    points = np.concatenate([places[:0], *(segments.reshape(-1, 2) for segments in tools)])
+    near = points[np.all((points >= low - beside) & (points <= high + beside), axis=1)]
+    low, high = np.vstack([low, near]).min(axis=0), np.vstack([high, near]).max(axis=0)
+    margin = _MARGIN * float((high - low).max())
+    return low - margin, high + margin
 
 
 def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
@@ -121,16 +145,18 @@ def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> 
 
 
 def _draw_tool(axes: Axes, segments: FloatArray, size: float) -> None:
-    """The polygon on the left of the segments (m, 2, 2), or a layer if they are open."""
-    line = np.vstack([segments[:, 0], segments[-1:, 1]])
-    if np.array_equal(line[0], line[-1]):
-        axes.add_patch(_layer(line))
-    else:
-        along = np.gradient(line, axis=0)
-        along /= np.linalg.norm(along, axis=1)[:, None]
-        left = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        axes.add_patch(_layer(np.vstack([line, (line + _THICKNESS * size * left)[::-1]])))
-    axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
+    """The polygons on the left of the segments (m, 2, 2), and layers at lines that are open."""
+    breaks = 1 + np.flatnonzero(np.any(segments[1:, 0] != segments[:-1, 1], axis=1))
+    for part in np.split(segments, breaks):
+        line = np.vstack([part[:, 0], part[-1:, 1]])
+        if np.array_equal(line[0], line[-1]):
+            axes.add_patch(_layer(line))
+        else:
+            along = np.gradient(line, axis=0)
+            along /= np.linalg.norm(along, axis=1)[:, None]
+            left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+            axes.add_patch(_layer(np.vstack([line, (line + _THICKNESS * size * left)[::-1]])))
+        axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
 
 
 def _draw_touched(axes: Axes, contact: ContactMap, factor: float, size: float) -> None:

@@ -35,7 +35,8 @@ class Scene:
     """Draws a snapshot, deformed by ``factor``, into a plotter with ``point`` pixels to a point.
 
     Lines move by ``lift`` (3,) towards the viewer: a wide line faces the viewer, and a surface that
-    does not would hide half of a line that lies in the surface.
+    does not would hide half of a line that lies in the surface.  ``shade`` has the values of the
+    cells with their scale, by default that of the body alone.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class Scene:
         factor: float,
         point: float,
         lift: FloatArray | None = None,
+        shade: style.Shade | None = None,
     ) -> None:
         self._plotter, self._body, self._factor, self._point = plotter, body, factor, point
         self._lift = np.zeros(3) if lift is None else lift
@@ -52,7 +54,7 @@ class Scene:
         self._faces = _outward(body) if body.dim == 3 else body.cells
         self._face_cell = body.boundary_cell if body.dim == 3 else np.arange(len(body.cells))
         self._share = style.locked_share(body)
-        self._shade = style.shade(body)
+        self._shade = shade or style.shade(body)
 
     def deformed_body(self, **bar: Any) -> None:
         """The surface in the colours of the strain, the rim of the locked zone, the foundation."""
@@ -165,11 +167,14 @@ class Scene:
                 continue
             corners = foundation(contact, self._factor, self._body.size)
             ground, plane = _loose(corners), len(corners) == 1
-            if towards is not None and len(tool(contact, self._factor)):
-                ground = ground.clip(normal=towards, origin=middle, invert=True)
-                if not ground.n_points:
-                    continue
-            self._add(ground, color=style.PALE, **({"lighting": False} if plane else _PLAIN))
+            how: dict[str, Any] = {"lighting": False} if plane else _PLAIN
+            if len(tool(contact, self._factor)):
+                how = how | {"opacity": style.TOOL_OPACITY}
+                if towards is not None:
+                    ground = ground.clip(normal=towards, origin=middle, invert=True)
+                    if not ground.n_points:
+                        continue
+            self._add(ground, color=style.PALE, **how)
             if plane:
                 self._line(ground.extract_feature_edges(), style.GREY, _FINE)
 

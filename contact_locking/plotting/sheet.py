@@ -45,15 +45,26 @@ class Sheet:
         """Add a line of text, whose vertical place at ``top`` is as ``va`` says."""
         self.figure.text(left / self._width, 1.0 - top / self._height, text, **how)
 
-    def view(self, view: View, image: Image, left: float, top: float, title: str) -> Axes:
-        """Add a view with its title; the axes count inches from the view's lower left corner."""
+    def view(
+        self,
+        view: View,
+        image: Image,
+        left: float,
+        top: float,
+        title: str,
+        shown: Image | None = None,
+    ) -> Axes:
+        """Add a view with its title; the axes count inches from the view's lower left corner.
+
+        The arrows along x, y and z stand where ``shown``, by default the image, is white.
+        """
         size = (view.width, view.height)
         axes = self.figure.add_axes(self.place(left, top, *size))
         axes.set_axis_off()
         axes.imshow(image, extent=(0.0, size[0], 0.0, size[1]))
         axes.set(xlim=(0.0, size[0]), ylim=(0.0, size[1]))
         self.text(left, top - _ABOVE, title, fontsize=10.5)
-        _arrows_along_axes(axes, image, view.camera)
+        _arrows_along_axes(axes, image if shown is None else shown, view.camera)
         return axes
 
     def bar(

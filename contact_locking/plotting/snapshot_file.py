@@ -64,7 +64,7 @@ _DAMAGE = (
 )
 
 
-def save(body: Snapshot, path: Path) -> None:
+def save(body: Snapshot, path: Path, compressed: bool = True) -> None:
     """Write a snapshot, all of it or nothing. Raises OSError."""
     arrays: dict[str, Any] = {name: getattr(body, name) for name in _BODY}
     if len(body.contact.points):
@@ -76,7 +76,8 @@ def save(body: Snapshot, path: Path) -> None:
     facts = json.dumps(known | {"contacts": body.contact.names})
     try:
         with path.open("wb") as stream:
-            np.savez_compressed(stream, facts=np.array(facts), **arrays)
+            write = np.savez_compressed if compressed else np.savez
+            write(stream, facts=np.array(facts), **arrays)
     except BaseException:
         path.unlink(missing_ok=True)
         raise

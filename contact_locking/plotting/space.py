@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from contact_locking.plotting import contact_map, style
+from contact_locking.plotting.film_look import FILM_WIDTH, Look
 from contact_locking.plotting.sheet import Sheet
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.plotting.views import (
@@ -21,6 +23,7 @@ from contact_locking.plotting.views import (
     Image,
     View,
     contact_view,
+    side_view,
     views,
 )
 from contact_locking.results.contact_points import STICK
@@ -56,6 +59,19 @@ def figure(body: Snapshot, images: Mapping[str, Image]) -> Figure:
         _contact(sheet, body, contact, seen[name], images[name], top)
         top += seen[name].height
     return sheet.figure
+
+
+def frames(
+    bodies: Sequence[Snapshot], images: Sequence[Image], look: Look, titles: Sequence[str]
+) -> Iterator[Figure]:
+    """The pictures of an animation, each with its title and the scale of colours."""
+    view, shown = side_view(bodies, look.factor, FILM_WIDTH), np.minimum.reduce(images)
+    for image, shade, title in zip(images, look.shades, titles, strict=True):
+        sheet = Sheet(view.width + 2 * _MARGIN, _TITLE + view.height + _BELOW)
+        sheet.view(view, image, _MARGIN, _TITLE, title, shown)
+        colours = ScalarMappable(shade.norm, shade.cmap)
+        sheet.bar(colours, _MARGIN, _TITLE + view.height, _BAR, shade.extend, shade.label)
+        yield sheet.figure
 
 
 def _handles(body: Snapshot) -> list[Any]:

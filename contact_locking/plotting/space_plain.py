@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ from mpl_toolkits.mplot3d.art3d import (  # type: ignore[import-untyped]
 
 from contact_locking.arrays import AXES, FloatArray
 from contact_locking.plotting import contact_map, style
-from contact_locking.plotting.ground import foundation
+from contact_locking.plotting.film_look import Look
+from contact_locking.plotting.ground import foundation, tool
 from contact_locking.plotting.snapshot import Snapshot
 
 # Inches: the deformed surface with the head of the figure, and the maps of a contact.
@@ -33,11 +35,11 @@ def figure(body: Snapshot) -> Figure:
     # Places are fixed: Matplotlib's layouts do not know how much of its box a 3D view fills.
     if not contacts:
         fig = Figure(figsize=(7.6, 6.4))
-        _surface(fig, body, 0.02, 0.9)
+        _deformed(fig, body, 0.02, 0.9)
     else:
         height = _TOP + _ROW * len(contacts)
         fig = Figure(figsize=(7.6, height))
-        _surface(fig, body, 1.0 - _TOP / height, 4.992 / height)
+        _deformed(fig, body, 1.0 - _TOP / height, 4.992 / height)
         for number, contact in enumerate(contacts, start=1):
             low = (height - _TOP - number * _ROW) / height
             bottom, tall = low + 0.96 / height, 2.592 / height
@@ -51,23 +53,58 @@ def figure(body: Snapshot) -> Figure:
     return fig
 
 
-def _surface(fig: Figure, body: Snapshot, bottom: float, height: float) -> None:
+def frames(bodies: Sequence[Snapshot], look: Look, titles: Sequence[str]) -> Iterator[Figure]:
+    """The pictures of an animation."""
+    extent = _extent(bodies, look.factor)
+    for body, shade, title in zip(bodies, look.shades, titles, strict=True):
+        fig = Figure(figsize=(6.4, 5.2))
+        _surface(fig, body, 0.03, 0.9, look.factor, shade, extent)
+        fig.text(0.03, 0.95, title, fontsize=10.5, parse_math=False)
+        yield fig
+
+
+def _deformed(fig: Figure, body: Snapshot, bottom: float, height: float) -> None:
+    factor = style.magnification(body)
+    extent = _extent([body], factor)
+    handles = _surface(fig, body, bottom, height, factor, style.shade(body), extent)
+    title = f"Deformed body, {style.scale_words(factor)}"
+    fig.text(0.08, bottom + height - 0.02, title, fontsize=10.5)
+    fig.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.065, bottom + height - 0.025))
+
+
+def _extent(bodies: Sequence[Snapshot], factor: float) -> FloatArray:
+    """The least and the greatest coordinates (2, 3) of bodies and their foundations."""
+    places = []
+    for body in bodies:
+        places.append(style.deformed(body, factor))
+        for contact in body.contact.parts():
+            places.append(foundation(contact, factor, body.size).reshape(-1, 3))
+    low, high = (end([end(place, axis=0) for place in places], axis=0) for end in (np.min, np.max))
+    return np.stack([low, high])
+
+
+def _surface(
+    fig: Figure,
+    body: Snapshot,
+    bottom: float,
+    height: float,
+    factor: float,
+    shade: style.Shade,
+    extent: FloatArray,
+) -> list[Patch | Line2D]:
+    """Draw the deformed body and its foundations; returns what a legend explains."""
     axes: Any = fig.add_axes((0.0, bottom, 0.86, height), projection="3d")
     # Matplotlib draws collections in the order in which they are added: it hides none by depth.
     axes.computed_zorder = False
     axes.view_init(elev=_ELEVATION, azim=_AZIMUTH)
-    factor = style.magnification(body)
     x = style.deformed(body, factor)
-    shade = style.shade(body)
-    extent = x
     handles: list[Patch | Line2D] = []
     for contact in body.contact.parts():
         ground = foundation(contact, factor, body.size)
-        extent = np.vstack([extent, ground.reshape(-1, 3)])
         edge = style.GREY if len(ground) == 1 else style.PALE
-        axes.add_collection3d(
-            Poly3DCollection(ground, facecolors=style.PALE, edgecolors=edge, linewidths=0.6)
-        )
+        alpha = style.TOOL_OPACITY if len(tool(contact, factor)) else None
+        look: dict[str, Any] = {"facecolors": style.PALE, "edgecolors": edge, "linewidths": 0.6}
+        axes.add_collection3d(Poly3DCollection(ground, alpha=alpha, **look))
     if len(body.contact.points):
         handles.append(Patch(facecolor=style.PALE, edgecolor=style.GREY, label="foundation"))
     normals = _outward(x[body.boundary], x[body.cells[body.boundary_cell]].mean(axis=1))
@@ -85,13 +122,11 @@ def _surface(fig: Figure, body: Snapshot, bottom: float, height: float) -> None:
             axes.add_collection3d(Line3DCollection(rim, colors=colour, linewidths=width))
         handles.append(Line2D([], [], color=style.VERMILION, lw=1.5, label=style.RIM_LABEL))
     _frame(axes, extent)
-    title = f"Deformed body, {style.scale_words(factor)}"
-    fig.text(0.08, bottom + height - 0.02, title, fontsize=10.5)
-    fig.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.065, bottom + height - 0.025))
     bar = fig.add_axes((0.88, bottom + 0.2 * height, 0.018, 0.6 * height))
     fig.colorbar(
         ScalarMappable(shade.norm, shade.cmap), cax=bar, label=shade.label, extend=shade.extend
     )
+    return handles
 
 
 def _outward(faces: FloatArray, inside: FloatArray) -> FloatArray:
@@ -124,9 +159,9 @@ def _level_lines(faces: FloatArray, values: FloatArray) -> FloatArray:
     return np.stack(ends, axis=1)
 
 
-def _frame(axes: Any, x: FloatArray) -> None:
-    """Show all points x at equal scales, with three arrows at a lower corner instead of axes."""
-    low, high = x.min(axis=0), x.max(axis=0)
+def _frame(axes: Any, extent: FloatArray) -> None:
+    """Show a box (2, 3) at equal scales, with three arrows at a lower corner instead of axes."""
+    low, high = extent
     arrow = 0.14 * float((high - low).max())
     axes.set_axis_off()
     limits = zip(AXES, low, high, strict=True)

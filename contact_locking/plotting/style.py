@@ -45,6 +45,9 @@ RC: dict[str, Any] = {
 }
 DPI = 200
 
+#: A tool in three dimensions shows the part of the body behind it.
+TOOL_OPACITY = 0.45
+
 # The cells that the number of a summary counts.
 LOCKED_LABEL = r"cells at the limit, $|\varepsilon| \geq M$"
 LOCKED_TITLE = r"Cells at the strain limit, $|\varepsilon| \geq M$"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,9 @@ Image = npt.NDArray[np.uint8]
 
 BODY, LOCKED, CUT, CONTACT = "body", "locked", "cut", "contact"
 
-# In inches.
+# The width of a view in inches, and the limits of its height as shares of the width.
 WIDTH = 3.55
-_TALLEST, _FLATTEST = 3.9, 1.2
+_TALLEST, _FLATTEST = 1.1, 0.34
 # Free space around Gamma_C, which shows the body around it, as a share of its extent.
 _AROUND = 0.12
 
@@ -29,14 +30,11 @@ class View:
     """A camera and the size of its picture, in inches."""
 
     camera: Camera
-
-    @property
-    def width(self) -> float:
-        return WIDTH
+    width: float = WIDTH
 
     @property
     def height(self) -> float:
-        return WIDTH * self.camera.height / self.camera.width
+        return self.width * self.camera.height / self.camera.width
 
     def place(self, points: FloatArray) -> FloatArray:
         """The places (k, 2) of points (k, 3), in inches from the lower left corner."""
@@ -47,17 +45,26 @@ def views(body: Snapshot) -> dict[str, View]:
     """The views by name: the body; its locked zone, or a cut if it has none; each contact."""
     factor = style.magnification(body)
     x = style.deformed(body, factor)
-    contacts = body.contact.parts()
-    grounds = [foundation(part, factor, body.size).reshape(-1, 3) for part in contacts]
-    # A tool that is drawn as a whole hides the body less than the ground does.
-    seen = any(len(tool(part, factor)) for part in contacts)
-    behind = np.zeros(3) if seen else mean_normal(body.contact)
-    side = _view(np.vstack([x, body.x, *grounds]), from_the_side(behind))
+    side = side_view([body], factor)
     found = {BODY: side, LOCKED if body.locked.any() else CUT: side}
-    for number, part in enumerate(contacts):
+    for number, part in enumerate(body.contact.parts()):
         below = from_below(mean_normal(part))
         found[contact_view(number)] = _view(x[part.vertices], below, _AROUND)
     return found
+
+
+def side_view(bodies: Sequence[Snapshot], factor: float, width: float = WIDTH) -> View:
+    """The view of a body, or of a film with bodies on one mesh, and of their foundations."""
+    first = bodies[0]
+    points = [first.x]
+    for body in bodies:
+        points.append(style.deformed(body, factor))
+        for part in body.contact.parts():
+            points.append(foundation(part, factor, body.size).reshape(-1, 3))
+    # A tool that is drawn as a whole hides the body less than the ground does.
+    seen = any(len(tool(part, factor)) for part in first.contact.parts())
+    behind = np.zeros(3) if seen else mean_normal(first.contact)
+    return _view(np.vstack(points), from_the_side(behind), width=width)
 
 
 def contact_view(number: int) -> str:
@@ -85,10 +92,12 @@ def mean_normal(contact: ContactMap) -> FloatArray:
     return np.array(mean / length if length > 1e-3 else (0.0, 0.0, -1.0))
 
 
-def _view(points: FloatArray, towards: FloatArray, around: float = 0.0) -> View:
+def _view(
+    points: FloatArray, towards: FloatArray, around: float = 0.0, width: float = WIDTH
+) -> View:
     """The view of points, as high as they need within the limits of a page."""
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     points = middle + (1.0 + 2.0 * around) * (points - middle)
     natural = camera(points, towards)
-    height = np.clip(WIDTH * natural.height / natural.width, _FLATTEST, _TALLEST)
-    return View(camera(points, towards, float(WIDTH / height)))
+    height = np.clip(natural.height / natural.width, _FLATTEST, _TALLEST)
+    return View(camera(points, towards, float(1.0 / height)), width)

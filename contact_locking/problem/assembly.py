@@ -15,6 +15,7 @@ from contact_locking.arrays import AXES, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.expressions import TIME, parse
 from contact_locking.laws.penalty import Penalty
+from contact_locking.mesh_file.xdmf_grids import is_xdmf
 from contact_locking.parameters import LoadParameters, Parameters
 from contact_locking.problem import domain as domains
 from contact_locking.problem import forms
@@ -214,7 +215,13 @@ def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     if geometry is not None:
         return domains.from_geometry(geometry, comm)
     assert parameters.mesh.file is not None
-    return domains.from_file(Path(parameters.mesh.file), comm)
+    path = Path(parameters.mesh.file)
+    if not is_xdmf(path):
+        return domains.from_file(path, comm)
+    # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
+    from contact_locking.problem.xdmf_mesh import from_xdmf
+
+    return from_xdmf(path, comm)
 
 
 def _check_parts(domain: Domain, parameters: Parameters) -> None:

@@ -8,6 +8,7 @@ every later run would wait in vain.
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import time
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from contact_locking.errors import ContactLockingError
 _OPTION_FILES = ("dolfinx_jit_options.json", "ffcx_options.json")
 _UNREADY = re.compile(r"remove (\S+\.c)\b")
 
+_READY = ".cached"
 _POLL_SECONDS = 0.1
 
 
@@ -70,11 +72,12 @@ def clear(cache: Path, patience: float) -> None:
 
     Waits for younger forms until they are ready or old enough.
     """
-    for ready in cache.glob("libffcx_*.c.cached"):
-        if not ready.with_suffix("").exists():
-            _remove(ready)
+    sources, ready = _forms(cache)
+    for name in ready - sources:
+        if not (cache / name).exists():
+            _remove(_mark(cache / name))
     deadline = time.monotonic() + patience
-    waiting = [path for path in cache.glob("libffcx_*.c") if not _ready(path)]
+    waiting = [cache / name for name in sources - ready if not _ready(cache / name)]
     while waiting and time.monotonic() < deadline:
         for path in waiting:
             if _age(path) > patience and not _is_being_compiled(path):
@@ -85,6 +88,16 @@ def clear(cache: Path, patience: float) -> None:
     for path in waiting:
         if not _is_being_compiled(path):
             _remove(path)
+
+
+def _forms(cache: Path) -> tuple[set[str], set[str]]:
+    """The names of C files, and those of C files that are ready; the folder is read once."""
+    try:
+        names = [name for name in os.listdir(cache) if name.startswith("libffcx_")]
+    except OSError:  # no form has been compiled yet
+        return set(), set()
+    sources = {name for name in names if name.endswith(".c")}
+    return sources, {name.removesuffix(_READY) for name in names if name.endswith(f".c{_READY}")}
 
 
 def _is_being_compiled(path: Path) -> bool:
@@ -98,7 +111,12 @@ def _is_being_compiled(path: Path) -> bool:
 
 
 def _ready(path: Path) -> bool:
-    return path.with_name(f"{path.name}.cached").exists()
+    return _mark(path).exists()
+
+
+def _mark(path: Path) -> Path:
+    """The file that FFCx writes when the form of a C file is ready."""
+    return path.with_name(path.name + _READY)
 
 
 def _age(path: Path) -> float:

@@ -32,6 +32,8 @@ _DEFAULT_RADIUS_SHARE, _DEFAULT_RADIUS_FACETS = 0.1, 2.0
 # A filter with a larger radius than this share of the extent is the mean over Gamma_C to nine
 # digits.
 _LARGEST_RADIUS_SHARE = 1e4
+# The sizes of facets have rounding errors: at a radius of just one facet R does nothing.
+_SIZE_ROUNDING = 1e-9
 # A negative friction coefficient smaller than this share of the largest value is zero with
 # rounding.
 _COEFFICIENT_ROUNDING = 1e-12
@@ -148,10 +150,10 @@ def _smoothing(
     size = domain.facet_diameter(surface.facets)
     if radius is None:
         radius = domain.smoothing_radii.get(part.key) or default_radius(surface)
-    elif radius < size:
+    elif radius <= size * (1.0 + _SIZE_ROUNDING):
         key = part.friction_key("smoothing.radius")
         warnings.append(
-            f"{key}: {radius:g} is smaller than the mesh size {size:.3g} on "
+            f"{key}: {radius:g} is not larger than the mesh size {size:.3g} on "
             f"{', '.join(part.on)}, so R hardly smooths; refine the mesh there or enlarge the "
             "radius"
         )

@@ -17,7 +17,6 @@ from functools import cached_property
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.sparse import eye, lil_matrix
 
 from contact_locking.arrays import FloatArray, IndexArray
 
@@ -116,6 +115,8 @@ class HeldDirections:
         """``B P`` for linear forms B (n, k) of displacements; B is given away; collective."""
         if not self._is_anywhere:
             return rows
+        from scipy.sparse import eye, lil_matrix
+
         dim, (first, last) = self._dim, rows.getOwnershipRangeColumn()
         projection = lil_matrix(eye(last - first, format="lil"))
         for place in np.flatnonzero(self._mine):

@@ -56,12 +56,7 @@ def distribute(
         values = (parts * len(groups) + index).astype(np.int32)
         marks = facets.groups.astype(np.int32)
     groups = comm.bcast(groups)
-    element = basix.ufl.element("Lagrange", _CELL[dim], 1, shape=(dim,), dtype=default_real_type)
-    # Keyword arguments, because DOLFINx 0.10 changed the order.
-    with _one_partitioning_thread():
-        mesh = dmesh.create_mesh(
-            comm=comm, cells=cells, x=points.astype(default_real_type), e=ufl.Mesh(element)
-        )
+    mesh = simplicial_mesh(comm, points, cells)
     mesh.topology.create_connectivity(dim, 0)
     both = _tags(mesh, dim, cells, values)
     order = np.argsort(both.indices)
@@ -71,6 +66,21 @@ def distribute(
     mesh.topology.create_connectivity(dim, dim - 1)
     facet_tags = _tags(mesh, dim - 1, marked, marks)
     return Distributed(mesh, cell_tags, facet_tags, (numbers // len(groups)).astype(np.int32))
+
+
+def simplicial_mesh(comm: MPI.Intracomm, points: FloatArray, cells: IntArray) -> dmesh.Mesh:
+    """The mesh of cells (k, d + 1), as numbers of points (m, d); collective.
+
+    Each rank has a share of the cells and of the points, which are numbered rank after rank.  The
+    share may be empty.
+    """
+    dim = points.shape[1]
+    element = basix.ufl.element("Lagrange", _CELL[dim], 1, shape=(dim,), dtype=default_real_type)
+    # Keyword arguments, because DOLFINx 0.10 changed the order.
+    with _one_partitioning_thread():
+        return dmesh.create_mesh(
+            comm=comm, cells=cells, x=points.astype(default_real_type), e=ufl.Mesh(element)
+        )
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from contact_locking.problem.clock import Clock, is_timed
 from contact_locking.problem.coefficients import evaluate
 from contact_locking.problem.plausibility import about_the_distance, about_the_size
 from contact_locking.problem.surface import ContactSurface
+from contact_locking.problem.tool_outline import outline
 from contact_locking.problem.tool_shapes import Site, build
 
 _TOO_FAR = "its distance is not a finite number: the foundation is too far away or too large"
@@ -75,8 +76,11 @@ class Obstacle(Protocol):
         ``since`` is None for the state at rest.
         """
 
-    def outline(self, dim: int) -> FloatArray:
-        """The facets (t, dim, dim) of its surface at present, by their corners, if it has any."""
+    def outline(self, box: FloatArray) -> FloatArray:
+        """The facets (t, d, d) of its surface at present, by their corners, if it has any.
+
+        A surface that is not made of facets has those of its part in the box (2, d).
+        """
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         """What is probably not intended, of the gap (k,) at the nodes at present; collective."""
@@ -102,8 +106,8 @@ class GivenGap:
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
         return np.zeros_like(surface.points)
 
-    def outline(self, dim: int) -> FloatArray:
-        return np.empty((0, dim, dim))
+    def outline(self, box: FloatArray) -> FloatArray:
+        return np.empty((0, *[box.shape[1]] * 2))
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         return []
@@ -215,11 +219,12 @@ class Tool:
             found += about_the_size(surface.domain, body.extent, f"{self._key}.{self._shape}")
         return found + about_the_distance(surface.domain, gap, self._key)
 
-    def outline(self, dim: int) -> FloatArray:
+    def outline(self, box: FloatArray) -> FloatArray:
+        motion = self.motion(self._site.clock.now)
         if not isinstance(self._body, TriangulatedSurface | Polyline):
-            return np.empty((0, dim, dim))
+            return outline(self._body, motion, box)
         facets = self._body.facets
-        places = self.motion(self._site.clock.now).place(facets.reshape(-1, dim).T)
+        places = motion.place(facets.reshape(-1, self._site.dim).T)
         return places.T.reshape(facets.shape)
 
     def _slopes(self, body: LevelSet, surface: ContactSurface) -> tuple[float, float]:

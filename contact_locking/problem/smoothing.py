@@ -6,15 +6,18 @@ collective, and the result does not depend on the distribution of the nodes.
 
 from __future__ import annotations
 
-from typing import Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.sparse import csr_matrix
 
 from contact_locking.arrays import FloatArray
 from contact_locking.problem.surface_mesh import SurfaceMesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 # The angles of Gauss's rule around a circle: k is smooth.
 _ANGLES = 24
@@ -29,7 +32,7 @@ class Smoothing(Protocol):
         """``R w`` (k,) from ``w`` (k,) at the owned nodes; collective."""
 
     def norm(self) -> float:
-        """An upper bound of ``|R w|/|w|`` in L2 by the vertex rule over the free nodes."""
+        """An upper bound of ``|R w|/|w|`` in L2 by the vertex rule over free nodes; collective."""
 
     def destroy(self) -> None:
         """Free what PETSc holds; collective."""
@@ -59,11 +62,25 @@ class Convolution:
 
     ``surface`` is Gamma_C with the weight 0 at held nodes, whose normal displacement is prescribed:
     held nodes carry no pressure, and their weights in the denominator would lower R at the nodes
-    around.  ``radius`` is the length r.  The constructor is collective.
+    around.  ``radius`` is the length r.  The matrix of all pairs of nodes is made when R is first
+    used, as `check` does not use R.
     """
 
     def __init__(self, comm: MPI.Intracomm, surface: SurfaceMesh, radius: float) -> None:
-        self._comm = comm
+        self._comm, self._surface, self._radius = comm, surface, radius
+
+    def apply(self, values: FloatArray) -> FloatArray:
+        return np.asarray(self._matrix @ np.concatenate(self._comm.allgather(values)))
+
+    def norm(self) -> float:
+        return self._norm
+
+    @cached_property
+    def _matrix(self) -> csr_matrix:
+        """The rows (k, m) of this rank; not collective."""
+        from scipy.sparse import csr_matrix
+
+        surface, radius = self._surface, self._radius
         weights = surface.weights
         row, column, distance = surface.within(radius)
         distance = np.asarray(distance / radius)
@@ -77,17 +94,15 @@ class Convolution:
         total = np.bincount(row, kernel, minlength=count)
         # A held node without free nodes around has nothing to average, and no friction.
         share = np.divide(kernel, total[row], out=np.zeros_like(kernel), where=total[row] > 0.0)
-        self._matrix = csr_matrix((share, (row, column)), shape=(count, len(weights)))
+        return csr_matrix((share, (row, column)), shape=(count, len(weights)))
+
+    @cached_property
+    def _norm(self) -> float:
         # |R| <= sqrt(|R|_1 |R|_inf), and |R|_inf = 1.
-        columns = comm.allreduce(self._matrix.T @ weights[surface.own])
+        weights = self._surface.weights
+        columns = self._comm.allreduce(self._matrix.T @ weights[self._surface.own])
         ratio = np.divide(columns, weights, out=np.zeros_like(weights), where=weights > 0.0)
-        self._norm = float(np.sqrt(np.max(ratio, initial=1.0)))
-
-    def apply(self, values: FloatArray) -> FloatArray:
-        return np.asarray(self._matrix @ np.concatenate(self._comm.allgather(values)))
-
-    def norm(self) -> float:
-        return self._norm
+        return float(np.sqrt(np.max(ratio, initial=1.0)))
 
     def destroy(self) -> None:
         pass

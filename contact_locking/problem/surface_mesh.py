@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
 
 from contact_locking.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 # Nodes whose distance is the radius up to this share are all outside, whatever the rounding.
 _ROUNDING = 1e-12
@@ -41,6 +42,8 @@ class SurfaceMesh:
     @cached_property
     def edges(self) -> csr_matrix:
         """The lengths of the edges between nodes, as a symmetric matrix (k, k)."""
+        from scipy.sparse import csr_matrix
+
         dim = self.points.shape[1]
         ends = [self.facets[:, [i, j]] for i in range(dim) for j in range(i)]
         pairs = np.unique(np.sort(np.concatenate(ends), axis=1), axis=0)
@@ -52,6 +55,8 @@ class SurfaceMesh:
     @cached_property
     def parts(self) -> IntArray:
         """(k,) the number of the connected part of Gamma_C on which each node lies."""
+        from scipy.sparse.csgraph import connected_components
+
         return np.asarray(connected_components(self.edges, directed=False)[1], dtype=np.int64)
 
     def mean_by_part(self, values: FloatArray, weights: FloatArray | None = None) -> FloatArray:
@@ -83,6 +88,8 @@ class SurfaceMesh:
         return rows[inside], columns[inside], distances[inside]
 
     def _along_curves(self, radius: float) -> tuple[IntArray, IntArray, FloatArray]:
+        from scipy.sparse.csgraph import dijkstra
+
         first, last, _ = self.own.indices(len(self.points))
         found = []
         for start in range(first, last, _ROWS):
@@ -93,6 +100,9 @@ class SurfaceMesh:
         return _joined(found)
 
     def _inside_balls(self, radius: float) -> tuple[IntArray, IntArray, FloatArray]:
+        from scipy.sparse.csgraph import connected_components
+        from scipy.spatial import cKDTree
+
         own = np.arange(len(self.points))[self.own]
         found = []
         balls = cKDTree(self.points).query_ball_point(self.points[own], radius, return_sorted=True)

@@ -15,6 +15,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
+from contact_locking.problem.affine_part import affine_part
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.joint_forms import JointForm
@@ -122,6 +123,11 @@ class PenalisedSystem:
     def near_nullspace(self) -> PETSc.NullSpace:
         """The rigid body motions, for algebraic multigrid; collective."""
         return near_nullspace(self.u)
+
+    def coarser_spaces(self) -> list[tuple[PETSc.Mat, PETSc.NullSpace]]:
+        """The affine displacements, for elements of degree 2; collective."""
+        space = self.u.function_space
+        return [affine_part(space, self.constraints)] if self.data.element.degree == 2 else []
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """``f``, the free part of ``F(x)``; sets ``u = x``; collective."""

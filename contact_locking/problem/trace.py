@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import basix
 import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import fem
-from scipy.sparse import csr_matrix
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 #: A quadrature rule as the metadata of a measure; the empty rule is exact for polynomials.
 Rule = Mapping[str, Any]
@@ -71,9 +74,8 @@ class PointValues:
     ``scalars`` is the space of scalar fields of the displacement's degree, ``limited`` is
     :meth:`Trace.limited_space` of displacements, and ``blocks`` (n,) are the n local nodes of
     ``scalars`` as blocks of ``limited``.  ``nodes`` (k,) are the owned nodes of ``scalars`` on
-    Gamma_C.  ``matrix`` (k, n) maps the values of a displacement at its local blocks.  The
-    functions of ``limited`` have the degrees of freedom of displacements, and at the nodes of
-    Gamma_C the limited values of the displacement with the same ones.  The constructor is
+    Gamma_C.  The functions of ``limited`` have the degrees of freedom of displacements, and at the
+    nodes of Gamma_C the limited values of the displacement with the same ones.  The constructor is
     collective.
     """
 
@@ -85,15 +87,22 @@ class PointValues:
         nodes: IndexArray,
         blocks: IndexArray,
     ) -> None:
-        self._blocks, self.space = blocks, limited
+        self._nodes, self._blocks, self.space = nodes, blocks, limited
         #: Whether the limited values are the nodal values.
         self.are_nodal = not trace.controls
         self._middles: IndexArray = np.empty(0, np.int32)
         self._ends: IndexArray = np.empty((0, 2), np.int32)
         if trace.controls:
             self._middles, self._ends = _edges(scalars, nodes)
-        self.matrix = self._map(nodes, blocks, own=2.0, end=-0.5)
-        self._of_scalars = self._map(nodes, np.arange(len(blocks)), own=2.0, end=-0.5)
+
+    @cached_property
+    def matrix(self) -> csr_matrix:
+        """The map (k, n) from the values of a displacement at its local blocks."""
+        return self._map(self._nodes, self._blocks, own=2.0, end=-0.5)
+
+    @cached_property
+    def _of_scalars(self) -> csr_matrix:
+        return self._map(self._nodes, np.arange(len(self._blocks)), own=2.0, end=-0.5)
 
     def of(self, v: Expr) -> Expr:
         """A function or an argument of ``space`` with the degrees of freedom of ``v``."""
@@ -106,6 +115,9 @@ class PointValues:
     def of_function(self, function: fem.Function) -> FloatArray:
         """The limited values (k,) of a scalar or (k, d) of a vector function."""
         shape = function.ufl_shape
+        if self.are_nodal:
+            nodes = self._blocks[self._nodes] if shape else self._nodes
+            return np.asarray(function.x.array.reshape(-1, *shape)[nodes])
         if shape == ():
             return np.asarray(self._of_scalars @ function.x.array)
         return np.asarray(self.matrix @ function.x.array.reshape(-1, *shape))
@@ -122,6 +134,9 @@ class PointValues:
 
     def _map(self, nodes: IndexArray, numbers: IndexArray, own: float, end: float) -> csr_matrix:
         """1 at corners, and ``own`` and twice ``end`` at midpoints and the ends of their edges."""
+        # `check` does without SciPy, whose import takes a tenth of its time.
+        from scipy.sparse import csr_matrix
+
         row = np.full(len(self._blocks), -1)
         row[nodes] = np.arange(len(nodes))
         middles = row[self._middles]

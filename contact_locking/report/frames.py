@@ -62,7 +62,7 @@ def _read(path: Path) -> list[PageFrame]:
                 return []
             opened.seek(number)
             stream = io.BytesIO()
-            opened.convert("RGB").quantize(64).save(stream, format="PNG", optimize=True)
+            opened.convert("RGB").quantize(256).save(stream, format="PNG", optimize=True)
             data = base64.b64encode(stream.getvalue()).decode("ascii")
             found.append(PageFrame(int(step), float(time), f"data:image/png;base64,{data}"))
     return found

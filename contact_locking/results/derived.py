@@ -16,6 +16,7 @@ from contact_locking.problem import compiled, forms
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.pushed_tool import PushedTool
+from contact_locking.problem.tool_outline import box_around
 from contact_locking.problem.trace import make_nodal
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
@@ -45,7 +46,9 @@ class ContactFields:
         # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.old_place, self.old_slip = contact.memory.tangential, contact.memory.slip
-        self.outline = contact.obstacle.outline(contact.surface.domain.dim) + contact.travel
+        domain = contact.surface.domain
+        box = box_around(domain.bounding_box(), domain.axisymmetric)
+        self.outline = contact.obstacle.outline(box - contact.travel) + contact.travel
         # How far the foundation has moved in the step.
         self.drag, self.free = contact.memory.drag, contact.free
         self.pressure = forces.pressure

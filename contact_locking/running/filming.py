@@ -37,7 +37,7 @@ class _Nothing:
 
 
 class _Recording:
-    """Bodies in two dimensions, on rank 0; there is no film of a body in three dimensions."""
+    """The bodies of all steps, on rank 0."""
 
     def __init__(self) -> None:
         self._film: Film | None = None
@@ -46,18 +46,22 @@ class _Recording:
 
     def add(self, solution: Solution) -> None:
         self._solution = solution
-        if solution.domain.dim != 2 or self._problem is not None:
+        if self._problem is not None:
             return
         try:
-            from contact_locking.plotting.animation import MOST_CELLS, Film, Frame
+            from contact_locking.plotting.animation import MOST_PIECES, Film, Frame
         except ImportError as error:
             self._problem = f"no animation was drawn: {error.name} cannot be imported"
             return
-        if solution.domain.num_cells > MOST_CELLS:
-            self._problem = f"no animation was drawn: it is for at most {MOST_CELLS} cells"
-            return
         from contact_locking.plotting.gather import gather
+        from contact_locking.plotting.pieces import Pieces
 
+        domain = solution.domain
+        in_cell = len(Pieces.of(domain.dim, solution.element.degree).nodes)
+        if in_cell * domain.num_cells > MOST_PIECES[domain.dim]:
+            most = MOST_PIECES[domain.dim] // in_cell
+            self._problem = f"no animation was drawn: it is for at most {most} such cells"
+            return
         self._film = self._film or Film()
         body = gather(solution)
         if body is not None:
@@ -68,11 +72,11 @@ class _Recording:
             return None, None
         drawn: bytes | None = None
         if self._film is not None and len(self._film.frames) > 1:
-            from contact_locking.plotting.animation import gif
+            from contact_locking.plotting.animation import animation
 
             monitor.message("drawing the animation")
             try:
-                drawn = gif(self._film.frames)
+                drawn, self._problem = animation(self._film.frames)
             except Exception as error:
                 # An error of the animation must not lose the results of a long process.
                 self._problem = f"no animation was drawn: {type(error).__name__}: {error}"

@@ -13,6 +13,7 @@ from contact_locking import study_file
 from contact_locking.errors import explained
 from contact_locking.files.atomic import remove_abandoned, write_text
 from contact_locking.files.lock import locked, make_folders
+from contact_locking.plain_text import duration
 from contact_locking.results.names import PARAMETERS, TABLE_CSV, not_writable
 from contact_locking.studies.signals import stoppable
 from contact_locking.study_file import StudyFile
@@ -31,7 +32,7 @@ from .outcome import (
     strangers,
 )
 from .slurm import SlurmExecutor, require_slurm
-from .view import View, duration
+from .view import View
 
 if TYPE_CHECKING:
     from rich.console import Console

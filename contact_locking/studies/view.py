@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Self
 
-from contact_locking.plain_text import printable
+from contact_locking.plain_text import duration, printable
 from contact_locking.results.read import read_mapping
 
 from .cases import Case
@@ -101,13 +101,3 @@ def status(case: Case) -> str:
     if "iteration" not in now:
         return str(now.get("message", ""))
     return f"n = {now.get('n')}  iteration {now['iteration']}  residual {now.get('residual')}"
-
-
-def duration(seconds: float) -> str:
-    """A time in seconds, minutes or hours, as its length suggests."""
-    if seconds < 99.5:
-        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    if minutes < 100:
-        return f"{minutes} min"
-    return f"{minutes // 60} h {minutes % 60} min"

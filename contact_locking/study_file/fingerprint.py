@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from contact_locking.mesh_file.xdmf_grids import data_file, is_xdmf
 from contact_locking.parameters import Foundation, Parameters
 from contact_locking.parameters.base import Section
 
@@ -129,8 +130,15 @@ def mesh_identity(
     """
     if parameters.mesh.file is not None:
         revolution = {"axisymmetric": True} if parameters.mesh.axisymmetric else {}
-        return {"content": digest(parameters.mesh.file), **revolution}
+        return {"content": _mesh_digest(parameters.mesh.file, digest), **revolution}
     return dict(json.loads(json.dumps(parameters.mesh.model_dump())))
+
+
+def _mesh_digest(path: str, digest: Callable[[str], str]) -> str:
+    """The digest of a mesh file, with that of the data of an XDMF file."""
+    if not is_xdmf(path):
+        return digest(path)
+    return f"{digest(path)} {digest(str(data_file(Path(path))))}"
 
 
 def _short(data: Mapping[str, Any]) -> str:

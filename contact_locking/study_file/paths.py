@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.errors import InputError
+from contact_locking.files.missing import similar
 from contact_locking.mesh_file.stl import check_size
 from contact_locking.parameters.base import MOST_FAULTS, Fault, Place
 
@@ -23,8 +24,11 @@ def with_absolute_paths(data: dict[str, Any], folder: Path) -> tuple[dict[str, A
         file = str(folder.absolute() / _at(data, place))
         # Not Path.is_file, which raises for a name that no file can have.
         if not os.path.isfile(file):
-            there = "is a folder" if os.path.isdir(file) else "there is no such file"
-            faults.append(Fault(place, f"{there}: {file}"))
+            if os.path.isdir(file):
+                faults.append(Fault(place, f"is a folder: {file}"))
+            else:
+                hint = similar(Path(file))
+                faults.append(Fault(place, f"there is no such file: {file}{hint}"))
         elif place[0] == "contact":
             # Before anything reads the file, also for its digest.
             with contextlib.suppress(OSError):

@@ -19,6 +19,7 @@ from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from contact_locking.errors import InputError
+from contact_locking.files.missing import similar
 from contact_locking.plain_text import printable
 
 # A sweep of 10 000 cases over several keys is smaller. Text that is made to take long takes 4 s.
@@ -96,7 +97,7 @@ def read(path: str | Path) -> Source:
         with path.open("rb") as stream:
             raw = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise InputError(f"{name}: there is no such file") from None
+        raise InputError(f"{name}: there is no such file{similar(path)}") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{name!r}: cannot be read: {reason}") from None

@@ -84,6 +84,17 @@ class ContactCones(HalfLines):
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self.nodes.stiffer_than(factor * material, self.stiffness)
 
+    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
+        kept = self.nodes.material_springs(material)
+        stiff = np.flatnonzero(self.stiffness > factor * kept).astype(np.int32)
+        rows = self.nodes.along(stiff, self.nodes.normal[:, stiff])
+        return rows, (self.weights * (self.stiffness - kept))[stiff]
+
+    def soften_along(self, factor: float, material: float) -> None:
+        kept = self.nodes.material_springs(material)
+        is_stiff = self.stiffness > factor * kept
+        self.nodes.set_values(self._k, np.where(is_stiff, kept, self.stiffness))
+
     # The start, and whether anything is admissible.
 
     def pull(self, stiffness: float) -> FloatArray:

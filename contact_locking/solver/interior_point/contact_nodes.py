@@ -67,6 +67,15 @@ class ContactNodes:
             values = values - np.einsum("ik,ik->k", values, self.normal) * self.normal
         return values
 
+    def unit_tangents(self, vectors: FloatArray) -> FloatArray:
+        """Unit tangents (d, k) along the tangential parts of vectors, any where these vanish."""
+        tangents = self._tangential(vectors)
+        none = np.linalg.norm(tangents, axis=0) == 0.0
+        steepest = np.argmin(np.abs(self.normal), axis=0)
+        axes = np.eye(self.dim)[:, steepest]
+        tangents = np.where(none, self._tangential(axes), tangents)
+        return np.asarray(tangents / np.linalg.norm(tangents, axis=0))
+
     def add_pressure(self, pressure: FloatArray, forces: PETSc.Vec) -> None:
         """``forces += int p (.)_nu``; collective."""
         self.add_traction(pressure * self.normal, forces)
@@ -83,8 +92,31 @@ class ContactNodes:
 
     def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
         """The nodes, as blocks, that springs (k,) per area hold more stiffly than a material."""
-        spacing = self.weights ** (1.0 / (self.dim - 1))
-        return self._blocks[springs * spacing > stiffness]
+        return self._blocks[springs > self.material_springs(stiffness)]
+
+    def material_springs(self, material: float) -> FloatArray:
+        """The springs (k,) per area that are as stiff as a material with this stiffness."""
+        return np.asarray(material * self.weights ** (-1.0 / (self.dim - 1)))
+
+    def along(self, places: IndexArray, directions: FloatArray) -> PETSc.Mat:
+        """The matrix of ``v -> directions . v`` at nodes; collective.
+
+        ``places`` (p,) are numbers < k, and ``directions`` is (d, p).
+        """
+        columns = self.dim * places[:, None] + np.arange(self.dim)
+        columns += self._matrix.getOwnershipRange()[0]
+        combination = PETSc.Mat().createAIJ(
+            ((len(places), None), (self._matrix.getLocalSize()[0], None)),
+            csr=(
+                self.dim * np.arange(len(places) + 1, dtype=PETSc.IntType),
+                columns.reshape(-1).astype(PETSc.IntType),
+                directions.T.reshape(-1),
+            ),
+            comm=self.comm,
+        )
+        matrix = combination.matMult(self._matrix)
+        combination.destroy()
+        return matrix
 
     def at_all(self, values: FloatArray) -> FloatArray:
         """Values (k,) as values at all owned nodes of the contact, zero at the others."""

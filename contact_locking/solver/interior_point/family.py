@@ -184,17 +184,17 @@ class Family(ABC):
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         """The owned nodes of what is stiffer than the material by a factor; collective."""
 
-    def stiff_strains(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray] | None:
+    @abstractmethod
+    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         """``C`` (k, n) and ``B`` (k,): this family adds ``C^T B C`` where it is stiff; collective.
 
-        ``C`` has a row for each point of a body that is stiffer than the material by the factor
-        along one strain.  None for a family on the surface.
+        ``C`` has a row for each point and each direction of what the family sees, along which it
+        is stiffer than the material by the factor.
         """
-        return None
 
+    @abstractmethod
     def soften_along(self, factor: float, material: float) -> None:
-        """Write the block without the stiffness of :meth:`stiff_strains`; collective."""
-        self.write_block()
+        """Write the block without the stiffness of :meth:`stiff_rows`; collective."""
 
     # The start, and whether anything is admissible.
 

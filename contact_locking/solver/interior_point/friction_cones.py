@@ -146,8 +146,40 @@ class FrictionCones(LorentzCones):
         return self._a * ufl.inner(slip, slip_v) * nodes.ds + along * nodes.ds
 
     def write_block(self) -> None:
-        for function, values in ((self._a, self.a), (self._b, self.b), (self._w, self.w)):
+        self._write(self.a, self.b, self.w)
+
+    def _write(self, a: FloatArray, b: FloatArray, w: FloatArray) -> None:
+        for function, values in ((self._a, a), (self._b, b), (self._w, w)):
             self.nodes.set_values(function, values)
 
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self.nodes.stiffer_than(factor * material, self.a)
+
+    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
+        kept = self.nodes.material_springs(material)
+        places, directions, stiffness = [], [], []
+        for direction, springs in self._principal_springs():
+            stiff = np.flatnonzero(springs > factor * kept).astype(np.int32)
+            places.append(stiff)
+            directions.append(direction[:, stiff])
+            stiffness.append((self.weights * (springs - kept))[stiff])
+        rows = self.nodes.along(np.concatenate(places), np.hstack(directions))
+        return rows, np.concatenate(stiffness)
+
+    def soften_along(self, factor: float, material: float) -> None:
+        kept = self.nodes.material_springs(material)
+        (along, first), *others = (
+            (direction, np.where(springs > factor * kept, kept, springs))
+            for direction, springs in self._principal_springs()
+        )
+        rest = others[0][1] if others else first
+        self._write(rest, first - rest, along)
+
+    def _principal_springs(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Unit tangents (d, k) and the eigenvalues (k,) of D along them, that of w first."""
+        along = self.nodes.unit_tangents(self.w)
+        found = [(along, self.a + self.b * dot(self.w, self.w))]
+        if self.nodes.dim == 3:
+            across = np.cross(self.nodes.normal, along, axis=0).astype(float)
+            found.append((across, self.a))
+        return found

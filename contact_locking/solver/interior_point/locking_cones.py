@@ -121,7 +121,7 @@ class LockingCones(LorentzCones):
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self._strains.nodes_at(self._relative_stiffness(material) > factor)
 
-    def stiff_strains(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
+    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         is_stiff = self._is_stiff_along(factor, material)
         rows = self._strains.along(is_stiff, self.w[:, is_stiff])
         return rows, self.b[is_stiff] / self.weights[is_stiff]

@@ -76,7 +76,7 @@ class StrainHalfLines(HalfLines):
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self._strains.nodes_at(self._relative_stiffness(material) > factor)
 
-    def stiff_strains(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
+    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
         is_stiff = self.stiffness > factor * material
         rows = self._strains.along(is_stiff, np.ones((1, np.count_nonzero(is_stiff))))
         return rows, self.stiffness[is_stiff] / self.weights[is_stiff]

@@ -17,6 +17,7 @@ from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
+from contact_locking.solver.linear.multigrid import CoarserSpace
 from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
@@ -58,7 +59,9 @@ class Tangent:
         self._right_tools: FloatArray = np.zeros(len(system.tools))
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
-        self._linear = TangentSolver(self.matrix, self._dim, task.settings, task.monitor.linear)
+        self._linear = TangentSolver(
+            self.matrix, self._dim, task.settings, task.monitor.linear, self._coarser_spaces
+        )
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
@@ -178,6 +181,9 @@ class Tangent:
         ):
             item.destroy()
 
+    def _coarser_spaces(self) -> list[CoarserSpace]:
+        return [CoarserSpace(*found) for found in self.system.coarser_spaces()]
+
     def _assemble(self, matrix: PETSc.Mat) -> None:
         self.system.constraints.assemble_matrix(self._form, matrix)
 
@@ -200,14 +206,13 @@ class Tangent:
             self._stiff_nodes(stiff),
             lambda: self._stiff_nodes(nearly),
             assemble_rest,
-            lambda: self._stiff_strains(along),
+            lambda: self._stiff_rows(along),
             assemble_across,
         )
 
-    def _stiff_strains(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
+    def _stiff_rows(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
         """The rows of all families, without the part that is prescribed; collective."""
-        given = (family.stiff_strains(factor, self._material) for family in self.families)
-        found = [part for part in given if part is not None]
+        found = [family.stiff_rows(factor, self._material) for family in self.families]
         rows = stacked([matrix for matrix, _ in found], self.matrix)
         free = self.matrix.createVecRight()
         constraints = self.system.constraints

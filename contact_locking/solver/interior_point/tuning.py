@@ -76,9 +76,10 @@ class Tuning:
     #: A new filter takes along what is stiffer than the material by this factor, in (0, stiff], as
     #: most of it gets stiff later.
     nearly_stiff: float = 0.5
-    #: Points of cells that are stiffer than the material along one strain by this factor, > 1, are
-    #: projected where more is stiff than the filter takes.  Each has a row in the matrix that is
-    #: factorised for it; below, multigrid does with the contrast.
+    #: Points of cells that are stiffer than the material along one strain by this factor, > 1, and
+    #: points of Gamma_C along one displacement, are projected where more is stiff than the filter
+    #: takes.  Each has a row in the matrix that is factorised for it; below, multigrid does with
+    #: the contrast.
     stiff_along: float = 100.0
 
     # Predictor and corrector.

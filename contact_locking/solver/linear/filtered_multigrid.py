@@ -11,8 +11,8 @@ symmetric and positive definite whatever ``G`` misses.  A residual that vanishes
 degrees of freedom keeps doing so, and for it ``B = (I - F A) G``: one exact solve, not two.  So
 solves start from :meth:`FilteredMultigrid.start`.  A variant of doi:10.48550/arXiv.2505.18576.
 
-Where more is stiff than can be filtered, the multigrid for the matrix without the stiffness along
-the stiff strains is projected instead (:mod:`projection`).
+Where more is stiff than can be filtered, the multigrid for the matrix without the stiffness of
+points along single directions is projected instead (:mod:`projection`).
 
 Without either, ``B`` is a multigrid cycle for ``A`` itself, which is faster as long as no cell
 is much stiffer than others; the iterations grow like the square root of the contrast.
@@ -20,31 +20,19 @@ is much stiffer than others; the iterations grow like the square root of the con
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.solver.linear.ksp import (
-    configure,
-    create_ksp,
-    destroy_ksp,
-    direct_options,
-    multigrid_options,
-)
+from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
+from contact_locking.solver.linear.multigrid import CoarserSpace, Multigrid
 from contact_locking.solver.linear.options import PREFIX
 from contact_locking.solver.linear.projection import Projection
 from contact_locking.solver.linear.storage import Unblocked
-
-_CHANGES: dict[str, Any] = {
-    # The zones move but the mesh does not: only values are made anew.
-    "pc_gamg_reuse_interpolation": True,
-    # Relaxation sees the matrix in blocks, Galerkin products its copy without them.
-    "pc_use_amat": True,
-}
 
 # A filter that is larger than it need be by this factor is made anew.
 _WASTE = 1.2
@@ -55,7 +43,7 @@ class StiffPart(NamedTuple):
 
     ``nodes`` are the local numbers of its owned nodes; ``find_nearly`` finds them together with
     those that may soon be stiff, too; ``assemble_rest`` gives another matrix of the same pattern
-    the values without the stiffness of ``nodes``.  ``find_strains`` returns the rows C and the
+    the values without the stiffness of ``nodes``.  ``find_rows`` returns the rows C and the
     stiffness B of :class:`Projection`, for points that are still stiffer, and ``assemble_across``
     assembles the matrix without ``C^T B C``.  All are collective.
     """
@@ -63,7 +51,7 @@ class StiffPart(NamedTuple):
     nodes: npt.NDArray[np.int32]
     find_nearly: Callable[[], npt.NDArray[np.int32]]
     assemble_rest: Callable[[PETSc.Mat], None]
-    find_strains: Callable[[], tuple[PETSc.Mat, FloatArray]]
+    find_rows: Callable[[], tuple[PETSc.Mat, FloatArray]]
     assemble_across: Callable[[PETSc.Mat], None]
 
 
@@ -122,14 +110,15 @@ class FilteredMultigrid:
     """The context of a PETSc preconditioner of type python.
 
     ``matrix`` is stored in blocks (BAIJ), in which products take half the time, and has its
-    near-nullspace.  ``limit`` is the most that may be filtered; more is projected.
+    near-nullspace.  ``limit`` is the most that may be filtered; more is projected.  ``coarser`` is
+    what :class:`Multigrid` takes, and belongs to this object.
     """
 
-    def __init__(self, matrix: PETSc.Mat, limit: int) -> None:
-        self._matrix, self._limit = matrix, limit
+    def __init__(self, matrix: PETSc.Mat, limit: int, coarser: Sequence[CoarserSpace] = ()) -> None:
+        self._matrix, self._limit, self._coarser = matrix, limit, coarser
         self._unblocked = Unblocked()
         self._smoothed = matrix
-        self._begin()
+        self._multigrid = Multigrid(matrix.getComm(), coarser)
         self._product = matrix.createVecLeft()
         self._soft: PETSc.Mat | None = None
         # The last filter that was made, and the same if it takes part at present.
@@ -160,19 +149,18 @@ class FilteredMultigrid:
         smoothed = self._matrix if stiff is None else self._without(stiff, projects)
         # The residuals of its finest level stay those of the first matrix that it was given.
         if smoothed is not self._smoothed:
-            self._end()
+            self._multigrid.destroy()
             self._smoothed = smoothed
-            self._begin()
+            self._multigrid = Multigrid(self._matrix.getComm(), self._coarser)
         by_entry = self._unblocked.of(smoothed)
-        self._multigrid.setOperators(smoothed, by_entry)
-        self._multigrid.setUp()
+        self._multigrid.set_up(smoothed, by_entry)
         self._filter = None if stiff is None or projects else self._filter_of(stiff)
         if self._projection is not None:
             self._projection.destroy()
             self._projection = None
         if stiff is not None and projects:
             self._forget()
-            self._projection = Projection(*stiff.find_strains(), by_entry)
+            self._projection = Projection(*stiff.find_rows(), by_entry)
 
     def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""
@@ -196,7 +184,10 @@ class FilteredMultigrid:
         self._forget()
         if self._projection is not None:
             self._projection.destroy()
-        self._end()
+        self._multigrid.destroy()
+        for space in self._coarser:
+            space.prolongation.destroy()
+            space.near_nullspace.destroy()
         if self._soft is not None:
             self._soft.destroy()
         self._unblocked.destroy()
@@ -228,17 +219,6 @@ class FilteredMultigrid:
         """The unknowns of owned nodes; collective."""
         count: int = self._matrix.getComm().tompi4py().allreduce(len(nodes))
         return count * self._matrix.getBlockSize()
-
-    def _begin(self) -> None:
-        prefix = PREFIX + "multigrid_"
-        self._multigrid = PETSc.PC().create(self._matrix.getComm())
-        self._multigrid.setOptionsPrefix(prefix)
-        options = multigrid_options() | _CHANGES
-        self._options = configure([self._multigrid], options, prefix=prefix)
-
-    def _end(self) -> None:
-        self._options.remove()
-        self._multigrid.destroy()
 
     def _forget(self) -> None:
         if self._made is not None:

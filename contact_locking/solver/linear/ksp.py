@@ -8,6 +8,7 @@ from typing import Any
 from petsc4py import PETSc
 
 from contact_locking import _compat
+from contact_locking.costs.factorised import chosen
 from contact_locking.errors import InputError
 from contact_locking.solver.linear.direct import SPARE_MEMORY, Substructuring
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
@@ -16,13 +17,6 @@ LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most rob
 
 # By this name a KSP keeps its options.
 _OPTIONS = "inserted_options"
-
-# Above these many unknowns, by dimension, CG takes over; below, the direct solver is as fast or
-# nearly so, and it never fails.  In 3D they are even at 25 000, and at 110 000 CG takes half the
-# time.
-DIRECT_LIMIT = {2: 1_000_000, 3: 50_000}
-# What is factorised beside CG may be larger: without it CG takes very long.
-FILTER_LIMIT = {2: 1_000_000, 3: 150_000}
 
 _DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
 # On one rank CHOLMOD factorises in 60 (3D) to 80 % (2D) of MUMPS's time, after a fifth of its
@@ -82,13 +76,6 @@ def iterative_options(comm: Any = None) -> dict[str, Any]:
 def multigrid_options() -> dict[str, Any]:
     """A cycle of algebraic multigrid as a preconditioner."""
     return _MULTIGRID | (_BY_NODES if _compat.block_jacobi_follows_its_matrix() else _BY_ROWS)
-
-
-def chosen(linear: str, dim: int, size: int) -> str:
-    """The name that ``linear`` stands for: auto is direct or iterative, by dimension and size."""
-    if linear != "auto":
-        return linear
-    return "direct" if size <= DIRECT_LIMIT[dim] else "iterative"
 
 
 def is_direct(linear: str, dim: int, size: int) -> bool:

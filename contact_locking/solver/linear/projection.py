@@ -1,7 +1,8 @@
-"""Projection onto the displacements that stretch no stiff cell along its stiff strain.
+"""Projection onto the displacements that no stiff point of the body or of contact resists.
 
-With ``A = A_0 + C^T B C``, where each row of ``C`` takes the strain of one point along the
-direction in which the point is stiff, and ``B`` holds these stiffnesses, the projection is
+With ``A = A_0 + C^T B C``, where each row of ``C`` takes the strain of a point of a cell, or the
+displacement of a point of contact, along a direction in which the point is stiff, and ``B`` holds
+these stiffnesses, the projection is
 
     Q = I - K^T T^-1 C,    K = C D^-1,    T = C K^T + B^-1,
 
@@ -25,6 +26,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
+from contact_locking.solver.linear.multigrid import Multigrid
 from contact_locking.solver.linear.options import PREFIX
 
 
@@ -63,7 +65,7 @@ class Projection:
         self._change, self._right = rows.createVecs()
         self._first, self._second = self._right.duplicate(), self._right.duplicate()
 
-    def apply(self, soft: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
+    def apply(self, soft: Multigrid, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` with ``soft`` in the place of G."""
         if self._is_empty:
             soft.apply(r, z)

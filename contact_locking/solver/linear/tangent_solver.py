@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from petsc4py import PETSc
 
+from contact_locking.costs.factorised import FILTER_LIMIT, chosen
 from contact_locking.errors import NotConverged
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.ksp import (
-    FILTER_LIMIT,
     LINEAR_FAILURE,
-    chosen,
     create_ksp,
     default_options,
     destroy_ksp,
     preconditioner,
 )
+from contact_locking.solver.linear.multigrid import CoarserSpace
 from contact_locking.solver.linear.storage import Unblocked
 from contact_locking.solver.settings import Settings
 
@@ -57,11 +57,16 @@ class TangentSolver:
     and so are all that follow.  Options of the user may replace all of this.
 
     The matrix is stored in blocks and has its near-nullspace.  ``listen`` is told the number of
-    each Krylov iteration.
+    each Krylov iteration, and ``find_coarser`` is asked for the coarser spaces of multigrid.
     """
 
     def __init__(
-        self, matrix: PETSc.Mat, dim: int, settings: Settings, listen: Callable[[int], None]
+        self,
+        matrix: PETSc.Mat,
+        dim: int,
+        settings: Settings,
+        listen: Callable[[int], None],
+        find_coarser: Callable[[], Sequence[CoarserSpace]] = tuple,
     ) -> None:
         self._matrix, self._dim = matrix, dim
         comm, size = matrix.getComm(), matrix.getSize()[0]
@@ -77,7 +82,7 @@ class TangentSolver:
         # Its own multigrid, if the user has not replaced it, can do with blocks.
         is_replaced = preconditioner(defaults, settings.petsc) != PETSc.PC.Type.PYTHON
         if not (self._factorises or is_replaced):
-            self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim])
+            self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim], find_coarser())
             self._ksp.getPC().setPythonContext(self._multigrid)
             self._ksp.setErrorIfNotConverged(False)
             self._ksp.setInitialGuessNonzero(True)
