@@ -238,6 +238,26 @@ def test_a_step_that_does_not_converge_is_halved(monkeypatch: pytest.MonkeyPatch
     assert found[-1].summary["steps"]["solved"] == 4
 
 
+def test_a_step_whose_solution_fails_a_criterion_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A state that the solver takes for a solution is not, if it is far from the last one."""
+    solve_one, last = Increment.solve, [0.0]
+
+    def wrong(increment: Increment, *given: Any) -> SolverReport:
+        report, now = solve_one(increment, *given), increment.problem.clock.now
+        if now - last[0] > 0.3:
+            increment.problem.u.x.array[:] *= 1.001
+        else:
+            last[0] = now
+        return report
+
+    monkeypatch.setattr(Increment, "solve", wrong)
+    found = all_of(sheared(2))
+    assert [one.time for one in found] == pytest.approx([0.25, 0.5, 0.75, 1.0])
+    halved = [text for text in found[-1].summary["warnings"] if "it is halved" in text]
+    assert len(halved) == 2
+    assert "above 1e-0" in halved[0]
+
+
 def test_halving_ends_at_the_least_step(monkeypatch: pytest.MonkeyPatch) -> None:
     failing = Failing(0.01)
     failing.patch(monkeypatch)

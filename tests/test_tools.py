@@ -273,3 +273,42 @@ def test_time_in_a_motion_needs_steps() -> None:
     with pytest.raises(InputError, match=r"contact\.foundation\.motion\.1: depends on the time t"):
         from_mapping({"contact": {"on": "bottom", "foundation": plane}})
     assert Foundation.model_validate(plane).moved is not None
+
+
+def test_a_body_that_two_tools_push_to_a_place_between_them_bears_nothing() -> None:
+    """Many places are right, as nothing presses the body; every one is without a force."""
+    below = {"on": "bottom", "foundation": {"sphere": {"centre": [0.5, -1.0], "radius": 1.0}}}
+    ball = {"sphere": {"centre": [0.4, 2.0], "radius": 1.0}, "motion": [0.0, "-1e-4*t"]}
+    given = block(
+        h=0.5,
+        loads={"supports": [{"on": "left", "along": [1, -0.004], "value": "-1e-5*t"}]},
+        contact=[below, {"on": "top", "foundation": ball}],
+        material__locking_limit=math.inf,
+        friction={"coefficient": 0.5, "smoothing": {"kernel": "helmholtz", "radius": 0.6}},
+        penalty__n=math.inf,
+        steps={"to": 1.0, "count": 2},
+    )
+    for found in solve_steps(given):
+        assert found.converged, found.summary["reason"]
+        for entry in found.summary["contacts"]:
+            assert entry["contact_force"] == entry["friction_force"] == [0.0, 0.0]
+
+
+def test_a_locked_body_that_two_tools_leave_no_room_is_proved_to_have_none() -> None:
+    """The nodes that the round tool does not reach have a pressure of zero in the proof as well."""
+    below = {"on": "bottom", "foundation": {"sphere": {"centre": [0.0, -4.0], "radius": 4.0}}}
+    plane = {"point": [0.0, 2.0], "normal": [0.0, -1.0]}
+    above = {"on": "top", "foundation": {"half_space": plane, "motion": [0.0, -4e-4]}}
+    given = block(
+        mesh__size=[1.0, 2.0],
+        mesh__h=0.4,
+        mesh__axisymmetric=True,
+        loads={"supports": [{"on": "right", "along": "normal"}]},
+        contact=[below, above],
+        material__locking_limit=1e-4,
+        friction__coefficient=0.0,
+        penalty__n=math.inf,
+    )
+    reason = solve(given).summary["reason"]
+    assert reason.startswith("infeasible"), reason
+    assert "the foundation is in the way" in reason

@@ -1,10 +1,10 @@
 """The steps of a process, one solution after the other.
 
 1. Put the problem to the next time: loads, prescribed displacements, gaps.
-2. Solve the problem of the step, from the state before if that helps.  If the solve fails, or if a
-   foundation has moved to where none can be, go back to 1 with half the step, down to the least
-   step.
-3. Judge the solution: the certificate, and the energy balance of the step.
+2. Solve the problem of the step, from the state before if that helps.
+3. Judge the solution: the certificate, and the energy balance of the step.  If the solve or a
+   criterion fails, or if a foundation has moved to where none can be, go back to 1 with half the
+   step, down to the least step.
 4. Add the row to the history and hand out the solution.
 5. Friction remembers the displacement and the slip.  Go on with 1.
 """
@@ -112,8 +112,13 @@ class Steps(Iterator[Solution]):
                 ):
                     continue
                 state = self._increment.state(report)
-                energy, before = energy_balance(before or Moment.at_rest(state), state)
-                solution = self._solution(state, energy, at)
+                energy, after = energy_balance(before or Moment.at_rest(state), state)
+                judged = self._solution(state, energy, at)
+                if not judged.converged and self._halve(
+                    f"the step to t = {at:.6g} did not converge ({judged.summary['reason']})"
+                ):
+                    continue
+                solution, before = judged, after
                 seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
                 self._tell(solution)

@@ -39,12 +39,14 @@ class Case:
     """A study with its truth.
 
     With ``verge`` the prescribed displacements are multiplied, before the solve, by this share of
-    the largest factor that the mesh admits.
+    the largest factor that the mesh admits.  ``twin`` is the same process in other units, with a
+    modulus of 1.
     """
 
     study: Study
     truth: Truth = field(default_factory=Truth)
     verge: float | None = None
+    twin: Study | None = None
 
 
 Family = Callable[[Random], Case]

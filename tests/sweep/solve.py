@@ -18,8 +18,9 @@ from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import Problem, assemble
 from contact_locking.results.solution import Solution
 from contact_locking.solving import solve_assembled
+from contact_locking.steps.loop import Steps
 
-from . import judge, reference
+from . import judge, reference, stepwise
 from .case import Case, Study, Truth
 from .discrete import Discrete, State, discretise, state_of
 from .families import case_of
@@ -87,6 +88,9 @@ def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int
 def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     comm = MPI.COMM_SELF
     problem = assemble(Parameters.model_validate(case.study), comm)
+    if case.twin is not None:
+        _solve_process(case, problem, outcome, checks)
+        return
     if case.verge is not None:
         outcome.study = at_the_verge(case, problem)
         problem = assemble(Parameters.model_validate(outcome.study), comm, problem.domain)
@@ -99,6 +103,22 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     is_told = outcome.kind == NOT_SOLVED and "grow with the penalty" in outcome.reason
     if is_told and forces_grow(outcome.study, problem):
         outcome.kind = WEDGED
+
+
+def _solve_process(case: Case, problem: Problem, outcome: Outcome, checks: bool) -> None:
+    """Solve all steps; with ``checks`` those of the twin, too."""
+    found = list(Steps(problem))
+    outcome.tangents = max((int(row["tangents"]) for row in found[-1].history), default=0)
+    outcome.reason = str(found[-1].summary["reason"])
+    if not found[-1].converged:
+        outcome.kind = INFEASIBLE if outcome.reason.startswith("infeasible") else NOT_SOLVED
+        return
+    wrong = stepwise.complaint(found)
+    if checks and not wrong:
+        assert case.twin is not None
+        twins = list(Steps(assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)))
+        wrong = stepwise.unlike(found, twins, case.study)
+    outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
 
 
 def forces_grow(study: Study, problem: Problem) -> bool:

@@ -84,6 +84,10 @@ class HalfLines(Family):
     def largest_multiplier(self) -> float:
         return float(self.z.max(initial=0.0))
 
+    def springs(self, stiffness: float, largest: float) -> FloatArray:
+        """Springs in proportion to the multipliers, so that small forces leave these positive."""
+        return np.asarray(self.z * (stiffness / largest if largest > 0.0 else 0.0))
+
     def resistance(self, reactions: FloatArray) -> float:
         """``int limit z`` for ``z >= 0``."""
         if np.any(reactions < 0.0):

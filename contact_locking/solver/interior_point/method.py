@@ -31,6 +31,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.errors import Infeasible, NotConverged
+from contact_locking.parallel import on_every_rank
 from contact_locking.problem.contact import joint_norm
 from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.farkas import excluded_factor
@@ -134,6 +135,11 @@ class InteriorPoint:
             task.monitor.iteration(iteration, measures.worst())
             if not np.isfinite(measures.equilibrium + measures.gap):
                 raise NotConverged("the interior point iteration lost its digits")
+            if self._rests():
+                self.is_elastic, measures.gap = True, 0.0
+                self._friction_change = 0.0
+                task.system.remove_friction()
+                break
             if measures.reached(settings, self._tuning.gap_tolerance):
                 break
             self._stop_if_infeasible(measures)
@@ -147,6 +153,22 @@ class InteriorPoint:
                 raise NotConverged(f"the interior point step vanished ({measures})")
         task.report.duality_gap = measures.gap
         return self.multipliers()
+
+    def _rests(self) -> bool:
+        """Whether nothing presses the body, and it has no strains but rounding; collective.
+
+        A motion may have moved the body.  Then all multipliers are zero, and the scale of the
+        iteration, which the forces of the start have made, is far too large for them.
+        """
+        task, tangent = self._task, self._tangent
+        tolerance, displacement = task.settings.tolerance, task.system.largest_displacement()
+        is_pushed = any(tool.pushes for tool in task.system.tools) or not self._bound_moves
+        strain = task.target.mean_strain(tangent.energy, displacement, tolerance)
+        if is_pushed or strain > task.target.mean_strain(0.0, displacement, tolerance):
+            return False
+        balances = tangent.residual_norm([]) <= tolerance * tangent.force_scale
+        keeps = all(family.is_kept(0.0, displacement) for family in tangent.families)
+        return balances and on_every_rank(tangent.comm, keeps)
 
     # 1. The start.
 

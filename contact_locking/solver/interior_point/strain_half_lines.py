@@ -99,10 +99,6 @@ class StrainHalfLines(HalfLines):
     def body_work(self) -> float:
         return self.power(self.reactions, self.seen)
 
-    def springs(self, stiffness: float, largest: float) -> FloatArray:
-        """Springs in proportion to the multipliers, so that small forces leave these positive."""
-        return np.asarray(self.z * (stiffness / largest if largest > 0.0 else 0.0))
-
     def describe_excess(self) -> str:
         ratio = np.maximum(self.seen, 0.0) / self.limit
         return self._strains.describe_excess(ratio, f"the strain of {self._strains.law.name}")
