@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import TIME, parse
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh_file.xdmf_grids import is_xdmf
+from contact_locking.parallel import maximum
 from contact_locking.parameters import LoadParameters, Parameters
 from contact_locking.problem import domain as domains
 from contact_locking.problem import forms
@@ -39,6 +39,9 @@ from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
 from contact_locking.problem.supports import Support
 from contact_locking.problem.table_files import read_tables
+
+# Prescribed values below this share of the largest so far are zero with rounding.
+_ROUNDING = 1e-12
 
 
 @dataclass
@@ -253,7 +256,7 @@ def _conditions(domain: Domain, loads: LoadParameters, clock: Clock) -> list[Com
             if value is not None:
                 key = f"loads.displacements.{i}.value.{j}"
                 timed = is_timed(parse(value, (*AXES, TIME), tables=clock.tables))
-                field = partial(_at_present, domain.comm, value, key, clock)
+                field = _Prescribed(domain.comm, value, key, clock)
                 wanted.append(ComponentCondition(condition.on, j, field, key, timed))
     return wanted
 
@@ -262,18 +265,31 @@ def _supports(domain: Domain, loads: LoadParameters, clock: Clock) -> list[Suppo
     wanted = []
     for i, support in enumerate(loads.supports):
         key = f"loads.supports.{i}"
-        field = partial(_at_present, domain.comm, support.value, f"{key}.value", clock)
+        field = _Prescribed(domain.comm, support.value, f"{key}.value", clock)
         along = None if support.along == "normal" else support.along
         timed = is_timed(parse(support.value, (*AXES, TIME), tables=clock.tables))
         wanted.append(Support(support.on, along, field, key, timed))
     return wanted
 
 
-def _at_present(
-    comm: MPI.Intracomm, value: float | str, key: str, clock: Clock, x: FloatArray
-) -> FloatArray:
-    """The values (k,) of a number or an expression at points (d, k), at the present time."""
-    return evaluate(comm, value, x, key, time=clock.now, tables=clock.tables)
+class _Prescribed:
+    """The values (k,) of a number or an expression at points (d, k), at the present time.
+
+    Values that are small beside those of earlier times are zero with rounding, as sin(pi*t) is at
+    t = 1: then all are zero.
+    """
+
+    def __init__(self, comm: MPI.Intracomm, value: float | str, key: str, clock: Clock) -> None:
+        self._comm, self._value, self._key, self._clock = comm, value, key, clock
+        self._most = 0.0
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """Evaluate at the points; collective."""
+        clock = self._clock
+        found = evaluate(self._comm, self._value, x, self._key, time=clock.now, tables=clock.tables)
+        largest = maximum(self._comm, np.abs(found))
+        self._most = max(self._most, largest)
+        return found if largest > _ROUNDING * self._most else np.zeros_like(found)
 
 
 def _quoted(names: tuple[str, ...]) -> str:

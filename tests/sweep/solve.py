@@ -111,7 +111,9 @@ def _solve_process(case: Case, problem: Problem, outcome: Outcome, checks: bool)
     outcome.tangents = max((int(row["tangents"]) for row in found[-1].history), default=0)
     outcome.reason = str(found[-1].summary["reason"])
     if not found[-1].converged:
-        outcome.kind = INFEASIBLE if outcome.reason.startswith("infeasible") else NOT_SOLVED
+        is_proved = outcome.reason.startswith("infeasible")
+        is_told = "grow with the penalty" in outcome.reason
+        outcome.kind = INFEASIBLE if is_proved else WEDGED if is_told else NOT_SOLVED
         return
     wrong = stepwise.complaint(found)
     if checks and not wrong:
