@@ -111,14 +111,15 @@ def options() -> dict[str, Any]:
 
     One more option names the processor.  The name of a compiled form in the cache depends on the
     options, so that different processors may share a cache.  Without information about the
-    processor the default options of DOLFINx stay.
+    processor the default options of DOLFINx stay.  The compiler is silent about the generated code,
+    which may declare tables that it does not use.
     """
     default, _ = jit.DOLFINX_DEFAULT_JIT_OPTIONS[_ARGUMENTS]
     instructions = _instructions()
     if jit.get_options()[_ARGUMENTS] != default or not instructions:
         return {}
     processor = hashlib.sha256("\n".join(instructions).encode()).hexdigest()[:16]
-    return {_ARGUMENTS: ["-O3", "-march=native", "-g0", f"-DPROCESSOR_{processor}"]}
+    return {_ARGUMENTS: ["-O3", "-march=native", "-g0", "-w", f"-DPROCESSOR_{processor}"]}
 
 
 def _instructions() -> list[str]:
