@@ -168,7 +168,9 @@ def check(arguments: argparse.Namespace) -> int:
 def mesh(arguments: argparse.Namespace) -> int:
     """Write the mesh of the study file: of its builder for Gmsh, and any mesh as XDMF."""
     study = _load(arguments.file, arguments.set)
-    if arguments.output.suffix == ".xdmf":
+    from contact_locking.mesh_file.xdmf_grids import is_xdmf
+
+    if is_xdmf(arguments.output):
         comm = world_with_dolfinx(arguments)
         from contact_locking.command.exporting import export_mesh
 

@@ -6,13 +6,13 @@ binary file are read as an array whose length the size of the file has confirmed
 
 from __future__ import annotations
 
-import stat
 from pathlib import Path
 
 import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
+from contact_locking.mesh_file.trusted import require_file
 
 #: Larger files are not read: 250 MB hold 5 million triangles in binary form.
 LARGEST_FILE = 250_000_000
@@ -23,18 +23,14 @@ _HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)),
 
 def check_size(path: Path, largest: int = LARGEST_FILE) -> None:
     """Raise InputError unless the path is a file of at least 1 and at most ``largest`` bytes."""
-    if not path.exists():
-        raise InputError(f"there is no file {path}")
-    about = path.stat()
-    # Checked before the file is opened: to open a pipe would wait for a writer.
-    if not stat.S_ISREG(about.st_mode):
-        raise InputError(f"{path} is no file")
-    if about.st_size > largest:
+    require_file(path, "file", None)
+    size = path.stat().st_size
+    if size > largest:
         raise InputError(
-            f"{path} has {about.st_size / 1e6:.0f} MB, and at most {largest / 1e6:.0f} MB are "
+            f"{path} has {size / 1e6:.0f} MB, and at most {largest / 1e6:.0f} MB are "
             "read; make the tool coarser, which need not be finer than the mesh of the body"
         )
-    if about.st_size == 0:
+    if size == 0:
         raise InputError(f"{path} is empty")
 
 

@@ -26,17 +26,24 @@ _BEGIN_LENGTH = 200
 _VERSIONS = ("2", "2.1", "2.2", "4", "4.0", "4.1")
 
 
+def require_file(path: Path, kind: str = "mesh file", key: str | None = _KEY) -> None:
+    """Raise InputError, with the key, unless the path is a regular file.
+
+    This comes before a file is opened: to open a pipe would wait for a writer.
+    """
+    if not path.exists():
+        raise InputError(f"there is no {kind} {path}", key)
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise InputError(f"{path} is no file", key)
+
+
 @contextmanager
 def trusted_copy(path: Path) -> Iterator[Path]:
     """A copy of the mesh file that Gmsh can read as a mesh only; it lasts until the block ends.
 
     Raises InputError unless the path is a file in Gmsh's mesh format (MSH 2 or 4).
     """
-    if not path.exists():
-        raise InputError(f"there is no mesh file {path}", _KEY)
-    # Checked before the file is opened: to open a pipe would wait for a writer.
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise InputError(f"{path} is no file", _KEY)
+    require_file(path)
     with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
         copy = Path(folder, "mesh.msh")
         with path.open("rb") as source, copy.open("wb") as target:

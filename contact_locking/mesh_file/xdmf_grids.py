@@ -6,13 +6,13 @@ name with the ending .h5; DOLFINx reads no other file.
 
 from __future__ import annotations
 
-import stat
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
 from contact_locking.errors import InputError
 from contact_locking.mesh_file import places
+from contact_locking.mesh_file.trusted import require_file
 
 ENDING = ".xdmf"
 _KEY = "mesh.file"
@@ -66,8 +66,8 @@ def read_grids(path: Path) -> Grids:
     The first grid is the mesh.  Every other grid has tags of cells or facets, and is a group.
     Raises InputError for a file that is no mesh of triangles or tetrahedra.
     """
-    _require_file(path)
-    _require_file(data_file(path))
+    require_file(path)
+    require_file(data_file(path))
     with data_file(path).open("rb") as stream:
         if stream.read(len(_HDF5)) != _HDF5:
             raise InputError(f"{data_file(path)} is not an HDF5 file", _KEY)
@@ -128,11 +128,3 @@ def _grid(grid: ElementTree.Element, path: Path) -> Grid:
 
 def _is_beside(text: str | None, path: Path) -> bool:
     return (text or "").strip().partition(":")[0] == data_file(path).name
-
-
-def _require_file(path: Path) -> None:
-    if not path.exists():
-        raise InputError(f"there is no mesh file {path}", _KEY)
-    # Checked before the file is opened: to open a pipe would wait for a writer.
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise InputError(f"{path} is no file", _KEY)
