@@ -19,7 +19,7 @@ from contact_locking.parallel import maximum
 from contact_locking.parameters import LoadParameters, Parameters
 from contact_locking.problem import domain as domains
 from contact_locking.problem import forms
-from contact_locking.problem.clock import Clock, is_timed
+from contact_locking.problem.clock import Clock, LargestSoFar, is_timed
 from contact_locking.problem.coefficients import Material, build_material, evaluate
 from contact_locking.problem.conditions import (
     ComponentCondition,
@@ -39,9 +39,6 @@ from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
 from contact_locking.problem.supports import Support
 from contact_locking.problem.table_files import read_tables
-
-# Prescribed values below this share of the largest so far are zero with rounding.
-_ROUNDING = 1e-12
 
 
 @dataclass
@@ -281,15 +278,14 @@ class _Prescribed:
 
     def __init__(self, comm: MPI.Intracomm, value: float | str, key: str, clock: Clock) -> None:
         self._comm, self._value, self._key, self._clock = comm, value, key, clock
-        self._most = 0.0
+        self._so_far = LargestSoFar()
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """Evaluate at the points; collective."""
         clock = self._clock
         found = evaluate(self._comm, self._value, x, self._key, time=clock.now, tables=clock.tables)
         largest = maximum(self._comm, np.abs(found))
-        self._most = max(self._most, largest)
-        return found if largest > _ROUNDING * self._most else np.zeros_like(found)
+        return np.zeros_like(found) if self._so_far.hides(largest) else found
 
 
 def _quoted(names: tuple[str, ...]) -> str:

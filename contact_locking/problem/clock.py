@@ -9,6 +9,8 @@ from dolfinx import fem
 
 from contact_locking.expressions import NO_TABLES, TIME, Expression, Table
 
+_ROUNDING = 1e-12
+
 
 class Clock:
     """The time t: ``now`` for values at points, ``constant`` for the forms.
@@ -33,6 +35,21 @@ class Clock:
     def set(self, time: float) -> None:
         """Put the clock to a time."""
         self.constant.value = time
+
+
+class LargestSoFar:
+    """The largest size that a quantity has had at any time so far.
+
+    A size below 1e-12 of the largest is zero with rounding, as that of sin(pi*t) is at t = 1.
+    """
+
+    def __init__(self) -> None:
+        self._most = 0.0
+
+    def hides(self, size: float) -> bool:
+        """Whether the present ``size`` >= 0, which counts from now on, is zero with rounding."""
+        self._most = max(self._most, size)
+        return size <= _ROUNDING * self._most
 
 
 def is_timed(expression: Expression) -> bool:

@@ -23,7 +23,7 @@ from contact_locking.errors import with_key
 from contact_locking.expressions import TIME, Expression, parse
 from contact_locking.parallel import agree
 from contact_locking.parameters import LoadParameters
-from contact_locking.problem.clock import Clock, is_timed
+from contact_locking.problem.clock import Clock, LargestSoFar, is_timed
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.lookups import Lookups
 from contact_locking.problem.plausibility import about_a_load
@@ -36,8 +36,6 @@ _DEGREE, _OTHER_DEGREE = 4, 6
 # A load is resolved if both rules give the same mean square up to this share.  At a pole like 1/x
 # the difference is larger on every mesh; at a jump it is smaller from a handful of facets on.
 _RESOLVED = 0.3
-# A load below this share of the largest so far is zero with rounding, as in sin(pi*t) at t = 1.
-_ROUNDING = 1e-12
 # The quadrature points of so many cells or facets are in memory at a time.
 _CHUNK = 20_000
 _SHAPES = {
@@ -130,7 +128,7 @@ class _Load:
         self._constant = all(component.is_constant for component in self._components)
         self.timed = any(is_timed(component) for component in self._components)
         # 1, or 0 at the times at which the load is zero with rounding.
-        self._acts, self._most = fem.Constant(domain.mesh, 1.0), 0.0
+        self._acts, self._so_far = fem.Constant(domain.mesh, 1.0), LargestSoFar()
         self._warned = False
 
     @property
@@ -163,8 +161,8 @@ class _Load:
         warns as `build_loads`.
         """
         largest = self._largest(dim, entities, warnings)
-        self._most = max(self._most, largest)
-        self._acts.value = float(not self.timed or largest > _ROUNDING * self._most)
+        is_zero = self._so_far.hides(largest)
+        self._acts.value = float(not (self.timed and is_zero))
         return largest
 
     def _largest(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
