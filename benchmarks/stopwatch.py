@@ -11,7 +11,7 @@ from contact_locking.monitor import Monitor
 
 
 class Stopwatch(Monitor):
-    """Times the nonlinear solve alone, from its first stage to the fields derived from it."""
+    """The CPU time of the nonlinear solve alone, from its first stage to the derived fields."""
 
     def __init__(self) -> None:
         self._began = self._ended = math.nan
@@ -28,15 +28,8 @@ class Stopwatch(Monitor):
         self._ended = time.process_time()
 
 
-class WallClock(Monitor):
+class WallClock(Stopwatch):
     """The nonlinear solve alone on all ranks, by the clock on the wall."""
-
-    def __init__(self) -> None:
-        self._began = self._ended = math.nan
-
-    @property
-    def seconds(self) -> float:
-        return self._ended - self._began
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         if math.isnan(self._began):

@@ -130,11 +130,16 @@ def test_the_filter_takes_iterations_away(monkeypatch: pytest.MonkeyPatch) -> No
     assert 2 * counts[0] < counts[1]
 
 
+def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
+    """Let everything be too large for the filter, from the first tangent on."""
+    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
+    monkeypatch.setitem(FILTER_LIMIT, dim, 0)
+
+
 def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
-    monkeypatch.setitem(FILTER_LIMIT, 3, 0)
+    _project_everything(monkeypatch, 3)
     counts = _count_iterations(monkeypatch)
     projected = _solved(math.inf, "iterative")
     # At the end the stiffest cells are 1e12 times as stiff as the softest.
@@ -145,8 +150,7 @@ def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
 def test_one_sided_limits_of_the_strain_are_projected_as_well(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
-    monkeypatch.setitem(FILTER_LIMIT, 3, 0)
+    _project_everything(monkeypatch, 3)
     made: list[int] = []
     create = Projection.__init__
 
@@ -203,8 +207,7 @@ def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.Mon
 def test_projection_of_quadratic_elements_bears_any_contrast(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
-    monkeypatch.setitem(FILTER_LIMIT, 2, 0)
+    _project_everything(monkeypatch, 2)
     counts = _count_iterations(monkeypatch)
     direct, projected = (
         solving.solve(
