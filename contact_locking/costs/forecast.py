@@ -2,9 +2,9 @@
 
 The estimate is ``tangents x seconds of a tangent`` for the unknowns N of the mesh.  The number of
 tangents hardly depends on the mesh and on n, and the time and the memory of a tangent grow with N
-as measured (`reference`).  A solve that locks everywhere, or one
-with friction that hardly settles, takes more tangents: that is not known before the solve.
-docs/guides/large.md has measured times beside the estimate, which are within a factor of 3.
+as measured (`reference`).  A solve that locks everywhere, or one with friction that hardly settles,
+takes more tangents, which is not known before the solve.  docs/guides/large.md has measured times
+beside the estimate, which are within a factor of 3.
 """
 
 from __future__ import annotations
