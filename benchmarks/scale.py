@@ -55,6 +55,7 @@ class Tangents(WallClock):
     ) -> None:
         def refresh_and_note(solver: TangentSolver, split: Callable[[], StiffPart]) -> None:
             began = time.perf_counter()
+            self.print_last()
             self.rows.append(("", [0.0, 0.0], []))
             refresh(solver, split)
             self.rows[-1][1][0] += time.perf_counter() - began
@@ -75,6 +76,15 @@ class Tangents(WallClock):
 
         TangentSolver.refresh = refresh_and_note  # type: ignore[method-assign,assignment]
         TangentSolver.solve = solve_and_note  # type: ignore[method-assign,assignment]
+
+    def print_last(self) -> None:
+        """Print the row of the last tangent, on the first rank."""
+        if not self.rows or MPI.COMM_WORLD.rank > 0:
+            return
+        kind, (set_up, solves), counts = self.rows[-1]
+        listed = ", ".join(map(str, counts))
+        number = len(self.rows) - 1
+        print(f"| {number} | {kind} | {set_up:.1f} | {solves:.1f} | {listed} |", flush=True)
 
 
 def preconditioner(multigrid: FilteredMultigrid | None) -> str:
@@ -118,16 +128,15 @@ def main() -> None:
         FILTER_LIMIT[3] = given.filter_limit
     solving.solve(case(Fraction(1, 3), given.n, given.degree))
     tangents = Tangents()
+    if MPI.COMM_WORLD.rank == 0:
+        print("| tangent | preconditioner, rows factorised | set-up s | solves s | CG of each solve |")
+        print("| --- | --- | --- | --- | --- |", flush=True)
     began = time.perf_counter()
     summary = solving.solve(case(given.h, given.n, given.degree), monitor=tangents).summary
     total, used = time.perf_counter() - began, memory()
+    tangents.print_last()
     if MPI.COMM_WORLD.rank > 0:
         return
-    print("| tangent | preconditioner, rows factorised | set-up s | solves s | CG of each solve |")
-    print("| --- | --- | --- | --- | --- |")
-    for number, (kind, seconds, counts) in enumerate(tangents.rows):
-        listed = ", ".join(map(str, counts))
-        print(f"| {number} | {kind} | {seconds[0]:.1f} | {seconds[1]:.1f} | {listed} |")
     every = [count for _, _, counts in tangents.rows for count in counts]
     print()
     print(
