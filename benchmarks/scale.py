@@ -129,7 +129,9 @@ def main() -> None:
     solving.solve(case(Fraction(1, 3), given.n, given.degree))
     tangents = Tangents()
     if MPI.COMM_WORLD.rank == 0:
-        print("| tangent | preconditioner, rows factorised | set-up s | solves s | CG of each solve |")
+        print(
+            "| tangent | preconditioner, rows factorised | set-up s | solves s | CG of each solve |"
+        )
         print("| --- | --- | --- | --- | --- |", flush=True)
     began = time.perf_counter()
     summary = solving.solve(case(given.h, given.n, given.degree), monitor=tangents).summary

@@ -131,8 +131,9 @@ def test_the_filter_takes_iterations_away(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
-    """Let everything be too large for the filter, from the first tangent on."""
-    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
+    """Let everything be too large for the filter, from the first tangent on, for any n."""
+    for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
+        monkeypatch.setattr(tangent_solver, name, 0)
     monkeypatch.setitem(FILTER_LIMIT, dim, 0)
 
 
@@ -145,6 +146,23 @@ def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
     # At the end the stiffest cells are 1e12 times as stiff as the softest.
     assert max(counts) <= 25
     _agree(projected, _solved(math.inf, "direct"))
+
+
+@pytest.mark.parametrize(("n", "projects"), [(1e4, False), (math.inf, True)])
+def test_multigrid_alone_may_take_longer_where_n_bounds_the_contrast(
+    monkeypatch: pytest.MonkeyPatch, n: float, projects: bool
+) -> None:
+    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
+    monkeypatch.setitem(FILTER_LIMIT, 3, 0)
+    create, made = Projection.__init__, list[Projection]()
+
+    def noted(self: Projection, *given: Any) -> None:
+        made.append(self)
+        create(self, *given)
+
+    monkeypatch.setattr(Projection, "__init__", noted)
+    assert _solved(n, "iterative").converged
+    assert bool(made) == projects
 
 
 def test_one_sided_limits_of_the_strain_are_projected_as_well(

@@ -59,8 +59,9 @@ class Tangent:
         self._right_tools: FloatArray = np.zeros(len(system.tools))
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
+        contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = TangentSolver(
-            self.matrix, self._dim, task.settings, task.monitor.linear, self._coarser_spaces
+            self.matrix, self._dim, task.settings, contrast, listen, self._coarser_spaces
         )
 
     def visit(self) -> None:

@@ -80,7 +80,7 @@ class Tuning:
     #: points of Gamma_C along one displacement, are projected where more is stiff than the filter
     #: takes.  Each has a row in the matrix that is factorised for it; below, multigrid does with
     #: the contrast.
-    stiff_along: float = 100.0
+    stiff_along: float = 300.0
 
     # Predictor and corrector.
     #: A predictor that goes this far, in (0, 1], is trusted with Mehrotra's second-order terms in

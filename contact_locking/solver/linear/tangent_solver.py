@@ -36,9 +36,12 @@ _ROUNDING = 1e-12
 # So many iterations with one tangent, by dimension, may be taken instead of the filter's
 # factorisation: some fifteen in 3D, and two in 2D, for each of the seven solves that it serves.
 _PATIENCE = {2: 16, 3: 100}
-# So many iterations one solve may take by multigrid alone where the projection can take over, which
-# doubles the time of an iteration.
-_PATIENCE_OF_PROJECTION = 40
+# So many iterations one solve may take by multigrid alone where the projection can take over.  It
+# doubles to quadruples the time of an iteration, and its set-up takes as long as some hundred
+# iterations.  So where the contrast stays moderate, multigrid may take longer.
+_PATIENCE_OF_PROJECTION = 50
+_LONGER_PATIENCE = 150
+_MODERATE_CONTRAST = 1e5
 # Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
 # down on it: it is filtered again, so often at most.
 _RESTARTS = 3
@@ -56,8 +59,9 @@ class TangentSolver:
     Where a tangent takes more iterations than the filter would cost, it is filtered from there on,
     and so are all that follow.  Options of the user may replace all of this.
 
-    The matrix is stored in blocks and has its near-nullspace.  ``listen`` is told the number of
-    each Krylov iteration, and ``find_coarser`` is asked for the coarser spaces of multigrid.
+    The matrix is stored in blocks and has its near-nullspace.  ``contrast`` is how many times
+    stiffer than the material a cell can become.  ``listen`` is told the number of each Krylov
+    iteration, and ``find_coarser`` is asked for the coarser spaces of multigrid.
     """
 
     def __init__(
@@ -65,6 +69,7 @@ class TangentSolver:
         matrix: PETSc.Mat,
         dim: int,
         settings: Settings,
+        contrast: float,
         listen: Callable[[int], None],
         find_coarser: Callable[[], Sequence[CoarserSpace]] = tuple,
     ) -> None:
@@ -88,6 +93,8 @@ class TangentSolver:
             self._ksp.setInitialGuessNonzero(True)
             self._max_iterations = self._ksp.getTolerances()[3]
         self._filters = False
+        is_moderate = contrast <= _MODERATE_CONTRAST
+        self._patience_of_projection = _LONGER_PATIENCE if is_moderate else _PATIENCE_OF_PROJECTION
 
     def refresh(self, split: Callable[[], StiffPart]) -> None:
         """The matrix has new values, ``split`` tells which are stiff; collective."""
@@ -98,7 +105,7 @@ class TangentSolver:
         self._stiff = split()
         self._can_filter = self._multigrid.can_filter(self._stiff)
         self._projects = self._multigrid.must_project(self._stiff)
-        patience = _PATIENCE_OF_PROJECTION if self._projects else _PATIENCE[self._dim]
+        patience = self._patience_of_projection if self._projects else _PATIENCE[self._dim]
         self._patience = min(patience, self._max_iterations)
         if self._filters and self._can_filter:
             self._filter(self._multigrid)
