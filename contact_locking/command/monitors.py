@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from contact_locking.files.atomic import write_text
 from contact_locking.monitor import Monitor
-from contact_locking.plain_text import count, printable
+from contact_locking.plain_text import count, duration, printable
 
 # After so many seconds without a line in a log, the next iteration prints one.  It leaves room for
 # an iteration in the ten seconds that a log of a long run is silent at most.
@@ -67,7 +67,7 @@ class TerminalMonitor(Monitor):
 
     def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
         self.finish()
-        about = "" if seconds_left is None else f", about {_duration(seconds_left)} left"
+        about = "" if seconds_left is None else f", about {duration(seconds_left)} left"
         self._step = f"step {number}  t = {time:.6g}  ({left} to do{about})  "
         # The solve of each step counts from zero.
         self._counts = self._before = (0, 0)
@@ -156,13 +156,6 @@ class TerminalMonitor(Monitor):
         from rich.text import Text
 
         return Text(printable(text), no_wrap=True, overflow="ellipsis")
-
-
-def _duration(seconds: float) -> str:
-    """A duration in words, as coarse as an estimate is."""
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
 class ProgressFile(Monitor):
