@@ -85,10 +85,13 @@ class Search:
         """The direction with the steps of the friction bounds that agree with it; collective."""
         if not self._bounds:
             return direction
-        change = bound_step.adapt(direction)
-        if change is None or self._iterate.tangent.direct is None:
-            return self._iterate.direction(target, self._accuracy, corrections)
-        return self._iterate.moved_by(direction, change, target, corrections)
+        tangent, change = self._iterate.tangent, bound_step.adapt(direction)
+        if change is not None and tangent.direct is not None:
+            return self._iterate.moved_by(direction, change, target, corrections)
+        if change is not None:
+            # Responses to the friction bound are rough where an iterative solver finds them.
+            tangent.start_from(direction.displacement + change)
+        return self._iterate.direction(target, self._accuracy, corrections)
 
     def _length(self, direction: Direction) -> float:
         # 8. Towards the boundary.

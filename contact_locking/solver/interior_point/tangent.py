@@ -40,7 +40,6 @@ class Tangent:
         self._material, self._tolerance = task.target.stiffness, task.settings.tolerance
         system, data = task.system, task.system.data
         space = system.u.function_space
-        self._dim = system.dim
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self.energy = self.force_scale = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
@@ -55,13 +54,12 @@ class Tangent:
         vectors = [self.matrix.createVecRight() for _ in range(7)]
         self._load, self._stretched, self._unbalanced, self._right = vectors[:4]
         self._step, self._answer, self._whole = vectors[4:]
-        # The right-hand side of the travels.
         self._right_tools: FloatArray = np.zeros(len(system.tools))
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
         contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = TangentSolver(
-            self.matrix, self._dim, task.settings, contrast, listen, self._coarser_spaces
+            self.matrix, system.dim, task.settings, contrast, listen, self._coarser_spaces
         )
 
     def visit(self) -> None:
@@ -103,12 +101,16 @@ class Tangent:
         """The displacement step that balances these reactions; collective.
 
         An iterative solver leaves a residual of ``accuracy``, relative to the forces, at most, and
-        starts from the step before, if that was for the same blocks.
+        starts from the step before, or from that of :meth:`start_from`.
         """
         self._find_residual(reactions)
         self._scale_right(-1.0)
         self._linear.solve(self._right, self._step, accuracy * self.force_scale)
         return self._with_travels(self._step)
+
+    def start_from(self, displacement: FloatArray) -> None:
+        """Let the next :meth:`solve_step` of an iterative solver start from a displacement step."""
+        self._step.array_w[:] = displacement[: self._owned]
 
     def elastic_parts(
         self, accuracy: float, reactions: Sequence[Reaction]

@@ -117,14 +117,16 @@ class TangentSolver:
     ) -> None:
         """Leave a residual of ``residual`` at most; collective.
 
-        CG starts from ``step``.  Solves that are rough, and many, do not count as reasons for a
-        filter.  Raises NotConverged, or PETSc's error.
+        CG starts from ``step``.  Solves that are rough, and many, may leave more than others, and
+        do not count as reasons for a filter.  Raises NotConverged, or PETSc's error.
         """
         if self._multigrid is None:
             self._solve(right, step)
             return
         size = right.norm() or 1.0
-        rtol = min(_LOOSEST, max(residual / size, _ROUNDING))
+        rtol = max(residual / size, _ROUNDING)
+        if not is_rough:
+            rtol = min(_LOOSEST, rtol)
         patience = self._patience
         self._solve_by_cg(self._multigrid, right, step, rtol)
         if is_rough or self._projects:
