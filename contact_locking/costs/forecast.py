@@ -158,9 +158,16 @@ def _tangent(load: Workload, reference: Reference) -> float:
     direct = reference.direct_2d if flat else reference.direct_3d
     if load.is_direct:
         return direct(load.unknowns)
+    if not flat and _is_beyond_filter(load, reference):
+        return reference.unfiltered_3d(load.unknowns)
     iterative = reference.iterative_2d if flat else reference.iterative_3d
     factorised = replace(direct, linear=0.0)(load.factor)
     return reference.set_up + iterative(load.unknowns) + factorised
+
+
+def _is_beyond_filter(load: Workload, reference: Reference) -> bool:
+    """Whether more is locked than the filter beside CG may factorise."""
+    return reference.filtered * load.unknowns > FILTER_LIMIT[load.dim]
 
 
 def _speed_up(load: Workload, reference: Reference) -> float:

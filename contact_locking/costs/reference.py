@@ -51,6 +51,8 @@ class Reference:
     iterative_2d: Growth = Growth(1.2e-5)
     iterative_3d: Growth = Growth(2.5e-5)
     set_up: float = 0.3
+    #: The same where more is locked than the filter may factorise.
+    unfiltered_3d: Growth = Growth(0.0, 2.2e-7, 1.5)
     #: The share of the unknowns that the filter beside CG factorises, as the block has it.
     filtered: float = 0.65
 
