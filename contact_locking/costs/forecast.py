@@ -9,7 +9,6 @@ beside the estimate, which are within a factor of 3.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -83,9 +82,8 @@ def rows(expected: Estimate) -> list[tuple[str, str]]:
 def _kind(parameters: Parameters, load: Workload) -> Literal["about", "at most", "at least"]:
     if parameters.adapt is not None:
         return "at most"
-    is_exact = math.isinf(parameters.penalty.n) and _limits_strain(parameters)
-    is_measured = load.is_direct or REFERENCE.filtered * load.unknowns <= FILTER_LIMIT[load.dim]
-    return "at least" if is_exact and not is_measured else "about"
+    is_measured = load.is_direct or load.unknowns <= REFERENCE.largest
+    return "about" if is_measured else "at least"
 
 
 def _warnings(expected: Estimate, comm: MPI.Intracomm) -> list[str]:
@@ -115,8 +113,9 @@ def workload(
     if parameters.adapt is not None:
         unknowns, times = max(unknowns, parameters.adapt.max_dofs), 2.0 * times
     is_direct = chosen(parameters.solver.linear, dim, unknowns) == "direct"
-    # What takes the place of a larger filter is as expensive as the largest filter at least.
-    filtered = min(reference.filtered * unknowns, FILTER_LIMIT[dim])
+    filtered = reference.filtered * unknowns
+    if filtered > FILTER_LIMIT[dim]:
+        filtered = max(FILTER_LIMIT[dim], reference.projected * unknowns)
     steps = 1 if parameters.steps is None else len(parameters.steps.planned)
     return Workload(
         dim=dim,
@@ -158,16 +157,11 @@ def _tangent(load: Workload, reference: Reference) -> float:
     direct = reference.direct_2d if flat else reference.direct_3d
     if load.is_direct:
         return direct(load.unknowns)
-    if not flat and _is_beyond_filter(load, reference):
+    if not flat and reference.filtered * load.unknowns > FILTER_LIMIT[load.dim]:
         return reference.unfiltered_3d(load.unknowns)
     iterative = reference.iterative_2d if flat else reference.iterative_3d
     factorised = replace(direct, linear=0.0)(load.factor)
     return reference.set_up + iterative(load.unknowns) + factorised
-
-
-def _is_beyond_filter(load: Workload, reference: Reference) -> bool:
-    """Whether more is locked than the filter beside CG may factorise."""
-    return reference.filtered * load.unknowns > FILTER_LIMIT[load.dim]
 
 
 def _speed_up(load: Workload, reference: Reference) -> float:
