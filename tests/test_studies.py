@@ -321,9 +321,12 @@ def test_a_form_that_a_killed_process_left_unfinished_is_removed(tmp_path: Path)
 
 def test_a_form_that_a_process_compiles_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "libffcx_forms_slow.c"
-    path.touch()
+    path.write_text("a line\n")
     os.utime(path, (0, 0))
-    with subprocess.Popen(["tail", "-f", str(path)]) as compiler:
+    with subprocess.Popen(["tail", "-f", str(path)], stdout=subprocess.PIPE) as compiler:
+        # A process that has just begun has no command line yet.
+        assert compiler.stdout is not None
+        compiler.stdout.readline()
         compiled_forms.clear(tmp_path, 0.3)
         assert path.exists()
         compiler.terminate()
