@@ -54,8 +54,8 @@ class Tangents(WallClock):
         solve: Callable[..., None],
     ) -> None:
         def refresh_and_note(solver: TangentSolver, split: Callable[[], StiffPart]) -> None:
-            began = time.perf_counter()
             self.print_last()
+            began = time.perf_counter()
             self.rows.append(("", [0.0, 0.0], []))
             refresh(solver, split)
             self.rows[-1][1][0] += time.perf_counter() - began

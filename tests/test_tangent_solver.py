@@ -73,6 +73,26 @@ def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counts
 
 
+def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
+    """Let everything be too large for the filter, from the first tangent on, for any n."""
+    for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
+        monkeypatch.setattr(tangent_solver, name, 0)
+    monkeypatch.setitem(FILTER_LIMIT, dim, 0)
+
+
+def _count_rows(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """A list that gets the rows of each projection."""
+    counts: list[int] = []
+    create = Projection.__init__
+
+    def counted(self: Projection, rows: PETSc.Mat, *given: Any) -> None:
+        counts.append(rows.getSize()[0])
+        create(self, rows, *given)
+
+    monkeypatch.setattr(Projection, "__init__", counted)
+    return counts
+
+
 @pytest.mark.parametrize("patience", [0, 30, _NEVER], ids=["at once", "on the way", "never"])
 def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
@@ -143,13 +163,6 @@ def test_the_step_of_the_friction_bound_starts_from_what_its_responses_have_foun
     assert counts[0] < 0.95 * counts[1]
 
 
-def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
-    """Let everything be too large for the filter, from the first tangent on, for any n."""
-    for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
-        monkeypatch.setattr(tangent_solver, name, 0)
-    monkeypatch.setitem(FILTER_LIMIT, dim, 0)
-
-
 def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -167,13 +180,7 @@ def test_multigrid_alone_may_take_longer_where_n_bounds_the_contrast(
 ) -> None:
     monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
     monkeypatch.setitem(FILTER_LIMIT, 3, 0)
-    create, made = Projection.__init__, list[Projection]()
-
-    def noted(self: Projection, *given: Any) -> None:
-        made.append(self)
-        create(self, *given)
-
-    monkeypatch.setattr(Projection, "__init__", noted)
+    made = _count_rows(monkeypatch)
     assert _solved(n, "iterative").converged
     assert bool(made) == projects
 
@@ -182,14 +189,7 @@ def test_one_sided_limits_of_the_strain_are_projected_as_well(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     _project_everything(monkeypatch, 3)
-    made: list[int] = []
-    create = Projection.__init__
-
-    def counted(self: Projection, rows: PETSc.Mat, *given: Any) -> None:
-        made.append(rows.getSize()[0])
-        create(self, rows, *given)
-
-    monkeypatch.setattr(Projection, "__init__", counted)
+    made = _count_rows(monkeypatch)
     # The pull stretches the body by more than this.
     limits = [{"norm": "volume", "at_most": 0.005}]
     material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking": limits}

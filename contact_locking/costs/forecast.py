@@ -28,13 +28,15 @@ class Workload:
 
     ``unknowns`` are those of the displacement.  ``tangents`` are the matrices of all
     ``steps`` together; a static problem is one step.  ``factor`` is the number of rows that each
-    tangent factorises, by the direct solver or beside CG.
+    tangent factorises, by the direct solver or beside CG.  ``projects`` tells whether more is
+    locked than the filter beside CG takes.
     """
 
     dim: int
     unknowns: int
     ranks: int
     is_direct: bool
+    projects: bool
     factor: float
     tangents: float
     steps: int = 1
@@ -113,16 +115,17 @@ def workload(
     if parameters.adapt is not None:
         unknowns, times = max(unknowns, parameters.adapt.max_dofs), 2.0 * times
     is_direct = chosen(parameters.solver.linear, dim, unknowns) == "direct"
-    filtered = reference.filtered * unknowns
-    if filtered > FILTER_LIMIT[dim]:
-        filtered = max(FILTER_LIMIT[dim], reference.projected * unknowns)
+    limit, filtered = FILTER_LIMIT[dim], reference.filtered * unknowns
+    projects = not is_direct and dim == 3 and filtered > limit and _limits_strain(parameters)
+    beside_cg = max(limit, reference.projected * unknowns) if projects else min(filtered, limit)
     steps = 1 if parameters.steps is None else len(parameters.steps.planned)
     return Workload(
         dim=dim,
         unknowns=unknowns,
         ranks=ranks,
         is_direct=is_direct,
-        factor=unknowns if is_direct else filtered,
+        projects=projects,
+        factor=unknowns if is_direct else beside_cg,
         tangents=times * (reference.tangents + (steps - 1) * reference.tangents_of_step),
         steps=steps,
     )
@@ -157,7 +160,7 @@ def _tangent(load: Workload, reference: Reference) -> float:
     direct = reference.direct_2d if flat else reference.direct_3d
     if load.is_direct:
         return direct(load.unknowns)
-    if not flat and reference.filtered * load.unknowns > FILTER_LIMIT[load.dim]:
+    if load.projects:
         return reference.unfiltered_3d(load.unknowns)
     iterative = reference.iterative_2d if flat else reference.iterative_3d
     factorised = replace(direct, linear=0.0)(load.factor)

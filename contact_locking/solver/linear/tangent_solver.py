@@ -36,9 +36,9 @@ _ROUNDING = 1e-12
 # So many iterations with one tangent, by dimension, may be taken instead of the filter's
 # factorisation: some fifteen in 3D, and two in 2D, for each of the seven solves that it serves.
 _PATIENCE = {2: 16, 3: 100}
-# So many iterations one solve may take by multigrid alone where the projection can take over.  It
-# doubles to quadruples the time of an iteration, and its set-up takes as long as some hundred
-# iterations.  So where the contrast stays moderate, multigrid may take longer.
+# So many iterations one solve may take by multigrid alone where the projection can take over.  With
+# the projection an iteration takes two to four times as long, and the set-up as long as a hundred
+# iterations.  Up to a moderate contrast multigrid alone is therefore allowed more of them.
 _PATIENCE_OF_PROJECTION = 50
 _LONGER_PATIENCE = 150
 _MODERATE_CONTRAST = 1e5
