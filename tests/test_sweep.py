@@ -123,6 +123,7 @@ def test_a_wrong_claim_of_a_truth_is_found() -> None:
         Truth(touches=False),
         Truth(admissible=False),
         Truth(translation=(0.0, -0.01)),
+        Truth(refused="rigid motion"),
     ):
         assert outcome_of_case(Case(data, truth), checks=False).kind == WRONG
 

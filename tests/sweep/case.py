@@ -24,7 +24,8 @@ class Truth:
     would be wrong; if ``admissible`` is False, this verdict is right.  ``touches`` says whether
     there is a contact force.  ``translation`` is the displacement of all nodes.  ``homogeneous``
     says that the displacement scales with the loads.  ``refused`` is a part of the message of a
-    refusal that is right.
+    refusal that is right; then a solution is wrong, also one that the judge finds no fault with: in
+    a displacement that is large enough, rounding hides that forces do not balance.
     """
 
     admissible: bool | None = None

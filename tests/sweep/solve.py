@@ -203,7 +203,7 @@ def _judge_infeasible(truth: Truth, discrete: Discrete, outcome: Outcome) -> Non
 
 
 def _against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
-    found = []
+    found = [] if truth.refused is None else [f"solved, but right is: {truth.refused}"]
     if truth.admissible is False and np.isinf(discrete.n):
         found.append("nothing is admissible, but it converged")
     size = float(np.abs(state.u).max(initial=0.0))
