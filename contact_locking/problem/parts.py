@@ -130,6 +130,26 @@ def describe_loose(
     return None
 
 
+def loose_fields(domain: Domain, space: fem.FunctionSpace, constraints: Constraints) -> FloatArray:
+    """The rigid motions of each part that the displacement conditions leave free; collective.
+
+    The values (f, n) are those at the local dofs, ghosts included.
+    """
+    found = [
+        _loose_fields(domain, space, constraints, _dofs(domain, space, number))[1]
+        for number in range(len(domain.part_names))
+    ]
+    return np.vstack(found)
+
+
+def _loose_fields(
+    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """The coefficients (m, f) of the free motions of a part, and their values (f, n)."""
+    free = free_motions(domain, space, constraints, part)
+    return free, (free.T @ rigid_motions(space, domain.axisymmetric)) * part
+
+
 class _Motions:
     """The f rigid motions of a part and its tools that the displacement conditions leave free.
 
@@ -151,8 +171,7 @@ class _Motions:
         number: int,
     ) -> None:
         part = _dofs(domain, space, number)
-        free = free_motions(domain, space, constraints, part)
-        motions = (free.T @ rigid_motions(space, domain.axisymmetric)) * part
+        free, motions = _loose_fields(domain, space, constraints, part)
         self._domain, self.of_body = domain, len(motions)
         self._tools = [tool for tool in data.tools if _is_at(tool, part)]
         self.free = np.pad(free, ((0, 0), (0, len(self._tools))))

@@ -19,6 +19,7 @@ from contact_locking.problem.affine_part import affine_part
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.joint_forms import JointForm
+from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.near_nullspace import near_nullspace
 from contact_locking.problem.surface import NodalAverage
 from contact_locking.problem.tool_balance import Tools
@@ -32,7 +33,8 @@ class PenalisedSystem:
 
     ``u`` is the displacement, at all times with the prescribed values in the constrained dofs.
     ``held_by_contact`` says that contact alone stops some rigid motion, and ``held_by_friction``
-    that friction alone stops some rigid motion.
+    that friction alone stops some rigid motion.  ``loose`` knows the rigid motions that the
+    conditions leave free, if there are any.
     """
 
     # If contact alone stops a rigid motion, all of Gamma_C keeps this share of the contact
@@ -47,6 +49,7 @@ class PenalisedSystem:
         constraints: Constraints,
         held_by_contact: bool = False,
         held_by_friction: bool = False,
+        loose: LooseMotion | None = None,
     ) -> None:
         space = u.function_space
         v = ufl.TestFunction(space)
@@ -55,6 +58,7 @@ class PenalisedSystem:
         self.constraints = constraints
         constraints.apply(u)
         self.held_by_contact, self.held_by_friction = held_by_contact, held_by_friction
+        self._loose = loose
         self._elastic = JointForm(forms.elastic_form(u, v, data))
         self._magnitudes = JointForm(forms.force_magnitudes(u, v, data))
         self._elastic_energy = compiled.form(0.5 * forms.elastic_form(u, u, data))
@@ -170,17 +174,28 @@ class PenalisedSystem:
 
     @cached_property
     def _rounding_of_one(self) -> float:
-        """:meth:`force_rounding` if ``|u| = 1`` everywhere; collective."""
-        kept = self.u.x.array.copy()
-        self.u.x.array[:] = 1.0 / np.sqrt(self.dim)
-        rounding = self.force_rounding()
-        self.u.x.array[:] = kept
-        return rounding
+        """:meth:`force_rounding` if ``|u| = 1`` everywhere is what the data ask for; collective."""
+        return self._rounding_in(np.full_like(self.u.x.array, 1.0 / np.sqrt(self.dim)))
 
     def force_rounding(self) -> float:
-        """The rounding in ``a(u, .)``, as a norm over all dofs; collective."""
+        """The rounding in ``a(u, .)`` for :attr:`anchored` u, as a norm over all dofs.
+
+        Collective.
+        """
+        return self._rounding_in(self.anchored)
+
+    def _rounding_in(self, displacement: FloatArray) -> float:
+        kept = self.u.x.array.copy()
+        self.u.x.array[:] = displacement
         self._assemble(self._magnitudes)
+        self.u.x.array[:] = kept
         return ROUNDING * float(la.norm(self._work.x))
+
+    @property
+    def anchored(self) -> FloatArray:
+        """The displacement without rigid motions that the data do not make; collective."""
+        u = self.u.x.array
+        return u.copy() if self._loose is None else self._loose.anchored(u)
 
     def largest_displacement(self) -> float:
         """The largest ``|u|`` of all nodes; collective."""

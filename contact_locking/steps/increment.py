@@ -15,7 +15,8 @@ from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import plausibility
 from contact_locking.problem.assembly import Problem
-from contact_locking.problem.parts import describe_loose, describe_slide
+from contact_locking.problem.loose_motion import LooseMotion
+from contact_locking.problem.parts import describe_loose, describe_slide, loose_fields
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import body_summary
 from contact_locking.results.derived import (
@@ -73,6 +74,7 @@ class Increment:
             problem.constraints,
             held_by_contact=problem.free > 0,
             held_by_friction=problem.sliding > 0,
+            loose=_loose_motion(problem),
         )
         material, domain = problem.material, problem.domain
         self.target = Target(
@@ -150,6 +152,16 @@ def solution_of(state: SolvedState, certificate: Certificate) -> Solution:
         probes=(sample(problem.probes, *fields),) if len(problem.probes) else (),
         **on_gamma_c(state.contacts, problem.u),
     )
+
+
+def _loose_motion(problem: Problem) -> LooseMotion | None:
+    """The rigid motions that contact alone stops, None if there are none; collective."""
+    if not problem.free:
+        return None
+    domain, space, constraints = problem.domain, problem.u.function_space, problem.constraints
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    motions = loose_fields(domain, space, constraints)
+    return LooseMotion(domain.comm, motions, owned, constraints, problem.contacts)
 
 
 def _method(problem: Problem) -> str:

@@ -31,12 +31,12 @@ import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.errors import Infeasible, NotConverged
-from contact_locking.parallel import on_every_rank
 from contact_locking.problem.contact import joint_norm
 from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.farkas import excluded_factor
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.rest import rests
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart
 from contact_locking.solver.interior_point.tangent import Tangent
@@ -155,20 +155,9 @@ class InteriorPoint:
         return self.multipliers()
 
     def _rests(self) -> bool:
-        """Whether nothing presses the body, and it has no strains but rounding; collective.
-
-        A motion may have moved the body.  Then all multipliers are zero, and the scale of the
-        iteration, which the forces of the start have made, is far too large for them.
-        """
-        task, tangent = self._task, self._tangent
-        tolerance, displacement = task.settings.tolerance, task.system.largest_displacement()
-        is_pushed = any(tool.pushes for tool in task.system.tools) or not self._bound_moves
-        strain = task.target.mean_strain(tangent.energy, displacement, tolerance)
-        if is_pushed or strain > task.target.mean_strain(0.0, displacement, tolerance):
-            return False
-        balances = tangent.residual_norm([]) <= tolerance * tangent.force_scale
-        keeps = all(family.is_kept(0.0, displacement) for family in tangent.families)
-        return balances and on_every_rank(tangent.comm, keeps)
+        """Whether the body is at rest without multipliers; collective."""
+        is_pushed = any(tool.pushes for tool in self._task.system.tools)
+        return self._bound_moves and not is_pushed and rests(self._task, self._tangent)
 
     # 1. The start.
 

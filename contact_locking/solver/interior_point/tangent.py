@@ -41,7 +41,7 @@ class Tangent:
         system, data = task.system, task.system.data
         space = system.u.function_space
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self.energy = self.force_scale = 0.0
+        self.energy = self.force_scale = self.acting = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         elastic = forms.elastic_form(du, v, data)
         terms = [family.tangent_term(v, du) for family in families]
@@ -49,8 +49,8 @@ class Tangent:
         self.matrix = self._form.create_matrix(IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
-        self._elasticity = petsc.assemble_matrix(compiled.form(elastic))
-        self._elasticity.assemble()
+        self.elasticity = petsc.assemble_matrix(compiled.form(elastic))
+        self.elasticity.assemble()
         vectors = [self.matrix.createVecRight() for _ in range(7)]
         self._load, self._stretched, self._unbalanced, self._right = vectors[:4]
         self._step, self._answer, self._whole = vectors[4:]
@@ -66,10 +66,10 @@ class Tangent:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
         displacement = self._answer
         displacement.array_w[:] = self.system.u.x.array[: self._owned]
-        self._elasticity.mult(displacement, self._stretched)
+        self.elasticity.mult(displacement, self._stretched)
         self.energy = 0.5 * float(self._stretched.dot(displacement))
-        acting = max(self._load.norm(), self._stretched.norm())
-        self.force_scale = self.system.above_rounding(float(acting), self._tolerance)
+        self.acting = float(max(self._load.norm(), self._stretched.norm()))
+        self.force_scale = self.system.above_rounding(self.acting, self._tolerance)
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
 
     def refresh(self) -> None:
@@ -172,7 +172,7 @@ class Tangent:
         self._border.destroy()
         for item in (
             self.matrix,
-            self._elasticity,
+            self.elasticity,
             self._near_nullspace,
             self._load,
             self._stretched,

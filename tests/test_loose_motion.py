@@ -1,0 +1,115 @@
+"""Rigid motions that the data do not make, and pressures that are small but not rounding."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from contact_locking import solving
+from contact_locking.arrays import FloatArray
+from contact_locking.monitor import Monitor
+from contact_locking.parameters import Parameters
+from contact_locking.problem.assembly import assemble
+from contact_locking.results.solution import Solution
+from contact_locking.steps.increment import Increment
+
+
+def _block(loads: dict[str, Any], gap: float = 0.0, friction: float = 0.5, **mesh: Any) -> Any:
+    return {
+        "mesh": {"builder": "block", "dim": 2, "h": 0.2} | mesh,
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+        "loads": loads,
+        "contact": {"on": "bottom", "gap": gap},
+        "friction": {"coefficient": friction, "smoothing": {"kernel": "none"}},
+    }
+
+
+def _pulled(pull: float, pressure: float, unit: float) -> dict[str, Any]:
+    """A traction along the foundation, its moment balanced by those of the sides."""
+    values = {"top": [pull, -pressure], "right": [0.0, pull], "left": [0.0, -pull]}
+    return {
+        "tractions": [
+            {"on": on, "value": [unit * component for component in value]}
+            for on, value in values.items()
+        ]
+    }
+
+
+def _solution(data: dict[str, Any]) -> Solution:
+    return solving.solve(Parameters.model_validate(data))
+
+
+@pytest.mark.parametrize("unit", [1e-20, 1.0, 1e9])
+def test_a_pull_that_exceeds_the_friction_is_refused_in_any_unit(unit: float) -> None:
+    """Far away from the foundation rounding in u exceeds the loads, which still do not balance."""
+    data = _block(_pulled(0.0131985, 0.0091526, unit))
+    if unit > 1.0:
+        data["material"]["elasticity"]["young"] = unit
+    found = _solution(data)
+    assert not found.converged
+    assert "friction cannot hold the body" in found.summary["reason"]
+
+
+@pytest.mark.parametrize("unit", [1e-20, 1.0])
+def test_a_pull_below_the_friction_is_held(unit: float) -> None:
+    found = _solution(_block(_pulled(0.003, 0.00915, unit)))
+    assert found.converged, found.summary["reason"]
+    forces = np.add(found.summary["contact_force"], found.summary["friction_force"])
+    np.testing.assert_allclose(forces, [-0.003 * unit, 0.00915 * unit], rtol=1e-6)
+
+
+def _anchored(data: dict[str, Any], u: Any) -> tuple[FloatArray, FloatArray]:
+    """A displacement (d, k) of points (3, k), and what the system keeps of it."""
+    problem = assemble(Parameters.model_validate(data), MPI.COMM_WORLD)
+    system = Increment(problem, Monitor()).system
+    problem.u.interpolate(u)
+    problem.constraints.apply(problem.u)
+    return problem.u.x.array.copy(), system.anchored
+
+
+def test_only_the_motion_that_nothing_asks_for_is_taken_away() -> None:
+    def slides(x: FloatArray) -> FloatArray:
+        return np.array([1e6 + 1e-3 * x[0] ** 2, -0.1 + 0.0 * x[0]])
+
+    _, free = _anchored(_block(_pulled(0.0, 1.0, 1.0), gap=0.1), slides)
+    # The way to the foundation and the strain are left, of the slide no more than their sizes.
+    assert 1e-3 < np.abs(free).max() < 1.0
+    loads = _pulled(0.0, 1.0, 1.0) | {"displacements": [{"on": "top", "value": [1e6, None]}]}
+    whole, guided = _anchored(_block(loads, gap=0.1), slides)
+    np.testing.assert_allclose(guided, whole, rtol=1e-9, atol=1e-9)
+
+
+def test_a_fall_through_a_gap_that_closes_is_kept() -> None:
+    def falls(x: FloatArray) -> FloatArray:
+        return np.array([0.0 * x[0], -0.1 + 0.0 * x[0]])
+
+    loads = _pulled(0.0, 1.0, 1.0)
+    whole, kept = _anchored(_block(loads, gap=0.1), falls)
+    np.testing.assert_allclose(kept, whole, atol=1e-14)
+    # No foundation is there to stop a fall of a hundred times the gap.
+    _, kept = _anchored(_block(loads, gap=1e-3), falls)
+    assert np.abs(kept).max() < 1e-10
+
+
+@pytest.mark.parametrize("gap", [0.02349])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_an_overlap_above_the_rounding_presses_in_proportion(dim: int, gap: float) -> None:
+    """A top that goes 1e-12 of the gap too far: the strain is small, and no rounding."""
+    forces = []
+    for overlap in (1e-12, 1e-3):
+        top = [0.0] * (dim - 1) + [-gap * (1.0 + overlap)]
+        data = _block(
+            {"displacements": [{"on": "top", "value": top}]},
+            gap=gap,
+            friction=0.0,
+            dim=dim,
+            h=0.5,
+        )
+        found = _solution(data)
+        assert found.converged, found.summary["reason"]
+        forces.append(found.summary["contact_force"][-1] / overlap)
+    assert forces[1] > 0.0
+    assert forces[0] == pytest.approx(forces[1], rel=0.2)
