@@ -94,12 +94,12 @@ def test_a_fall_through_a_gap_that_closes_is_kept() -> None:
     assert np.abs(kept).max() < 1e-10
 
 
-@pytest.mark.parametrize("gap", [0.02349])
+@pytest.mark.parametrize("small", [1e-12, 1e-11])
 @pytest.mark.parametrize("dim", [2, 3])
-def test_an_overlap_above_the_rounding_presses_in_proportion(dim: int, gap: float) -> None:
+def test_an_overlap_above_the_rounding_presses_in_proportion(dim: int, small: float) -> None:
     """A top that goes 1e-12 of the gap too far: the strain is small, and no rounding."""
-    forces = []
-    for overlap in (1e-12, 1e-3):
+    gap, forces = 0.02349, []
+    for overlap in (small, 1e-3):
         top = [0.0] * (dim - 1) + [-gap * (1.0 + overlap)]
         data = _block(
             {"displacements": [{"on": "top", "value": top}]},
@@ -112,4 +112,4 @@ def test_an_overlap_above_the_rounding_presses_in_proportion(dim: int, gap: floa
         assert found.converged, found.summary["reason"]
         forces.append(found.summary["contact_force"][-1] / overlap)
     assert forces[1] > 0.0
-    assert forces[0] == pytest.approx(forces[1], rel=0.2)
+    assert forces[0] == pytest.approx(forces[1], rel=0.05)

@@ -196,8 +196,12 @@ class InteriorPoint:
         """Look at the iterate and judge it; collective."""
         iterate, tangent, target = self._iterate, self._tangent, self._task.target
         iterate.visit()
-        strain = self._mean_strain()
-        energy = 0.5 * target.ellipticity * strain**2 * target.volume
+        tolerance = self._task.settings.tolerance
+        strain = self._mean_strain(tolerance)
+        # The gap bounds the square of an error, so that it is the square of the rounding that must
+        # come below the tolerance of it.
+        told = self._mean_strain(math.sqrt(tolerance))
+        energy = 0.5 * target.ellipticity * told**2 * target.volume
         energy = max(energy, self._tuning.locking_share * iterate.body_work())
         scale = max(tangent.force_scale, self._least_force)
         return Measures(
@@ -207,9 +211,8 @@ class InteriorPoint:
             self._friction_change,
         )
 
-    def _mean_strain(self) -> float:
+    def _mean_strain(self, tolerance: float) -> float:
         """The strain that the iterate is judged by; collective."""
-        tolerance = self._task.settings.tolerance
         displacement = self._task.system.largest_displacement()
         return self._task.target.mean_strain(self._tangent.energy, displacement, tolerance)
 
@@ -255,11 +258,12 @@ class InteriorPoint:
         stop, start or turn round.
         """
         tuning, moving = self._tuning, self._moving
+        tolerance = self._task.settings.tolerance
         contacts = [item.contact for item in moving]
         wanted = [item.wanted() for item in moving]
         used = [item.used(values) for item, values in zip(moving, wanted, strict=True)]
         left = [a - b for a, b in zip(wanted, used, strict=True)]
-        least = self._task.target.least_bound(self._mean_strain(), self._task.system.dim)
+        least = self._task.target.least_bound(self._mean_strain(tolerance), self._task.system.dim)
         size = max(joint_norm(contacts, wanted), least)
         before = self._friction_change
         self._friction_change = joint_norm(contacts, left) / size if size > 0.0 else 0.0
