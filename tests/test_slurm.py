@@ -30,6 +30,18 @@ for task in map(str, range(int(first), int(last) + 1)):
         subprocess.run(["sh", script], env=os.environ | {"SLURM_ARRAY_TASK_ID": task})
 """
 
+# A cancelled job is completing as often as the file has lines; then Slurm knows it no more.
+SQUEUE = """
+[ "$1 $2" = "--noheader --jobs=42" ] || exit 2
+if [ -s "{0}/completing" ]; then
+    sed -i 1d "{0}/completing"
+    echo 42 CG
+else
+    echo "slurm_load_jobs error: Invalid job id specified" >&2
+    exit 1
+fi
+"""
+
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Folder:
@@ -37,6 +49,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Folder:
     tools.mkdir()
     (tools / "sbatch").write_text(f"#!{sys.executable}\n{textwrap.dedent(SBATCH)}")
     (tools / "scancel").write_text(f'#!/bin/sh\necho "$@" >>"{tmp_path}/cancelled"\n')
+    (tools / "squeue").write_text(f"#!/bin/sh\n{SQUEUE.format(tmp_path)}")
     for tool in tools.iterdir():
         tool.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tools}:{os.environ['PATH']}")
@@ -89,15 +102,38 @@ def test_an_interrupted_study_cancels_its_job(folder: Folder) -> None:
     process.communicate(timeout=30)
     assert process.returncode == 130
     assert (folder.path / "cancelled").read_text() == "4711\n"
+    # The next study waits for the end of this job.
+    assert (folder.output / "cases" / slurm.JOB).read_text() == "4711"
 
 
-def test_the_job_of_a_killed_study_is_cancelled_by_the_next(folder: Folder) -> None:
+def test_the_job_of_a_stopped_study_has_ended_before_the_next_submits(folder: Folder) -> None:
     folder.write("{vary: {penalty.n: [10]}}")
     folder.run()
-    (folder.output / "cases" / slurm.JOB).write_text("42")
+    job = folder.output / "cases" / slurm.JOB
+    job.write_text("42")
+    completing = folder.path / "completing"
+    completing.write_text("\n" * 3)
     folder.write("{vary: {penalty.n: [20]}}")
     folder.run(executor="slurm")
     assert (folder.path / "cancelled").read_text() == "42\n"
+    assert completing.read_text() == ""
+    assert [row["state"] for row in folder.table()] == ["converged"]
+    assert not job.exists()
+
+
+def test_a_job_that_does_not_end_holds_the_next_up_for_some_time(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(slurm, "_ENDING_SECONDS", 0.2)
+    folder.write("{vary: {penalty.n: [10]}}")
+    folder.run()
+    (folder.output / "cases" / slurm.JOB).write_text("42")
+    completing = folder.path / "completing"
+    completing.write_text("\n" * 10_000)
+    folder.write("{vary: {penalty.n: [20]}}")
+    folder.run(executor="slurm")
+    assert completing.read_text() != ""
+    assert [row["state"] for row in folder.table()] == ["converged"]
 
 
 def test_without_sbatch_nothing_is_begun(

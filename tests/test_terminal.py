@@ -11,6 +11,7 @@ from rich.console import Console
 from solutions import made_up
 
 import contact_locking
+from contact_locking.command import terminal
 from contact_locking.command.monitors import TerminalMonitor
 from contact_locking.plain_text import per_cent
 from contact_locking.results import in_words
@@ -179,3 +180,33 @@ def test_shares_are_written_alike_everywhere() -> None:
     shares = (0.0, 1e-6, 0.00054, 0.005, 0.198, 0.2, 1.0)
     words = ["0 %", "1e-04 %", "0.054 %", "0.5 %", "19.8 %", "20 %", "100 %"]
     assert [per_cent(share) for share in shares] == words
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("variables", "warned"),
+    [
+        ({}, False),
+        ({"SLURM_STEP_NUM_TASKS": "1"}, False),
+        ({"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "0"}, True),
+        # The first process speaks for all.
+        ({"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "1"}, False),
+        # srun --mpi=pmi2 says how many processes it has started, and Open MPI does not listen.
+        ({"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "0", "PMI_SIZE": "4"}, True),
+        # A task has started one process by mpirun.
+        ({"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "0", "PMI_SIZE": "1"}, False),
+        ({"SLURM_STEP_NUM_TASKS": "4", "OMPI_COMM_WORLD_SIZE": "1"}, False),
+    ],
+)
+def test_processes_of_srun_that_mpi_does_not_connect_are_told_of(
+    variables: dict[str, str],
+    warned: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID", "PMI_SIZE", "OMPI_COMM_WORLD_SIZE"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    terminal.warn_of_separate_tasks()
+    assert ("srun has started 4 processes" in capsys.readouterr().err) == warned

@@ -43,6 +43,7 @@ def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
     # silence, whether Python or a monitor of PETSc was printing.
     if arguments.program and MPI.COMM_WORLD.size == 1:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+        terminal.warn_of_separate_tasks()
     for name in compiled_forms.ignore_current_folder():
         terminal.complain(
             f"warning: {name} in this folder is ignored, as options of a compiler can run code; "

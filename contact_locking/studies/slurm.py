@@ -29,6 +29,9 @@ EXIT_CODE = "exit_code.txt"
 _LARGEST_ARRAY = 1000
 # A shared file system may show a file later than the queue shows the end of its job.
 _SETTLING_SECONDS = 5.0
+# Slurm kills what a cancelled job leaves after KillWait, 30 s by default, and a process that waits
+# for its disk may outlast that.
+_ENDING_SECONDS = 120.0
 
 
 def require_slurm() -> None:
@@ -52,8 +55,9 @@ class SlurmExecutor:
         self._array: list[_Task] = []
         self._submission: subprocess.Popen[bytes] | None = None
         self._noted = ""
-        # The job of a killed study may still run, and would solve the same cases.
-        self._cancel()
+        # The job of a stopped study may still run, and solves the same cases.
+        self._earlier = self._cancel()
+        self._deadline = time.monotonic() + _ENDING_SECONDS
 
     @property
     def busy(self) -> bool:
@@ -65,7 +69,7 @@ class SlurmExecutor:
 
     def poll(self) -> list[_Task]:
         if not self._array:
-            if self._waiting:
+            if self._waiting and not self._earlier_runs():
                 self._submit()
             return []
         assert self._submission is not None
@@ -142,11 +146,24 @@ class SlurmExecutor:
     def _forget_job(self) -> None:
         (self._folder / JOB).unlink(missing_ok=True)
 
-    def _cancel(self) -> None:
-        job = self._folder / JOB
+    def _cancel(self) -> str:
+        """Cancel the job whose number is saved, and return its number; empty if there is none.
+
+        The number stays: the processes of a cancelled job go on for some time, and the next study
+        waits for their end.
+        """
         with contextlib.suppress(OSError):
-            subprocess.run(["scancel", job.read_text()], capture_output=True, check=False)
+            job = (self._folder / JOB).read_text()
+            subprocess.run(["scancel", job], capture_output=True, check=False)
+            return job
+        return ""
+
+    def _earlier_runs(self) -> bool:
+        """Whether a job cancelled at the start still holds the folders of its cases."""
+        if self._earlier and (time.monotonic() > self._deadline or not _is_queued(self._earlier)):
+            self._earlier = ""
             self._forget_job()
+        return bool(self._earlier)
 
     def _messages(self) -> str:
         try:
@@ -160,6 +177,19 @@ class SlurmExecutor:
             if all(task.exit_code() is not None for task in self._array):
                 return
             time.sleep(0.1)
+
+
+def _is_queued(job: str) -> bool:
+    """Whether a job waits, runs or is completing; also if Slurm does not answer now."""
+    query = ["squeue", "--noheader", f"--jobs={job}"]
+    try:
+        answer = subprocess.run(query, capture_output=True, text=True, check=False)
+    except OSError:
+        return False
+    if answer.returncode:
+        # Slurm forgets a job some minutes after its end.
+        return "Invalid job id" not in answer.stderr
+    return bool(answer.stdout.strip())
 
 
 class _Task:
