@@ -22,9 +22,9 @@ import time
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from contact_locking import solving
 from contact_locking.costs.factorised import FILTER_LIMIT
@@ -46,12 +46,13 @@ class Tangents(WallClock):
         super().__init__()
         #: What preconditions, seconds of its set-up and of solves, and the iterations of solves.
         self.rows: list[tuple[str, list[float], list[int]]] = []
-        self._watch(TangentSolver.refresh, TangentSolver.solve)
+        self._watch(TangentSolver.refresh, TangentSolver.solve, TangentSolver.solve_following)
 
     def _watch(
         self,
         refresh: Callable[[TangentSolver, Callable[[], StiffPart]], None],
         solve: Callable[..., None],
+        solve_following: Callable[..., None],
     ) -> None:
         def refresh_and_note(solver: TangentSolver, split: Callable[[], StiffPart]) -> None:
             self.print_last()
@@ -60,22 +61,20 @@ class Tangents(WallClock):
             refresh(solver, split)
             self.rows[-1][1][0] += time.perf_counter() - began
 
-        def solve_and_note(
-            solver: TangentSolver,
-            right: PETSc.Vec,
-            step: PETSc.Vec,
-            residual: float,
-            is_rough: bool = False,
-        ) -> None:
-            began, before = time.perf_counter(), solver._iterations
-            solve(solver, right, step, residual, is_rough)
-            _, seconds, counts = self.rows[-1]
-            counts.append(solver._iterations - before)
-            seconds[1] += time.perf_counter() - began
-            self.rows[-1] = (preconditioner(solver._multigrid), seconds, counts)
+        def noting(solve: Callable[..., None]) -> Callable[..., None]:
+            def solve_and_note(solver: TangentSolver, *given: Any) -> None:
+                began, before = time.perf_counter(), solver._iterations
+                solve(solver, *given)
+                _, seconds, counts = self.rows[-1]
+                counts.append(solver._iterations - before)
+                seconds[1] += time.perf_counter() - began
+                self.rows[-1] = (preconditioner(solver._multigrid), seconds, counts)
+
+            return solve_and_note
 
         TangentSolver.refresh = refresh_and_note  # type: ignore[method-assign,assignment]
-        TangentSolver.solve = solve_and_note  # type: ignore[method-assign,assignment]
+        TangentSolver.solve = noting(solve)  # type: ignore[method-assign]
+        TangentSolver.solve_following = noting(solve_following)  # type: ignore[method-assign]
 
     def print_last(self) -> None:
         """Print the row of the last tangent, on the first rank."""

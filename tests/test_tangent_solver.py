@@ -17,7 +17,6 @@ from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.errors import InputError
 from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
-from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options
@@ -149,18 +148,6 @@ def test_the_filter_takes_iterations_away(monkeypatch: pytest.MonkeyPatch) -> No
         monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: patience})
         counts.append(_solved(1e4, "iterative").summary["iterations"]["linear"])
     assert 2 * counts[0] < counts[1]
-
-
-def test_the_step_of_the_friction_bound_starts_from_what_its_responses_have_found(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    _project_everything(monkeypatch, 3)
-    informed = _solved(math.inf, "iterative")
-    monkeypatch.setattr(Tangent, "start_from", lambda self, displacement: None)
-    uninformed = _solved(math.inf, "iterative")
-    _agree(informed, uninformed)
-    counts = [item.summary["iterations"]["linear"] for item in (informed, uninformed)]
-    assert counts[0] < 0.95 * counts[1]
 
 
 def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(

@@ -46,6 +46,38 @@ class BoundStep:
         self._ends = np.cumsum(counts)[:-1]
         self._known: list[_Known] = []
 
+    def stand_still(self) -> None:
+        """Let the step of each bound be zero."""
+        for law in self._laws:
+            law.friction.bound_step = np.zeros_like(law.friction.bound)
+
+    def standing(self, rest: Direction) -> list[Reaction]:
+        """The reactions to the steps of the bounds if the displacement stands still; collective.
+
+        ``rest`` is the direction without a step of the displacement and of the bounds.  For
+        :meth:`following` and :meth:`follow`.
+        """
+        self._standing = [law.distance(rest) for law in self._laws]
+        return self._reactions(self._standing)
+
+    def following(self, displacement: FloatArray) -> list[Reaction]:
+        """The reactions to what a step of the displacement adds to these steps; collective."""
+        return self._reactions([law.moved_by(displacement) for law in self._laws])
+
+    def follow(self, displacement: FloatArray) -> bool:
+        """Set the step of each bound to what agrees with a step of the displacement; collective.
+
+        Returns whether all bounds stay positive: others take a smaller step, which does not agree.
+        """
+        parts = zip(self._laws, self._standing, strict=True)
+        is_cut = any([law.change(part + law.moved_by(displacement)) for law, part in parts])
+        return not on_any_rank(self._tangent.comm, is_cut)
+
+    def _reactions(self, steps: Sequence[FloatArray]) -> list[Reaction]:
+        """What the steps of the bounds do to friction where nothing moves."""
+        parts = zip(self._laws, steps, strict=True)
+        return [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
+
     def misses(self, direction: Direction) -> float:
         """How far the step of the bounds is from what agrees with a direction, relative.
 
@@ -89,12 +121,10 @@ class BoundStep:
 
     def _learn(self, step: FloatArray) -> None:
         """Find the response to one more step, made independent of those before; collective."""
-        parts = list(zip(self._laws, np.split(step, self._ends), strict=True))
-        reactions = [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
-        du = self._tangent.respond(reactions, self._tuning.linear_loosest)
-        new = _Known(
-            step.copy(), np.concatenate([part - law.moved_by(du) for law, part in parts]), du
-        )
+        parts = np.split(step, self._ends)
+        du = self._tangent.respond(self._reactions(parts), self._tuning.linear_loosest)
+        moved = np.concatenate([law.moved_by(du) for law in self._laws])
+        new = _Known(step.copy(), step - moved, du)
         for other in self._known:
             share = self._dot(other.image, new.image)
             new.image -= share * other.image

@@ -50,20 +50,18 @@ class Iterate:
         self, target: float, accuracy: float, corrections: Corrections = _NONE
     ) -> Direction:
         """The steps of displacement and families towards products of ``target``; collective."""
-        aims = self._aims(target, corrections)
+        aims = self.aims(target, corrections)
         return self._direction_of(self.tangent.solve_step(aims, accuracy))
 
-    def moved_by(
-        self, direction: Direction, change: FloatArray, target: float, corrections: Corrections
+    def direction_with(
+        self, displacement: FloatArray, target: float, corrections: Corrections
     ) -> Direction:
-        """The direction with a step of the displacement that is larger by ``change``; collective.
+        """The steps of the families with a known step of the displacement; collective."""
+        self.aims(target, corrections)
+        return self._direction_of(displacement)
 
-        Target and corrections are those of the direction; only the friction bound has changed.
-        """
-        self._aims(target, corrections)
-        return self._direction_of(direction.displacement + change)
-
-    def _aims(self, target: float, corrections: Corrections) -> list[Reaction]:
+    def aims(self, target: float, corrections: Corrections) -> list[Reaction]:
+        """The reactions that steps towards products of ``target`` lead to if nothing moves."""
         return [
             Reaction(family, family.aim(target * family.scale, corrections.get(family)))
             for family in self.families

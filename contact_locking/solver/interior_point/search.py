@@ -43,9 +43,13 @@ class Search:
         # 5. The corrector.
         corrections = iterate.corrections(affine, min(1.0, t / tuning.trusted_length))
         bound_step = BoundStep(self._bounds, iterate.tangent, tuning)
-        best = iterate.direction(target, self._accuracy, corrections)
-        # 6. The friction bound.
-        best = self._adapted(bound_step, best, target, corrections)
+        if self._solves_jointly:
+            # 6. The friction bound, with the corrector.
+            best = self._joint(bound_step, target, corrections)
+        else:
+            best = iterate.direction(target, self._accuracy, corrections)
+            # 6. The friction bound.
+            best = self._adapted(bound_step, best, target, corrections)
         t = self._length(best)
         # 7. Recentring.
         for _ in range(tuning.recentrings):
@@ -58,9 +62,33 @@ class Search:
                 break
             best, corrections, t = candidate, added(corrections, change, share), longer
         if self._bounds and bound_step.misses(best) > tuning.bound_missed:
-            best = self._adapted(bound_step, best, target, corrections)
+            if self._solves_jointly:
+                best = self._joint(bound_step, target, corrections)
+            else:
+                best = self._adapted(bound_step, best, target, corrections)
             t = self._length(best)
         return best, t
+
+    @property
+    def _solves_jointly(self) -> bool:
+        """Whether one solve finds a step and those of the friction bounds that agree with it.
+
+        An iterative solver finds both in hardly more iterations than the step alone, and a
+        factorisation responds to bounds at the price of back-substitutions.
+        """
+        return bool(self._bounds) and self._iterate.tangent.solves_following
+
+    def _joint(self, bound_step: BoundStep, target: float, corrections: Corrections) -> Direction:
+        """The direction, with the steps of the friction bounds that agree with it; collective."""
+        iterate, tangent = self._iterate, self._iterate.tangent
+        bound_step.stand_still()
+        aims = iterate.aims(target, corrections)
+        rest = iterate.direction_with(tangent.nothing(), target, corrections)
+        aims = [*aims, *bound_step.standing(rest)]
+        du = tangent.solve_following(aims, bound_step.following, self._accuracy)
+        if bound_step.follow(du):
+            return iterate.direction_with(du, target, corrections)
+        return iterate.direction(target, self._accuracy, corrections)
 
     def _longest_towards(
         self, recentred: Direction, direction: Direction
@@ -85,12 +113,11 @@ class Search:
         """The direction with the steps of the friction bounds that agree with it; collective."""
         if not self._bounds:
             return direction
-        tangent, change = self._iterate.tangent, bound_step.adapt(direction)
-        if change is not None and tangent.direct is not None:
-            return self._iterate.moved_by(direction, change, target, corrections)
-        if change is not None:
-            # Responses to the friction bound are rough where an iterative solver finds them.
-            tangent.start_from(direction.displacement + change)
+        change = bound_step.adapt(direction)
+        # Responses to the friction bound are rough where an iterative solver finds them.
+        if change is not None and self._iterate.tangent.direct is not None:
+            moved = direction.displacement + change
+            return self._iterate.direction_with(moved, target, corrections)
         return self._iterate.direction(target, self._accuracy, corrections)
 
     def _length(self, direction: Direction) -> float:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import ufl
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import FloatArray
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.joint_forms import JointForm
 from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.stiff_families import StiffFamilies
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
-from contact_locking.solver.linear.filtered_multigrid import StiffPart
 from contact_locking.solver.linear.multigrid import CoarserSpace
-from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
+from contact_locking.solver.linear.storage import IN_BLOCKS
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
 
@@ -36,8 +35,9 @@ class Tangent:
 
     def __init__(self, task: Task, families: Sequence[Family], tuning: Tuning) -> None:
         self.system, self.comm = task.system, task.system.comm
-        self.families, self._tuning = families, tuning
-        self._material, self._tolerance = task.target.stiffness, task.settings.tolerance
+        self.families, self._tolerance = families, task.settings.tolerance
+        stiffness, constraints = task.target.stiffness, task.system.constraints
+        self._stiff = StiffFamilies(families, tuning, stiffness, constraints)
         system, data = task.system, task.system.data
         space = system.u.function_space
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
@@ -51,9 +51,9 @@ class Tangent:
         self.matrix.setNearNullSpace(self._near_nullspace)
         self.elasticity = petsc.assemble_matrix(compiled.form(elastic))
         self.elasticity.assemble()
-        vectors = [self.matrix.createVecRight() for _ in range(7)]
+        vectors = [self.matrix.createVecRight() for _ in range(8)]
         self._load, self._stretched, self._unbalanced, self._right = vectors[:4]
-        self._step, self._answer, self._whole = vectors[4:]
+        self._step, self._answer, self._whole, self._moved = vectors[4:]
         self._right_tools: FloatArray = np.zeros(len(system.tools))
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
@@ -77,7 +77,7 @@ class Tangent:
         for family in self.families:
             family.write_block()
         self._assemble(self.matrix)
-        self._linear.refresh(self._stiff_part)
+        self._linear.refresh(lambda: self._stiff.of(self.matrix, self._assemble))
         self._refresh_border()
         self._step.set(0.0)
 
@@ -101,16 +101,46 @@ class Tangent:
         """The displacement step that balances these reactions; collective.
 
         An iterative solver leaves a residual of ``accuracy``, relative to the forces, at most, and
-        starts from the step before, or from that of :meth:`start_from`.
+        starts from the step before.
         """
         self._find_residual(reactions)
         self._scale_right(-1.0)
         self._linear.solve(self._right, self._step, accuracy * self.force_scale)
         return self._with_travels(self._step)
 
-    def start_from(self, displacement: FloatArray) -> None:
-        """Let the next :meth:`solve_step` of an iterative solver start from a displacement step."""
-        self._step.array_w[:] = displacement[: self._owned]
+    @property
+    def solves_following(self) -> bool:
+        """Whether :meth:`solve_following` is there; a tool that a force pushes excludes it."""
+        is_pushed = any(tool.pushes for tool in self.system.tools)
+        return self._linear.solves_following and not is_pushed
+
+    def solve_following(
+        self,
+        reactions: Sequence[Reaction],
+        follow: Callable[[FloatArray], Sequence[Reaction]],
+        accuracy: float,
+    ) -> FloatArray:
+        """The step that balances reactions and those that follow the step itself; collective.
+
+        ``follow`` finds these for a displacement step; they are linear in it.  Accuracy and start
+        are those of :meth:`solve_step`.
+        """
+
+        def add_following(x: PETSc.Vec, y: PETSc.Vec) -> None:
+            self._moved.set(0.0)
+            travels = np.zeros(len(self.system.tools))
+            for reaction in follow(np.concatenate([x.array_r, travels])):
+                reaction.add_to(self._moved)
+            # PETSc keeps the norm of a vector until the array is given back.
+            with self._moved as moved:
+                moved[:] = self.system.constraints.free_part(np.asarray(moved))
+            y.axpy(1.0, self._moved)
+
+        self._find_residual(reactions)
+        self._scale_right(-1.0)
+        residual = accuracy * self.force_scale
+        self._linear.solve_following(add_following, self._right, self._step, residual)
+        return self._with_travels(self._step)
 
     def elastic_parts(
         self, accuracy: float, reactions: Sequence[Reaction]
@@ -181,6 +211,7 @@ class Tangent:
             self._step,
             self._answer,
             self._whole,
+            self._moved,
         ):
             item.destroy()
 
@@ -189,48 +220,6 @@ class Tangent:
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
         self.system.constraints.assemble_matrix(self._form, matrix)
-
-    def _stiff_part(self) -> StiffPart:
-        """What the filter of the multigrid takes; collective."""
-        stiff, nearly = self._tuning.stiff, self._tuning.nearly_stiff
-        along = self._tuning.stiff_along
-
-        def assemble_rest(matrix: PETSc.Mat) -> None:
-            for family in self.families:
-                family.soften(stiff, self._material)
-            self._assemble(matrix)
-
-        def assemble_across(matrix: PETSc.Mat) -> None:
-            for family in self.families:
-                family.soften_along(along, self._material)
-            self._assemble(matrix)
-
-        return StiffPart(
-            self._stiff_nodes(stiff),
-            lambda: self._stiff_nodes(nearly),
-            assemble_rest,
-            lambda: self._stiff_rows(along),
-            assemble_across,
-        )
-
-    def _stiff_rows(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
-        """The rows of all families, without the part that is prescribed; collective."""
-        found = [family.stiff_rows(factor, self._material) for family in self.families]
-        rows = stacked([matrix for matrix, _ in found], self.matrix)
-        free = self.matrix.createVecRight()
-        constraints = self.system.constraints
-        free.array_w[:] = constraints.free_dofs()[: self._owned]
-        rows.diagonalScale(None, free)
-        free.destroy()
-        rows = constraints.supports.directions.projected_columns(rows)
-        return rows, np.concatenate([stiffness for _, stiffness in found])
-
-    def _stiff_nodes(self, factor: float) -> IndexArray:
-        """The owned nodes with something free that are stiffer than the material; collective."""
-        found = (family.stiff_nodes(factor, self._material) for family in self.families)
-        nodes = functools.reduce(np.union1d, found)
-        is_free = self.system.constraints.free_nodes()
-        return nodes[is_free[nodes]].astype(np.int32)
 
     def _refresh_border(self) -> None:
         """Solve for the response to each travel; collective."""

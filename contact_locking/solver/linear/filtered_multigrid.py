@@ -170,7 +170,7 @@ class FilteredMultigrid:
             self._product.aypx(-1.0, right)
             self._filter.add(1.0, self._product, x)
 
-    def apply(self, _: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
+    def apply(self, _: PETSc.PC | None, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` for a residual that vanishes where filtered."""
         if self._projection is not None:
             self._projection.apply(self._multigrid, r, z)
@@ -179,6 +179,20 @@ class FilteredMultigrid:
         if self._filter is not None:
             self._matrix.mult(z, self._product)
             self._filter.add(-1.0, self._product, z)
+
+    def apply_to_any(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z = B r`` for any residual; collective."""
+        if self._filter is None:
+            self.apply(None, r, z)
+            return
+        exact, rest = self._matrix.createVecs()
+        self._filter.add(1.0, r, exact)
+        self._matrix.mult(exact, rest)
+        rest.aypx(-1.0, r)
+        self.apply(None, rest, z)
+        z.axpy(1.0, exact)
+        exact.destroy()
+        rest.destroy()
 
     def destroy(self, _: PETSc.PC | None = None) -> None:
         """Free the PETSc objects; collective."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ from petsc4py import PETSc
 from contact_locking.costs.factorised import FILTER_LIMIT, chosen
 from contact_locking.errors import NotConverged
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
+from contact_locking.solver.linear.following import Follow, FollowingSolver
 from contact_locking.solver.linear.ksp import (
     LINEAR_FAILURE,
     create_ksp,
@@ -84,6 +86,7 @@ class TangentSolver:
         self._iterations = 0
         self._unblocked = Unblocked()
         self._multigrid: FilteredMultigrid | None = None
+        self._following: FollowingSolver | None = None
         # Its own multigrid, if the user has not replaced it, can do with blocks.
         is_replaced = preconditioner(defaults, settings.petsc) != PETSc.PC.Type.PYTHON
         if not (self._factorises or is_replaced):
@@ -92,6 +95,7 @@ class TangentSolver:
             self._ksp.setErrorIfNotConverged(False)
             self._ksp.setInitialGuessNonzero(True)
             self._max_iterations = self._ksp.getTolerances()[3]
+            self._following = FollowingSolver(matrix, self._multigrid, listen)
         self._filters = False
         is_moderate = contrast <= _MODERATE_CONTRAST
         self._patience_of_projection = _LONGER_PATIENCE if is_moderate else _PATIENCE_OF_PROJECTION
@@ -137,6 +141,38 @@ class TangentSolver:
             raise NotConverged(LINEAR_FAILURE)
 
     @property
+    def solves_following(self) -> bool:
+        """Whether :meth:`solve_following` is there: with the multigrid that is its own."""
+        return self._following is not None
+
+    def solve_following(
+        self, follow: Follow, right: PETSc.Vec, step: PETSc.Vec, residual: float
+    ) -> None:
+        """Solve with forces that follow the displacement beside the matrix; collective.
+
+        As :meth:`solve`, but by GMRES, and only where :attr:`solves_following`.  Raises
+        NotConverged, or PETSc's error.
+        """
+        multigrid, following = self._multigrid, self._following
+        assert multigrid is not None and following is not None
+        size = right.norm() or 1.0
+        enough = min(max(residual, _ROUNDING * size), _LOOSEST * size)
+        left = math.inf
+        while not left <= enough:
+            waits = self._can_filter and not multigrid.filters
+            most = self._patience if waits else self._max_iterations
+            count, left = following.solve(follow, right, step, enough, most)
+            self._iterations += count
+            if not waits:
+                break
+            if not self._projects:
+                self._patience = max(self._patience - count, 0)
+            if left > enough:
+                self._filter(multigrid)
+        if not left <= _LOOSEST * size:
+            raise NotConverged(LINEAR_FAILURE)
+
+    @property
     def direct(self) -> PETSc.KSP | None:
         """What factorises, if anything, until this is destroyed.
 
@@ -151,6 +187,8 @@ class TangentSolver:
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
+        if self._following is not None:
+            self._following.destroy()
         if self._multigrid is not None:
             self._multigrid.destroy()
         self._unblocked.destroy()
