@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from contact_locking.solver.linear.following import FollowingSolver
 _NODES, _FREE = 60, 3
 
 
-def _refuse(matrix: PETSc.Mat) -> None:
+def _refuse(*_: object) -> NoReturn:
     raise AssertionError("only a filter is asked for")
 
 
@@ -49,9 +50,7 @@ def filtered() -> Iterator[tuple[PETSc.Mat, FilteredMultigrid]]:
     first, last = (k // _FREE for k in chain.getOwnershipRange())
     stiff = np.array([k - first for k in range(first, last) if 10 <= k <= 30], dtype=np.int32)
     multigrid = FilteredMultigrid(chain, 10**6)
-    part = StiffPart(
-        stiff, lambda: stiff, lambda matrix: soft.copy(matrix), lambda: _refuse(chain), _refuse
-    )
+    part = StiffPart(stiff, lambda: stiff, lambda matrix: soft.copy(matrix), _refuse, _refuse)
     multigrid.refresh(part)
     yield chain, multigrid
     multigrid.destroy()

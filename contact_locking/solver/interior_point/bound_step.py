@@ -49,7 +49,7 @@ class BoundStep:
     def stand_still(self) -> None:
         """Let the step of each bound be zero."""
         for law in self._laws:
-            law.friction.bound_step = np.zeros_like(law.friction.bound)
+            law.friction.bound_step = np.zeros(len(law.friction.weights))
 
     def standing(self, rest: Direction) -> list[Reaction]:
         """The reactions to the steps of the bounds if the displacement stands still; collective.
