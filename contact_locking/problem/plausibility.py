@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from contact_locking.arrays import FloatArray
@@ -102,6 +104,23 @@ def about_the_overstrain(overstrain: float, n: float, young: float) -> list[str]
         f"the strain {size}: penalty.n: {better:.1e} leaves about "
         f"{100.0 * _AIM:.0f} %, and .inf nothing; if that hardly helps, no displacement on this "
         "mesh within the limit can follow the prescribed ones, which .inf would report"
+    ]
+
+
+def about_held_nodes(
+    keys: Sequence[str], penetrations: Sequence[float], displacement: float
+) -> list[str]:
+    """Warnings about foundations that enter the body where prescribed displacements hold it.
+
+    ``keys`` are the keys of the contacts, ``penetrations`` the largest ``[u_nu - gap]^+`` at their
+    nodes that cannot give way, and ``displacement`` is the largest ``|u|``.
+    """
+    return [
+        f"{key}: the foundation enters the body by {penetration:.3g} at nodes that "
+        "loads.displacements holds, where no contact acts; end contact.on, or the foundation, "
+        "before the part that is held"
+        for key, penetration in zip(keys, penetrations, strict=True)
+        if penetration > _NOTABLE * displacement
     ]
 
 

@@ -235,7 +235,7 @@ class PenalisedSystem:
     def penalty_bounds(self) -> list[FloatArray]:
         """The friction bounds of :attr:`rubbing` for the penalty law's pressures; collective."""
         return [
-            contact.friction_bound(self.u, pressure())
+            contact.friction_bound(self.u, contact.acting(pressure()))
             for contact, pressure in zip(self.contacts, self._penalty_pressures, strict=True)
             if not contact.friction.frictionless
         ]

@@ -10,7 +10,7 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
-from contact_locking.arrays import IntArray
+from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.contact import Contact
@@ -87,6 +87,10 @@ class ContactFields:
         points = ContactPoints(*(column[order] for column in whole))
         return points, facets_of(points.x, corners)
 
+    def penetration(self, nodes: BoolArray) -> float:
+        """The largest ``[u_nu - gap]^+`` of some nodes (k,); collective."""
+        return maximum(self.surface.domain.comm, (self.u_normal - self.gap)[nodes])
+
     def summary(self) -> dict[str, Any]:
         """Resultants and areas of this contact; collective."""
         surface = self.surface
@@ -105,8 +109,8 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
     forces = []
     for contact in data.contacts:
         limited = contact.limited(u)
-        pressure = contact.surface.average(forms.pressure(limited, contact, data))()
-        friction = contact.surface.average(forms.friction(limited, contact))()
+        pressure = contact.acting(contact.surface.average(forms.pressure(limited, contact, data))())
+        friction = contact.acting(contact.surface.average(forms.friction(limited, contact))())
         forces.append(ContactForces(pressure, friction, pressure > 0.0))
     found = Multipliers.none(data, domain.mesh, tuple(forces))
     for item, part in zip(data.sets, found.parts, strict=True):

@@ -205,8 +205,13 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
         warnings += plausibility.about_the_overstrain(
             body.largest_overstrain(domain), target.penalty.n, target.young
         )
+        entering = [fields.penetration(fields.free) for fields in state.contacts]
+        held = [fields.penetration(~fields.free) for fields in state.contacts]
+        warnings += plausibility.about_held_nodes(
+            [fields.contact.key for fields in state.contacts], held, state.largest_displacement
+        )
         warnings += plausibility.about_the_penetration(
-            touching["penetration_max"],
+            max(entering, default=0.0),
             state.largest_displacement,
             target.penalty.epsilon,
             target.length / target.young,
