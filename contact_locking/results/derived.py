@@ -110,7 +110,7 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
     for contact in data.contacts:
         limited = contact.limited(u)
         pressure = contact.acting(contact.surface.average(forms.pressure(limited, contact, data))())
-        friction = contact.acting(contact.surface.average(forms.friction(limited, contact))())
+        friction = contact.surface.average(forms.friction(limited, contact))()
         forces.append(ContactForces(pressure, friction, pressure > 0.0))
     found = Multipliers.none(data, domain.mesh, tuple(forces))
     for item, part in zip(data.sets, found.parts, strict=True):
