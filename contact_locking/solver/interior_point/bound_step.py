@@ -8,7 +8,9 @@ The bound ``G = mu(|u_tau|) |R p|`` (6) follows pressure and slip, which follow 
 All of it is linear in b.  Of a bound of the user's own nothing is known but its value: without the
 derivatives the step is that to the new value.  The unknowns are those of the nodes of all parts of
 Gamma_C with friction together, so a Krylov method solves for them with one back-substitution an
-iteration, by the factorisation that the step has anyway.
+iteration, by the factorisation that the step has anyway.  An iterative solver would pay for each of
+these as for the step itself; it solves for displacement and bounds together, with the forces of the
+bounds as functions of the displacement (:mod:`contact_locking.solver.linear.following`).
 """
 
 from __future__ import annotations
