@@ -8,6 +8,9 @@ from __future__ import annotations
 DIRECT_LIMIT = {2: 1_000_000, 3: 50_000}
 # What is factorised beside CG may be larger: without it CG takes very long.
 FILTER_LIMIT = {2: 1_000_000, 3: 150_000}
+# Multigrid alone copes with cells that are so many times as stiff as the material, if it is allowed
+# more iterations.
+MODERATE_CONTRAST = 1e5
 
 
 def chosen(linear: str, dim: int, size: int) -> str:

@@ -16,10 +16,12 @@ from typing import Any, Literal
 from mpi4py import MPI
 
 from contact_locking.costs import probe
-from contact_locking.costs.factorised import FILTER_LIMIT, chosen
+from contact_locking.costs.factorised import FILTER_LIMIT, MODERATE_CONTRAST, chosen
 from contact_locking.costs.reference import REFERENCE, Reference
 from contact_locking.parameters import Parameters
 from contact_locking.plain_text import count, duration, gigabytes
+
+Beside = Literal["filter", "projection", "nothing"]
 
 
 @dataclass(frozen=True)
@@ -28,15 +30,16 @@ class Workload:
 
     ``unknowns`` are those of the displacement.  ``tangents`` are the matrices of all
     ``steps`` together; a static problem is one step.  ``factor`` is the number of rows that each
-    tangent factorises, by the direct solver or beside CG.  ``projects`` tells whether more is
-    locked than the filter beside CG takes.
+    tangent factorises, by the direct solver or beside CG.  ``beside`` is what helps CG where cells
+    lock: the filter, or the projection where more is locked than the filter takes, or neither where
+    n bounds the contrast.
     """
 
     dim: int
     unknowns: int
     ranks: int
     is_direct: bool
-    projects: bool
+    beside: Beside
     factor: float
     tangents: float
     steps: int = 1
@@ -116,15 +119,18 @@ def workload(
         unknowns, times = max(unknowns, parameters.adapt.max_dofs), 2.0 * times
     is_direct = chosen(parameters.solver.linear, dim, unknowns) == "direct"
     limit, filtered = FILTER_LIMIT[dim], reference.filtered * unknowns
-    projects = not is_direct and dim == 3 and filtered > limit and _limits_strain(parameters)
-    beside_cg = max(limit, reference.projected * unknowns) if projects else min(filtered, limit)
+    beside: Beside = "filter"
+    if not is_direct and dim == 3 and filtered > limit and _limits_strain(parameters):
+        beside = "nothing" if _bounds_contrast(parameters) else "projection"
+    is_projected = beside == "projection"
+    beside_cg = max(limit, reference.projected * unknowns) if is_projected else min(filtered, limit)
     steps = 1 if parameters.steps is None else len(parameters.steps.planned)
     return Workload(
         dim=dim,
         unknowns=unknowns,
         ranks=ranks,
         is_direct=is_direct,
-        projects=projects,
+        beside=beside,
         factor=unknowns if is_direct else beside_cg,
         tangents=times * (reference.tangents + (steps - 1) * reference.tangents_of_step),
         steps=steps,
@@ -147,6 +153,15 @@ def _limits_strain(parameters: Parameters) -> bool:
     return bool(material.limits) or any(region.limits for region in material.regions.values())
 
 
+def _bounds_contrast(parameters: Parameters) -> bool:
+    """Whether n keeps every cell so soft that multigrid does without projection.
+
+    Of a stiffness that is no number for Young's modulus nothing is known here.
+    """
+    young = parameters.material.elasticity.young
+    return isinstance(young, float) and parameters.penalty.n <= MODERATE_CONTRAST * young
+
+
 def estimate(load: Workload, speed: float = 1.0, reference: Reference = REFERENCE) -> Estimate:
     """The estimate for a machine that is ``speed`` times as fast as that of the reference."""
     large = load.tangents * _tangent(load, reference) / _speed_up(load, reference)
@@ -160,8 +175,10 @@ def _tangent(load: Workload, reference: Reference) -> float:
     direct = reference.direct_2d if flat else reference.direct_3d
     if load.is_direct:
         return direct(load.unknowns)
-    if load.projects:
-        return reference.unfiltered_3d(load.unknowns)
+    if load.beside == "projection":
+        return reference.projected_3d(load.unknowns)
+    if load.beside == "nothing":
+        return reference.alone_3d(load.unknowns)
     iterative = reference.iterative_2d if flat else reference.iterative_3d
     factorised = replace(direct, linear=0.0)(load.factor)
     return reference.set_up + iterative(load.unknowns) + factorised

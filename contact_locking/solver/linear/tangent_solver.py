@@ -8,7 +8,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from contact_locking.costs.factorised import FILTER_LIMIT, chosen
+from contact_locking.costs.factorised import FILTER_LIMIT, MODERATE_CONTRAST, chosen
 from contact_locking.errors import NotConverged
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.following import Follow, FollowingSolver
@@ -43,7 +43,6 @@ _PATIENCE = {2: 16, 3: 100}
 # iterations.  Up to a moderate contrast multigrid alone is therefore allowed more of them.
 _PATIENCE_OF_PROJECTION = 50
 _LONGER_PATIENCE = 150
-_MODERATE_CONTRAST = 1e5
 # Rounding leaves a residual where it is filtered, the more the stiffer cells are, and CG breaks
 # down on it: it is filtered again, so often at most.
 _RESTARTS = 3
@@ -97,7 +96,7 @@ class TangentSolver:
             self._max_iterations = self._ksp.getTolerances()[3]
             self._following = FollowingSolver(matrix, self._multigrid, listen)
         self._filters = False
-        is_moderate = contrast <= _MODERATE_CONTRAST
+        is_moderate = contrast <= MODERATE_CONTRAST
         self._patience_of_projection = _LONGER_PATIENCE if is_moderate else _PATIENCE_OF_PROJECTION
 
     def refresh(self, split: Callable[[], StiffPart]) -> None:
