@@ -73,7 +73,8 @@ def test_the_preconditioner_for_any_residual_is_symmetric_and_exact_where_it_fil
     z, y, left = r.duplicate(), r.duplicate(), r.duplicate()
     multigrid.apply_to_any(r, z)
     multigrid.apply_to_any(s, y)
-    assert z.dot(s) == pytest.approx(r.dot(y), rel=1e-10)
+    # The exact solve leaves rounding times the contrast of 1e6.
+    assert z.dot(s) == pytest.approx(r.dot(y), rel=1e-8)
     matrix.mult(z, left)
     left.aypx(-1.0, r)
     first = matrix.getOwnershipRange()[0]
