@@ -30,13 +30,14 @@ _OPTIONS: dict[str, Any] = {
     "ksp_norm_type": "unpreconditioned",
     "pc_type": "python",
 }
-# The first iteration removes what is stiff, by far the largest part of the residual.  GMRES
-# then begins anew from the rest, because it loses the digits that the residual falls by.
+# The first iteration removes the residual of stiff cells, by far the largest part.  GMRES then
+# begins anew: rounding in its residual is relative to the residual with which it began.
 _FIRST = 1
-# So often does it begin anew at most where rounding leaves more than the residual asked for.
+# GMRES runs so often at most, as rounding may leave more than the residual asked for.
 _CYCLES = 4
-# What GMRES takes the residual for may be this share of the residual itself.
-_HONEST = 0.8
+# GMRES aims at this share of the residual asked for: its own estimate of the residual is a little
+# too small.
+_AIM = 0.8
 
 
 class _Sum:
@@ -97,7 +98,7 @@ class FollowingSolver:
             if left <= residual or count >= most:
                 break
             longest = _FIRST if cycle == 0 else most - count
-            self._ksp.setTolerances(rtol=0.0, atol=_HONEST * residual, max_it=longest)
+            self._ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=longest)
             self._ksp.solve(right, x)
             count += self._ksp.getIterationNumber()
             left = self._residual(right, x)
