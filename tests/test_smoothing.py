@@ -53,6 +53,21 @@ def test_a_constant_pressure_on_the_free_nodes_stays_beside_a_clamp(dim: int, ke
     problem.close()
 
 
+@pytest.mark.parametrize("kernel", [*KERNELS, "none"])
+def test_the_adjoint_moves_r_to_the_other_factor_of_a_product(kernel: str) -> None:
+    problem = assemble(clamped(2, kernel), MPI.COMM_WORLD)
+    (contact,) = problem.contacts
+    smoothing, surface = contact.friction.smoothing, contact.surface
+    x = surface.points[:, 0]
+    first, second = np.where(contact.free, np.exp(x), 0.0), np.where(contact.free, 1.0 + x**3, 0.0)
+    products = [
+        surface.integral(smoothing.apply(first) * second),
+        surface.integral(first * smoothing.adjoint(second)),
+    ]
+    assert products[0] == pytest.approx(products[1], rel=1e-12)
+    problem.close()
+
+
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_rollers_along_a_part_of_gamma_c_hold_no_node_of_it(kernel: str) -> None:
     # Rollers on the sides fix u_x at the ends of the bottom, whose normal displacement is u_y.

@@ -15,9 +15,11 @@ from sweep import judge, reference, run
 from sweep.case import Case, Study, Truth, clamp, study
 from sweep.discrete import Discrete, State, discretise, state_of
 from sweep.families import FAMILIES, case_of
+from sweep.resultants import cannot_balance
 from sweep.solve import (
     BROKEN,
     INFEASIBLE,
+    REFUSED,
     SOLVED,
     WEDGED,
     WRONG,
@@ -57,6 +59,17 @@ def test_the_cases_of_a_family_are_study_files_and_depend_on_their_seed_alone(fa
         assert case == case_of(family, seed)
         assert case.study != case_of(family, seed + 100).study
         Parameters.model_validate(case.study)
+
+
+@pytest.mark.parametrize(("seed", "slides", "held"), [(10009, 3.0, 8.0), (10030, 0.9, 0.5)])
+def test_a_process_that_friction_cannot_hold_is_refused_as_its_resultants_say(
+    seed: int, slides: float, held: float
+) -> None:
+    """The first slides until it is pressed harder, and the second tips over in the end."""
+    outcome = outcome_of("process", seed)
+    assert outcome.kind == REFUSED, outcome.reason
+    assert cannot_balance(outcome.study, slides)
+    assert not cannot_balance(outcome.study, held)
 
 
 def _solved(penalty: Study) -> tuple[Parameters, Discrete, State]:

@@ -15,8 +15,8 @@ from contact_locking.parallel import on_every_rank
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.conditions import Constraints
-from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.motions_at_contact import MotionsAtContact
 from contact_locking.problem.pushed_tool import PushedTool
 from contact_locking.problem.rigid_motions import (
     check_held,
@@ -24,6 +24,7 @@ from contact_locking.problem.rigid_motions import (
     free_motions,
     rigid_motions,
     sliding_motions,
+    unheld_motion,
 )
 
 
@@ -95,11 +96,13 @@ def check_parts_held(
 def describe_slide(
     domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
 ) -> str | None:
-    """A sliding motion c with ``(f, c) > int G |c_tau|``, in words; None if there is none.
+    """A motion c with ``(f, c) > int G |c_tau|`` that friction does not stop, in words, or None.
 
-    The loads do more work along c than friction with the present bound G can dissipate.  Of each
-    part of the body only the sliding motion with the most work of the loads is checked.
-    Collective.
+    Of each part of the body the sliding motion with the most work of the loads is checked with the
+    present bound G.  With a coefficient mu that does not depend on the slip there may be a proof
+    for any pressure p >= 0: in equilibrium ``(f, c) = int p c_nu - sigma_tau . c_tau`` is at most
+    ``int p (c_nu + R* (mu |c_tau|))``, so that no motion with ``c_nu + R* (mu |c_tau|) <= 0`` at
+    all nodes has ``(f, c) > 0``.  Collective.
     """
     for number in range(len(domain.part_names)):
         found = _Motions(domain, space, data, constraints, number)
@@ -108,8 +111,11 @@ def describe_slide(
         if not np.any(push):
             continue
         taken = domain.comm.allreduce(sum(item.taken(push) for item in found.at_contacts))
-        if float(push @ found.work) > taken:
-            motion = describe_motion(found.free @ push, domain.dim)
+        moves: FloatArray | None = push
+        if not float(push @ found.work) > taken:
+            moves = found.unheld()
+        if moves is not None:
+            motion = describe_motion(found.free @ moves, domain.dim)
             return f"friction cannot hold the body, which is free to move (rigid motion: {motion})"
     return None
 
@@ -177,7 +183,7 @@ class _Motions:
         self.free = np.pad(free, ((0, 0), (0, len(self._tools))))
         count = self.free.shape[1]
         self.work: FloatArray = np.zeros(count)
-        self.at_contacts: list[_AtContact] = []
+        self.at_contacts: list[MotionsAtContact] = []
         self.normals: FloatArray = np.zeros((0, count))
         self.rubs: BoolArray = np.zeros(0, dtype=bool)
         self.most_work = self.work
@@ -190,13 +196,28 @@ class _Motions:
         self.work = np.array([*of_loads, *(tool.force for tool in self._tools)])
         self.most_work = np.array([*of_loads, *(tool.largest for tool in self._tools)])
         self.at_contacts = [
-            _AtContact(contact, motions, part, self._tools) for contact in data.contacts
+            MotionsAtContact(contact, motions, part, self._tools) for contact in data.contacts
         ]
         for item in self.at_contacts:
             normals = np.concatenate(domain.comm.allgather(item.normals))
             self.normals = np.vstack([self.normals, normals])
             rubs = np.full(len(normals), not item.contact.friction.frictionless)
             self.rubs = np.append(self.rubs, rubs)
+
+    def unheld(self) -> FloatArray | None:
+        """A motion (f,) that friction stops with no pressure at all, if one is found; collective.
+
+        The coefficients of all contacts have to be known.
+        """
+        comm = self._domain.comm
+        if not all(item.knows_friction() for item in self.at_contacts):
+            return None
+
+        def resistance(motion: FloatArray) -> FloatArray:
+            rows = [item.resistance(motion) for item in self.at_contacts]
+            return np.vstack([part for own in rows for part in comm.allgather(own)])
+
+        return unheld_motion(self.normals, resistance, self.work)
 
     def require_tools_held(self) -> None:
         """Raise InputError if the part can move with its tools as one rigid body; collective."""
@@ -221,35 +242,6 @@ class _Motions:
 def _is_at(tool: PushedTool, part: BoolArray) -> bool:
     """Whether all nodes of a tool's contact are on one part of the body; collective."""
     return on_every_rank(tool.contact.surface.domain.comm, tool.contact.surface.is_of(part))
-
-
-class _AtContact:
-    """Rigid motions at the owned nodes of one contact on one part of the body, less its tool's."""
-
-    def __init__(
-        self, contact: Contact, motions: FloatArray, part: BoolArray, tools: Sequence[PushedTool]
-    ) -> None:
-        self.contact, self._own = contact, contact.surface.is_of(part)
-        blocks = contact.surface.blocks[self._own]
-        dim = contact.surface.domain.dim
-        of_body = motions.reshape(len(motions), motions.shape[1] // dim, dim)[:, blocks]
-        of_tools = np.zeros((len(tools), *of_body.shape[1:]))
-        for number, tool in enumerate(tools):
-            if tool.contact is contact:
-                of_tools[number] = -tool.direction
-        self._motions = np.concatenate([of_body, of_tools])
-        #: The normal components (k, f).
-        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self._own])
-
-    def gram(self) -> FloatArray:
-        """The products (f, f) of the motions, summed over the nodes of this rank."""
-        return np.asarray(np.einsum("fkd,gkd->fg", self._motions, self._motions))
-
-    def taken(self, motion: FloatArray) -> float:
-        """``int G |c|``: the largest work of friction along a sliding motion c (f,), local."""
-        slip = np.linalg.norm(np.einsum("fkd,f->kd", self._motions, motion), axis=1)
-        weights, bound = self.contact.surface.weights[self._own], self.contact.bounds[self._own]
-        return float(weights @ (bound * slip))
 
 
 def _dofs(domain: Domain, space: fem.FunctionSpace, part: int) -> BoolArray:

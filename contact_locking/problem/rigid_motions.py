@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from dolfinx import fem
@@ -11,6 +11,9 @@ from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.domain import Domain
+
+# The most rounds of the search for a motion that friction does not stop.  In 2D a few suffice.
+_CUTS = 20
 
 
 def rigid_motions(space: fem.FunctionSpace, axisymmetric: bool = False) -> FloatArray:
@@ -146,6 +149,30 @@ def sliding_motions(contact: FloatArray) -> FloatArray:
     _, sizes, directions = np.linalg.svd(contact, full_matrices=True)
     sizes = np.append(sizes, np.zeros(contact.shape[1] - len(sizes)))
     return np.asarray(directions[sizes <= 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)].T)
+
+
+def unheld_motion(
+    normals: FloatArray, resistance: Callable[[FloatArray], FloatArray], work: FloatArray
+) -> FloatArray | None:
+    """A motion c (f,) with ``r(c) <= 0`` at all nodes and ``work . c > 0``; None if none is found.
+
+    ``r(c) = normals c + s(c) >= normals c`` is convex and homogeneous of degree 1; ``resistance``
+    gives the rows (n, f) that are its derivative, with which ``rows c = r(c)``.  Each motion is
+    the best for the derivatives at those before, which are lower bounds of r.
+    """
+    from scipy.optimize import linprog
+
+    size = max(float(np.abs(normals).max(initial=0.0)), 1e-300)
+    rows, push = normals / size, work / max(float(np.abs(work).max(initial=0.0)), 1e-300)
+    for _ in range(_CUTS):
+        found = linprog(-push, A_ub=rows, b_ub=np.zeros(len(rows)), bounds=(-1, 1))
+        if found.status != 0 or -found.fun < 1e-3:
+            return None
+        cut = resistance(np.asarray(found.x)) / size
+        if np.all(cut @ found.x <= 1e-9):
+            return np.asarray(found.x)
+        rows = np.vstack([rows, cut])
+    return None
 
 
 def describe_motion(motion: FloatArray, dim: int) -> str:

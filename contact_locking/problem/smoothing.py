@@ -31,6 +31,9 @@ class Smoothing(Protocol):
     def apply(self, values: FloatArray) -> FloatArray:
         """``R w`` (k,) from ``w`` (k,) at the owned nodes; collective."""
 
+    def adjoint(self, values: FloatArray) -> FloatArray:
+        """``R* v`` (k,) with ``int (R w) v = int w (R* v)`` by the vertex rule; collective."""
+
     def norm(self) -> float:
         """An upper bound of ``|R w|/|w|`` in L2 by the vertex rule over free nodes; collective."""
 
@@ -42,6 +45,9 @@ class Identity:
     """``R w = w``: local Coulomb friction, the limit of a radius r -> 0."""
 
     def apply(self, values: FloatArray) -> FloatArray:
+        return values.copy()
+
+    def adjoint(self, values: FloatArray) -> FloatArray:
         return values.copy()
 
     def norm(self) -> float:
@@ -71,6 +77,12 @@ class Convolution:
 
     def apply(self, values: FloatArray) -> FloatArray:
         return np.asarray(self._matrix @ np.concatenate(self._comm.allgather(values)))
+
+    def adjoint(self, values: FloatArray) -> FloatArray:
+        own, weights = self._surface.own, self._surface.weights
+        sums = self._comm.allreduce(self._matrix.T @ (weights[own] * values))
+        shares = np.divide(sums, weights, out=np.zeros_like(weights), where=weights > 0.0)
+        return np.asarray(shares[own])
 
     def norm(self) -> float:
         return self._norm
@@ -172,6 +184,9 @@ class HelmholtzFilter:
         self._solver.solve(self._rhs, self._solution)
         rest = np.concatenate(self._comm.allgather(self._solution.array_r))
         return np.asarray((mean + rest - self._surface.mean_by_part(rest, self._mass))[own])
+
+    def adjoint(self, values: FloatArray) -> FloatArray:
+        return self.apply(values)
 
     def norm(self) -> float:
         # R is symmetric in the lumped product, with eigenvalues 1/(1 + r^2 k), k >= 0.

@@ -24,6 +24,7 @@ from . import judge, reference, stepwise
 from .case import Case, Study, Truth
 from .discrete import Discrete, State, discretise, state_of
 from .families import case_of
+from .resultants import cannot_balance
 from .transforms import Transform
 
 # The outcomes of a problem; those of GOOD are what the sweep is for.
@@ -33,13 +34,11 @@ GOOD = (SOLVED, INFEASIBLE, REFUSED, WEDGED)
 
 # Beyond this the problem is impossible for certain, Clarabel's accuracy considered.
 _EXCESS = 1e-7
-# Agreement with the conic solver in energy, and in displacement by the energy of the difference.
-_ENERGY, _DIFFERENCE = 1e-6, 2e-6
-# The same for the problem in other units.
-_TRANSFORMED = 1e-14
-# Penalties over Young's modulus, and how much larger the next one makes a pressure without a
-# limit; where there is a limit, all penalties give nearly the same.
-_PENALTIES, _GROWTH = (1e4, 1e5, 1e6, 1e7), 5.0
+# Agreement with the conic solver in energy, and in displacement by the energy of the difference;
+# the latter for the problem in other units.
+_ENERGY, _DIFFERENCE, _TRANSFORMED = 1e-6, 2e-6, 1e-14
+# Penalties over Young's modulus, and how much larger the next makes a pressure without a limit.
+_PENALTIES, _GROWTH = (1e3, 1e4, 1e5, 1e6, 1e7), 5.0
 
 
 @dataclass
@@ -100,20 +99,22 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     outcome.seconds = time.perf_counter() - start
     outcome.tangents = int(solution.summary["iterations"]["tangents"])
     _judge(case.truth, solution, discrete, outcome, checks)
-    is_told = outcome.kind == NOT_SOLVED and "grow with the penalty" in outcome.reason
-    if is_told and forces_grow(outcome.study, problem):
-        outcome.kind = WEDGED
+    if outcome.kind == NOT_SOLVED and "grow with the penalty" in outcome.reason:
+        outcome.kind = WEDGED if forces_grow(outcome.study, problem) else NOT_SOLVED
 
 
 def _solve_process(case: Case, problem: Problem, outcome: Outcome, checks: bool) -> None:
     """Solve all steps; with ``checks`` those of the twin, too."""
     found = list(Steps(problem))
     outcome.tangents = max((int(row["tangents"]) for row in found[-1].history), default=0)
-    outcome.reason = str(found[-1].summary["reason"])
+    outcome.reason = told = str(found[-1].summary["reason"])
     if not found[-1].converged:
-        is_proved = outcome.reason.startswith("infeasible")
-        is_told = "grow with the penalty" in outcome.reason
-        outcome.kind = INFEASIBLE if is_proved else WEDGED if is_told else NOT_SOLVED
+        is_told = "grow with the penalty" in told
+        outcome.kind = WEDGED if is_told else NOT_SOLVED
+        if told.startswith("infeasible"):
+            outcome.kind = INFEASIBLE
+        elif "friction cannot hold" in told and cannot_balance(case.study, found[-1].time):
+            outcome.kind = REFUSED
         return
     wrong = stepwise.complaint(found)
     if checks and not wrong:
@@ -126,8 +127,7 @@ def _solve_process(case: Case, problem: Problem, outcome: Outcome, checks: bool)
 def forces_grow(study: Study, problem: Problem) -> bool:
     """Whether the largest pressure grows in proportion to the penalty of contact and locking.
 
-    Then the penalised solutions have no limit.  Each is judged by the sums of the sweep, and the
-    stiffest two that are right decide.
+    Each solution is judged by the sums of the sweep, and the stiffest two that are right decide.
     """
     largest: list[float] = []
     for share in _PENALTIES:

@@ -1,0 +1,98 @@
+"""Whether forces that press and rub can balance the loads of a block that nothing else holds.
+
+An argument from the parameters: pressures p >= 0 and tractions |sigma_tau| <= mu |R p| at the nodes
+of the foundation have three resultants, which balance those of the loads.  It is a linear programme
+that knows neither displacement nor material.  Only R is the program's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+from scipy.optimize import linprog
+
+from contact_locking.arrays import FloatArray
+from contact_locking.expressions import parse
+from contact_locking.parameters import Parameters
+from contact_locking.problem.assembly import assemble
+
+from .case import Study
+
+# The share of the loads that must be left unbalanced for certain.
+_CERTAIN = 1e-3
+
+
+def cannot_balance(study: Study, time: float) -> bool:
+    """Whether no forces of the foundation balance the tractions at a time.
+
+    False for anything but a plane block on one foundation with tractions on top and right alone.
+    """
+    mesh, loads, contacts = study["mesh"], study["loads"], study["contact"]
+    if set(loads) != {"tractions"} or len(contacts) != 1 or mesh.get("axisymmetric"):
+        return False
+    width, height = mesh["size"]
+    sides = {
+        "top": (width, np.array([0.5 * width, height])),
+        "right": (height, np.array([width, 0.5 * height])),
+    }
+    load: FloatArray = np.zeros(3)
+    size = 0.0
+    for traction in loads["tractions"]:
+        length, centre = sides[traction["on"]]
+        value = [float(parse(str(part), ("t",)).numpy(t=time)) for part in traction["value"]]
+        force = _resultants(np.array([value]) * length, centre[None, :] / height)[:, 0]
+        load, size = load + force, size + float(np.abs(force).max())
+    contact = assemble(Parameters.model_validate(study), MPI.COMM_SELF).contacts[0]
+    points = contact.surface.points[:, :2]
+    count = len(points)
+    normals = _normals(contacts[0], points)
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    smoothing = np.column_stack([contact.friction.smoothing.apply(row) for row in np.eye(count)])
+    # The unknowns: forces along the normals (which press the body the other way) and along the
+    # tangents at the nodes, and what is left of the three resultants, either way.
+    weights = _weights(points[:, 0])
+    balance = np.hstack(
+        [
+            _resultants(-normals, points / height),
+            _resultants(tangents, points / height),
+            np.eye(3),
+            -np.eye(3),
+        ]
+    )
+    taken = study["friction"]["coefficient"] * weights[:, None] * smoothing / weights[None, :]
+    rest = np.zeros((count, 6))
+    found = linprog(
+        np.append(np.zeros(2 * count), np.ones(6)),
+        A_ub=np.vstack([np.hstack([-taken, sign * np.eye(count), rest]) for sign in (1.0, -1.0)]),
+        b_ub=np.zeros(2 * count),
+        A_eq=balance,
+        b_eq=-load / max(size, 1e-300),
+        bounds=[(0, None)] * count + [(None, None)] * count + [(0, None)] * 6,
+    )
+    return bool(found.status == 0 and found.fun > _CERTAIN)
+
+
+def _resultants(forces: FloatArray, places: FloatArray) -> FloatArray:
+    """The force and the moment (3, k) of forces (k, 2)."""
+    moment = places[:, 0] * forces[:, 1] - places[:, 1] * forces[:, 0]
+    return np.vstack([forces.T, moment])
+
+
+def _normals(contact: Study, points: FloatArray) -> FloatArray:
+    """The unit vectors from the points towards the foundation below."""
+    shape = contact.get("foundation", {})
+    down = np.tile([0.0, -1.0], (len(points), 1))
+    if "half_space" in shape:
+        down = np.tile(-np.array(shape["half_space"]["normal"]), (len(points), 1))
+    elif "sphere" in shape:
+        down = np.array(shape["sphere"]["centre"]) - points
+    return np.asarray(down / np.linalg.norm(down, axis=1)[:, None])
+
+
+def _weights(x: FloatArray) -> FloatArray:
+    """The lengths that belong to points of a line, in any order."""
+    order = np.argsort(x)
+    half = 0.5 * np.diff(x[order])
+    weights = np.empty_like(x)
+    weights[order] = np.append(half, 0.0) + np.append(0.0, half)
+    return weights
