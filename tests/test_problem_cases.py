@@ -16,7 +16,7 @@ from mpi4py import MPI
 from problem_cases import INFEASIBLE as INFEASIBLE_CASES
 from problem_cases import SOLVED as SOLVED_CASES
 from problem_cases import WEDGED as WEDGED_CASES
-from sweep.case import Study, clamp, study
+from sweep.case import Case, Study, clamp, study
 from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
 
 from contact_locking import solving, study_file
@@ -47,10 +47,23 @@ def test_this_problem_has_no_solution(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("file", sorted(Path(__file__).with_name("unsolved").glob("*.yml")))
 def test_what_is_left_unsolved_says_so_and_how_much_friction_has_a_solution(file: Path) -> None:
-    """A file of this folder that is solved one day moves to the problems that are."""
+    """A file of this folder that is solved one day moves to the problems that are.
+
+    Its forces have a limit where the penalty becomes stiff, and are told no otherwise.
+    """
     solution = solving.solve(study_file.load(file).parameters, MPI.COMM_SELF)
     assert not solution.converged
     assert "a solution was found with" in solution.summary["reason"]
+    assert "grow with the penalty" not in solution.summary["reason"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", sorted(Path(__file__).with_name("wedged").glob("*.yml")))
+def test_forces_that_grow_are_found_with_penalties_that_are_soft_enough(file: Path) -> None:
+    """With stiffer penalties these problems are not solved."""
+    case = Case(study_file.load(file).parameters.model_dump())
+    outcome = outcome_of_case(case, checks=False)
+    assert outcome.kind == WEDGED, outcome.reason
 
 
 @pytest.mark.parametrize("name", WEDGED_CASES)
@@ -58,6 +71,7 @@ def test_this_problem_is_told_to_have_forces_that_grow_with_the_penalty(name: st
     outcome = outcome_of_case(WEDGED_CASES[name], checks=False)
     assert outcome.kind == WEDGED, outcome.reason
     assert "there seems to be no equilibrium" in outcome.reason
+    assert "times the contact force of the other" in outcome.reason
 
 
 @pytest.mark.parametrize(

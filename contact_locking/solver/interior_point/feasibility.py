@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Iterator
 
@@ -12,9 +13,9 @@ import numpy.typing as npt
 
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.laws.penalty import Penalty
-from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.method import InteriorPoint
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.target import Target
 from contact_locking.solver.task import Task
@@ -28,12 +29,11 @@ _ROUNDS = 8
 # on.
 _LITTLE = 1e-3
 _HALVINGS = 4
-# The penalties over the stiffness to find out with whether forces grow; the softer one is easier.
-_SMOOTH_STIFFNESSES = (_STIFF, 0.1 * _STIFF)
-# Under these penalties a body that comes to rest enters its foundation by less than a
-# ten-thousandth of its displacement.  One that enters by more than this share is wedged in by
-# forces that grow with the penalty.
-_WEDGED = 1e-3
+# The penalties over the stiffness to find out with whether forces grow, each compared with one that
+# is softer by the last factor.  Softer ones are easier to solve for.
+_SMOOTH_STIFFNESSES, _SOFTER = (_STIFF, 1e5, 1e4, 3e3), 10.0
+# Forces without a limit grow in proportion to the penalty, and forces with a limit hardly grow.
+_GROWTH = 5.0
 
 _INFEASIBLE_WAY_OUT = (
     "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
@@ -148,11 +148,9 @@ def share_of_friction(task: Task) -> str | None:
             for contact in rubbing:
                 contact.friction.share = share
             try:
-                found = solver.solve().contacts
+                return _contact_force(system, solver.solve())
             except NotConverged:
                 return None
-            pairs = zip(system.contacts, found, strict=True)
-            return sum(float(item.surface.integral(forces.pressure)) for item, forces in pairs)
 
         try:
             low, high, last = 0.0, 1.0, contact_force(_LITTLE)
@@ -182,39 +180,53 @@ def growth_with_the_penalty(task: Task) -> str:
     """Whether the forces of penalised solutions grow with the penalty, in words; collective.
 
     Where they do, the penalised solutions have no limit that the inequality could be solved by.
-    This is one solution with a stiff penalty, and proves nothing; "" where it says nothing.
-    Displacement and friction bounds of the system are left as they are; what it took is added to
-    the report.
+    Two penalties that are solved, of a few, show it, the stiffest if there are more, and prove
+    nothing; "" where they say nothing.  Displacement and friction bounds of the system are left as
+    they are; what it took is added to the report.
     """
     if task.target.penalty.epsilon > 0.0:
         return ""
-    targets = (_regularised(_stiff(task.target, stiffness)) for stiffness in _SMOOTH_STIFFNESSES)
-    found = (_entered(task, target) for target in targets)
-    share = next((share for share in found if share is not None), 0.0)
-    if share < _WEDGED:
-        return ""
-    return (
-        f"a stiff penalty has a solution, which enters the foundation by {100.0 * share:.2g} % of "
-        "its largest displacement: its forces grow with the penalty, and there seems to be no "
-        "equilibrium without one"
-    )
+
+    @functools.cache
+    def force(stiffness: float) -> float | None:
+        return _penalised_force(task, _regularised(_stiff(task.target, stiffness)))
+
+    for stiff in _SMOOTH_STIFFNESSES:
+        soft = stiff / _SOFTER
+        large = force(stiff)
+        small = None if large is None else force(soft)
+        if large is None or small is None:
+            continue
+        if not large > _GROWTH * small > 0.0:
+            break
+        return (
+            f"with penalties of {soft:.0e} and {stiff:.0e} times the stiffness of the material "
+            f"there are solutions, and the stiffer one has {large / small:.2g} times the contact "
+            "force of the other: its forces grow with the penalty, and there seems to be no "
+            "equilibrium without one"
+        )
+    return ""
 
 
-def _entered(task: Task, target: Target) -> float | None:
-    """The deepest penetration over the largest displacement, None if not solved; collective."""
+def _penalised_force(task: Task, target: Target) -> float | None:
+    """The sum of all pressures with the penalties of a target, None if not solved; collective."""
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
     with _tries(task) as tries:
         solver = InteriorPoint(task.aside(tries, target))
         try:
             system.u.x.array[:] = prescribed
-            forces = solver.solve().contacts
+            return _contact_force(system, solver.solve())
         except NotConverged:
             return None
         finally:
             solver.destroy()
-        pressure = max(maximum(system.comm, item.pressure) for item in forces)
-        return target.penalty.epsilon * pressure / (system.largest_displacement() or 1.0)
+
+
+def _contact_force(system: PenalisedSystem, found: Multipliers) -> float:
+    """The sum of all pressures; collective."""
+    pairs = zip(system.contacts, found.contacts, strict=True)
+    return sum(float(item.surface.integral(forces.pressure)) for item, forces in pairs)
 
 
 @contextlib.contextmanager
