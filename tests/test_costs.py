@@ -32,6 +32,7 @@ def expected(dim: int, unknowns: int, ranks: int = 1, **changes: Any) -> Estimat
         (3, 14_739, 1, math.inf, 5.0, 0.40),
         (3, 46_875, 1, math.inf, 26.0, 0.81),
         (3, 206_763, 2, math.inf, 189.0, 4.6),
+        (3, 352_947, 2, math.inf, 364.0, 8.0),
         (3, 823_875, 2, 1e4, 673.0, 8.0),
     ],
 )

@@ -16,7 +16,7 @@ from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point.bound_step import BoundStep
 from contact_locking.solver.interior_point.family import Direction
-from contact_locking.solver.interior_point.iterate import Corrections
+from contact_locking.solver.interior_point.iterate import Corrections, Iterate
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.linear import tangent_solver
@@ -179,3 +179,22 @@ def test_a_joint_solve_takes_fewer_iterations_than_responses_to_the_friction_bou
     assert counts[0] < 0.85 * counts[1]
     for key in ("compliance", "elastic_energy"):
         assert jointly.summary[key] == pytest.approx(by_responses.summary[key], rel=2e-7)
+
+
+def test_the_last_step_is_balanced_from_rest_however_large_the_step_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """CG gives up where it starts a hundred thousand times farther away than rest is."""
+    count = 0
+    balance = Iterate.balanced
+
+    def noted(self: Iterate, direction: Direction, t: float, accuracy: float) -> Direction:
+        nonlocal count
+        count += 1
+        self.tangent._step.scale(1e9)
+        return balance(self, direction, t, accuracy)
+
+    monkeypatch.setattr(Iterate, "balanced", noted)
+    monkeypatch.setattr(Search, "_linear_accuracy", lambda self, measures: 1e-7)
+    assert _solved().summary["iterations"]["tangents"] < 20
+    assert count

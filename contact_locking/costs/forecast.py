@@ -119,8 +119,11 @@ def workload(
         unknowns, times = max(unknowns, parameters.adapt.max_dofs), 2.0 * times
     is_direct = chosen(parameters.solver.linear, dim, unknowns) == "direct"
     limit, filtered = FILTER_LIMIT[dim], reference.filtered * unknowns
+    if not _limits_strain(parameters):
+        # Nothing but the nodes of a side, at most.
+        filtered = dim * (unknowns / dim) ** (1.0 - 1.0 / dim)
     beside: Beside = "filter"
-    if not is_direct and dim == 3 and filtered > limit and _limits_strain(parameters):
+    if not is_direct and dim == 3 and filtered > limit:
         beside = "nothing" if _bounds_contrast(parameters) else "projection"
     is_projected = beside == "projection"
     beside_cg = max(limit, reference.projected * unknowns) if is_projected else min(filtered, limit)

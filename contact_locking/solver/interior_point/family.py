@@ -30,12 +30,13 @@ class Step:
     primal: FloatArray
     dual: FloatArray
 
+    def plus(self, other: Step, share: float) -> Step:
+        """The step plus ``share`` times the other."""
+        return Step(self.primal + share * other.primal, self.dual + share * other.dual)
+
     def towards(self, other: Step, share: float) -> Step:
         """``(1 - share)`` times this step plus ``share`` times the other."""
-        return Step(
-            self.primal + share * (other.primal - self.primal),
-            self.dual + share * (other.dual - self.dual),
-        )
+        return self.plus(other.plus(self, -1.0), share)
 
 
 class Family(ABC):
@@ -255,15 +256,16 @@ class Direction:
     displacement: FloatArray
     steps: Mapping[Family, Step]
 
+    def plus(self, other: Direction, share: float) -> Direction:
+        """The direction plus ``share`` times the other."""
+        return Direction(
+            self.displacement + share * other.displacement,
+            {family: step.plus(other.steps[family], share) for family, step in self.steps.items()},
+        )
+
     def towards(self, other: Direction, share: float) -> Direction:
         """``(1 - share)`` times this direction plus ``share`` times the other."""
-        return Direction(
-            self.displacement + share * (other.displacement - self.displacement),
-            {
-                family: step.towards(other.steps[family], share)
-                for family, step in self.steps.items()
-            },
-        )
+        return self.plus(other.plus(self, -1.0), share)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ back-substitutions more than one with known bounds.
 6. Friction bound: its step that agrees with the direction, and the direction with that.
 7. Recentring: while a step is short, correct the products that it would drive out of their band
    (Gondzio, doi:10.1007/BF00249643); then 6 once more if the bound has been left behind.
-8. Step towards the boundary of the cones.
+8. Step towards the boundary of the cones; if it may be the last, balance the forces with it.
 9. Follow the friction bound: if the step hardly brought it closer to ``mu |R p|``, set it to that.
    Go on with 2.
 """

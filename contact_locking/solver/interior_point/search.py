@@ -28,6 +28,7 @@ class Search:
     ) -> None:
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
+        self._last_length = 0.0
 
     def step(self, measures: Measures) -> tuple[Direction, float]:
         """The step to take and its length; collective."""
@@ -39,17 +40,14 @@ class Search:
         before = iterate.mean_product()
         after = iterate.mean_product_after(t, affine)
         centring = min(1.0, max(after / before, 0.0)) ** 3
+        if self._last_length >= tuning.long_enough:
+            centring *= tuning.bolder
         target = self._limited(centring, measures) * before
         # 5. The corrector.
         corrections = iterate.corrections(affine, min(1.0, t / tuning.trusted_length))
         bound_step = BoundStep(self._bounds, iterate.tangent, tuning)
-        if self._solves_jointly:
-            # 6. The friction bound, with the corrector.
-            best = self._joint(bound_step, target, corrections)
-        else:
-            best = iterate.direction(target, self._accuracy, corrections)
-            # 6. The friction bound.
-            best = self._adapted(bound_step, best, target, corrections)
+        # 6. The friction bound.
+        best = self._with_bounds(bound_step, target, corrections)
         t = self._length(best)
         # 7. Recentring.
         for _ in range(tuning.recentrings):
@@ -62,12 +60,28 @@ class Search:
                 break
             best, corrections, t = candidate, added(corrections, change, share), longer
         if self._bounds and bound_step.misses(best) > tuning.bound_missed:
-            if self._solves_jointly:
-                best = self._joint(bound_step, target, corrections)
-            else:
-                best = self._adapted(bound_step, best, target, corrections)
+            best = self._with_bounds(bound_step, target, corrections, best)
             t = self._length(best)
-        return best, t
+        best, self._last_length = self._balanced(best, t, measures)
+        return best, self._last_length
+
+    def _balanced(
+        self, direction: Direction, t: float, measures: Measures
+    ) -> tuple[Direction, float]:
+        """The direction and the length of a step that may be the last, its forces balanced.
+
+        Collective.  Unbalanced forces within the tolerance may be those of bending, whose
+        displacements in a slender body are large beside the forces.  To remove them takes one
+        back-substitution.
+        """
+        left = (1.0 - t) * measures.equilibrium
+        sharpest = self._tuning.linear_sharpest * self._tolerance
+        if not (t > 0.0 and sharpest < left <= self._tolerance):
+            return direction, t
+        balanced = self._iterate.balanced(direction, t, min(self._accuracy, sharpest))
+        shorter = min(t, self._length(balanced))
+        # Such a step leaves the share 1 - shorter/t of the forces.
+        return (balanced, shorter) if shorter > t * t else (direction, t)
 
     @property
     def _solves_jointly(self) -> bool:
@@ -77,6 +91,26 @@ class Search:
         factorisation responds to bounds at the price of back-substitutions.
         """
         return bool(self._bounds) and self._iterate.tangent.solves_following
+
+    def _with_bounds(
+        self,
+        bound_step: BoundStep,
+        target: float,
+        corrections: Corrections,
+        present: Direction | None = None,
+    ) -> Direction:
+        """The direction, with the steps of the friction bounds that agree with it; collective.
+
+        ``present`` is the direction with given steps of the bounds, if it is known.  It is the
+        better start of a joint solve where all that is stiff is filtered or projected: CG then
+        finds it in few iterations, and the joint solve, which takes more for what is far from the
+        friction bound, needs few from there.
+        """
+        if present is None and (self._iterate.tangent.filters or not self._solves_jointly):
+            present = self._iterate.direction(target, self._accuracy, corrections)
+        if present is None or self._solves_jointly:
+            return self._joint(bound_step, target, corrections)
+        return self._adapted(bound_step, present, target, corrections)
 
     def _joint(self, bound_step: BoundStep, target: float, corrections: Corrections) -> Direction:
         """The direction, with the steps of the friction bounds that agree with it; collective."""

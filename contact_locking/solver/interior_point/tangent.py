@@ -97,16 +97,25 @@ class Tangent:
         pairs = zip(self.system.tools, self._right_tools, strict=True)
         return max((abs(left) / tool.force for tool, left in pairs if tool.pushes), default=0.0)
 
-    def solve_step(self, reactions: Sequence[Reaction], accuracy: float = 0.0) -> FloatArray:
+    def solve_step(
+        self, reactions: Sequence[Reaction], accuracy: float = 0.0, is_like_last: bool = True
+    ) -> FloatArray:
         """The displacement step that balances these reactions; collective.
 
         An iterative solver leaves a residual of ``accuracy``, relative to the forces, at most, and
-        starts from the step before.
+        starts from the step before if this one is like it.
         """
+        if not is_like_last:
+            self._step.set(0.0)
         self._find_residual(reactions)
         self._scale_right(-1.0)
         self._linear.solve(self._right, self._step, accuracy * self.force_scale)
         return self._with_travels(self._step)
+
+    @property
+    def filters(self) -> bool:
+        """Whether an iterative solver filters or projects what is stiff, at present."""
+        return self._linear.filters
 
     @property
     def solves_following(self) -> bool:

@@ -86,6 +86,9 @@ class Tuning:
     #: A predictor that goes this far, in (0, 1], is trusted with Mehrotra's second-order terms in
     #: full; shorter ones in proportion, as terms of a direction that leads nowhere mislead.
     trusted_length: float = 1.0 / 3.0
+    #: After a step that was :attr:`long_enough` the products aimed at are smaller by this factor,
+    #: in (0, 1]: what makes predictors short does not always make steps short.
+    bolder: float = 0.3
     #: The products aimed at may grow by this factor, > 1, where the duality gap is below its
     #: tolerance.
     gap_growth: float = 10.0

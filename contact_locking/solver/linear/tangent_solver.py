@@ -36,8 +36,8 @@ _LOOSEST = 1e-2
 # No linear residual gets smaller than this.
 _ROUNDING = 1e-12
 # So many iterations with one tangent, by dimension, may be taken instead of the filter's
-# factorisation: some fifteen in 3D, and two in 2D, for each of the seven solves that it serves.
-_PATIENCE = {2: 16, 3: 100}
+# factorisation: some ten in 3D, and two in 2D, for each of the six solves that it serves.
+_PATIENCE = {2: 16, 3: 60}
 # So many iterations one solve may take by multigrid alone where the projection can take over.  With
 # the projection an iteration takes two to four times as long, and the set-up as long as a hundred
 # iterations.  Up to a moderate contrast multigrid alone is therefore allowed more of them.
@@ -126,18 +126,22 @@ class TangentSolver:
         if self._multigrid is None:
             self._solve(right, step)
             return
-        size = right.norm() or 1.0
+        multigrid, size = self._multigrid, right.norm() or 1.0
         rtol = max(residual / size, _ROUNDING)
         if not is_rough:
             rtol = min(_LOOSEST, rtol)
-        patience = self._patience
-        self._solve_by_cg(self._multigrid, right, step, rtol)
-        if is_rough or self._projects:
-            self._patience = patience
+        self._improve(
+            multigrid, lambda most: self._by_cg(multigrid, right, step, rtol, most), is_rough
+        )
         # Whatever else is left, the next iterate's equilibrium is judged by its own residual.
         is_done = self._ksp.getConvergedReason() > 0
         if not (is_done or self._ksp.getResidualNorm() <= _LOOSEST * size):
             raise NotConverged(LINEAR_FAILURE)
+
+    @property
+    def filters(self) -> bool:
+        """Whether the filter or the projection takes part at present."""
+        return self._multigrid is not None and self._multigrid.filters
 
     @property
     def solves_following(self) -> bool:
@@ -157,17 +161,14 @@ class TangentSolver:
         size = right.norm() or 1.0
         enough = min(max(residual, _ROUNDING * size), _LOOSEST * size)
         left = math.inf
-        while not left <= enough:
-            waits = self._can_filter and not multigrid.filters
-            most = self._patience if waits else self._max_iterations
+
+        def by_gmres(most: int) -> tuple[int, bool]:
+            nonlocal left
             count, left = following.solve(follow, right, step, enough, most)
             self._iterations += count
-            if not waits:
-                break
-            if not self._projects:
-                self._patience = max(self._patience - count, 0)
-            if left > enough:
-                self._filter(multigrid)
+            return count, left <= enough
+
+        self._improve(multigrid, by_gmres)
         if not left <= _LOOSEST * size:
             raise NotConverged(LINEAR_FAILURE)
 
@@ -197,26 +198,44 @@ class TangentSolver:
         multigrid.refresh(self._stiff)
         self._filters = True
 
-    def _solve_by_cg(
-        self, multigrid: FilteredMultigrid, right: PETSc.Vec, step: PETSc.Vec, rtol: float
+    def _improve(
+        self,
+        multigrid: FilteredMultigrid,
+        attempt: Callable[[int], tuple[int, bool]],
+        is_rough: bool = False,
     ) -> None:
-        breakdowns = 0
-        while True:
-            multigrid.start(right, step)
-            waits = self._can_filter and not multigrid.filters
-            self._ksp.setTolerances(
-                rtol=rtol, max_it=self._patience if waits else self._max_iterations
-            )
-            count = self._solve(right, step)
-            reason = self._ksp.getConvergedReason()
-            if waits:
+        """Attempt a solve by multigrid alone while the patience lasts, then with the filter.
+
+        ``attempt`` takes the most iterations; it returns those that it took, and whether it is
+        done.  Collective.
+        """
+        if self._can_filter and not multigrid.filters:
+            count, is_done = attempt(self._patience)
+            if not (is_rough or self._projects):
                 self._patience = max(self._patience - count, 0)
-            if waits and reason < 0:
-                self._filter(multigrid)
-            elif reason in _BREAKDOWNS and breakdowns < _RESTARTS:
-                breakdowns += 1
-            else:
+            if is_done:
                 return
+            self._filter(multigrid)
+        attempt(self._max_iterations)
+
+    def _by_cg(
+        self,
+        multigrid: FilteredMultigrid,
+        right: PETSc.Vec,
+        step: PETSc.Vec,
+        rtol: float,
+        most: int,
+    ) -> tuple[int, bool]:
+        """The iterations of CG, and whether they suffice; collective."""
+        count, reason = 0, 0
+        for _ in range(1 + _RESTARTS):
+            multigrid.start(right, step)
+            self._ksp.setTolerances(rtol=rtol, max_it=most)
+            count += self._solve(right, step)
+            reason = self._ksp.getConvergedReason()
+            if not multigrid.filters or reason not in _BREAKDOWNS:
+                break
+        return count, reason > 0
 
     def _solve(self, right: PETSc.Vec, step: PETSc.Vec) -> int:
         self._ksp.solve(right, step)
