@@ -157,7 +157,7 @@ def test_oblique_rollers_of_a_turned_block_are_the_rollers_of_the_block(
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_support_along_an_axis_is_the_condition_for_the_component(dim: int, along: str) -> None:
     wanted = unturned(dim, 1, math.inf)
-    found = solved(dim, np.eye(dim), along, penalty__n=math.inf)
+    found = solved(dim, np.eye(dim), along, **sharp(1, math.inf))
     assert np.array_equal(nodal(found), nodal(wanted))
     assert found.summary["reactions"] == wanted.summary["reactions"]
 

@@ -14,6 +14,7 @@ from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.reactions import reactions_by_part
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.problem import compiled, forms
+from contact_locking.problem.system import ROUNDING
 
 # The residuals of the free nodes, up to the tolerance of the solver, may add up in the sum of all
 # forces and moments.  The limit of a balance is this multiple of the tolerance.
@@ -30,9 +31,10 @@ class Equilibrium:
     the free dofs, divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
     ``force`` and ``moment`` are the sums of loads, contact forces and reactions.  The force is
     relative to the largest of the three sums of nodal force magnitudes, and the moment to this sum
-    times the extent of the body.  Forces as small as the rounding in ``u`` count as zero.  The
-    forces of a user's own energy take part in all three.  ``tools`` has for each tool
-    ``|F - int (sigma_tau - p nu) . d|`` with its force F, relative to F.
+    times the extent of the body.  Forces as small as the rounding in ``u``, or in the reactions,
+    which a strain beyond its limit makes large, count as zero.  The forces of a user's own energy
+    take part in all three.  ``tools`` has for each tool ``|F - int (sigma_tau - p nu) . d|`` with
+    its force F, relative to F.
 
     The radial forces on an axisymmetric body balance by symmetry, and have no resultant.  The force
     along the axis alone is balanced then, and ``moment`` is None.
@@ -90,7 +92,8 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     def norm(vector: FloatArray) -> float:
         return float(np.sqrt(state.sum(vector[:owned] ** 2)))
 
-    rounding, tolerance = state.system.force_rounding(), state.settings.tolerance
+    rounding = max(state.system.force_rounding(), ROUNDING * norm(reaction))
+    tolerance = state.settings.tolerance
     scale = max(norm(load), norm(elastic), rounding / tolerance) or 1.0
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
     total, magnitude, moment = [], 0.0, 0.0

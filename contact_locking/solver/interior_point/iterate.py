@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum
+from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.family import Direction, Family, Reaction
 from contact_locking.solver.interior_point.tangent import Tangent
 
@@ -131,9 +132,14 @@ class Iterate:
         """
         return max(family.primal_residual(deformation) for family in self.families)
 
-    def equilibrium_residual(self) -> float:
-        """The norm of the forces that displacement and multipliers leave unbalanced; collective."""
-        return self.tangent.residual_norm(Reaction.of(self.families))
+    def equilibrium_residual(self, scale: float, tolerance: float) -> float:
+        """What displacement and multipliers leave unbalanced, relative to ``scale``; collective.
+
+        What is below the rounding in the reactions counts as within the tolerance: a strain beyond
+        its limit makes these large beside loads and elastic forces.
+        """
+        left, reaction = self.tangent.residual_norms(Reaction.of(self.families))
+        return left / max(scale, ROUNDING * reaction / tolerance)
 
     def tool_residual(self) -> float:
         """The largest share of its force that a tool leaves unbalanced; collective."""

@@ -125,7 +125,7 @@ class InteriorPoint:
         finally:
             task.report.linear += self._tangent.take_iterations()
         if self.is_elastic:
-            unbalanced = self._tangent.residual_norm([])
+            unbalanced = self._tangent.residual_norms([])[0]
             task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
             task.report.duality_gap = 0.0
             return self.multipliers()
@@ -205,7 +205,7 @@ class InteriorPoint:
         energy = max(energy, self._tuning.locking_share * iterate.body_work())
         scale = max(tangent.force_scale, self._least_force)
         return Measures(
-            max(iterate.equilibrium_residual() / scale, iterate.tool_residual()),
+            max(iterate.equilibrium_residual(scale, tolerance), iterate.tool_residual()),
             iterate.primal_residual(strain * target.length),
             iterate.total_product() / max(energy, self._least_energy),
             self._friction_change,

@@ -32,7 +32,7 @@ def rests(task: Task, tangent: Tangent) -> bool:
     if not on_every_rank(tangent.comm, keeps):
         return False
     rounding = _ROUNDING * size_of_summands(tangent.elasticity, task.system.anchored)
-    return tangent.residual_norm([]) <= max(tolerance * tangent.acting, rounding)
+    return tangent.residual_norms([])[0] <= max(tolerance * tangent.acting, rounding)
 
 
 def size_of_summands(matrix: PETSc.Mat, displacement: FloatArray) -> float:

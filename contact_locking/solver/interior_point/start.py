@@ -29,7 +29,7 @@ class ElasticStart:
         push = self._set_springs()
         # The springs would shake a body without loads by their rounding.
         is_pushed = any(tool.pushes for tool in self._system.tools)
-        is_at_rest = not is_pushed and tangent.residual_norm([]) == 0.0
+        is_at_rest = not is_pushed and tangent.residual_norms([])[0] == 0.0
         if is_at_rest and self._is_admissible(0.0):
             return True
         self._moved, self._loaded = tangent.elastic_parts(tuning.start_accuracy, push)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -51,9 +52,9 @@ class Tangent:
         self.matrix.setNearNullSpace(self._near_nullspace)
         self.elasticity = petsc.assemble_matrix(compiled.form(elastic))
         self.elasticity.assemble()
-        vectors = [self.matrix.createVecRight() for _ in range(8)]
-        self._load, self._stretched, self._unbalanced, self._right = vectors[:4]
-        self._step, self._answer, self._whole, self._moved = vectors[4:]
+        self._vectors = [self.matrix.createVecRight() for _ in range(8)]
+        self._load, self._stretched, self._unbalanced, self._right = self._vectors[:4]
+        self._step, self._answer, self._whole, self._moved = self._vectors[4:]
         self._right_tools: FloatArray = np.zeros(len(system.tools))
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
@@ -81,13 +82,15 @@ class Tangent:
         self._refresh_border()
         self._step.set(0.0)
 
-    def residual_norm(self, reactions: Sequence[Reaction]) -> float:
+    def residual_norms(self, reactions: Sequence[Reaction]) -> tuple[float, float]:
         """``|a(u, .) + (Z, eps(.)) + int p v_nu - sigma_tau . v_tau - (f, .)|`` over free dofs.
 
-        ``u`` is the displacement visited last; collective.
+        Then that over held dofs: the reactions.  ``u`` was visited last; collective.
         """
-        self._find_residual(reactions)
-        return float(self._right.norm())
+        self._start_right(self._unbalanced, -1.0)
+        every = self._add(reactions)
+        left = float(self._right.norm())
+        return left, math.sqrt(max(every**2 - left**2, 0.0))
 
     def tool_residual(self, reactions: Sequence[Reaction]) -> float:
         """The largest ``|int (reactions) . d + F|/F`` of the tools with a force; collective."""
@@ -209,19 +212,7 @@ class Tangent:
         """Free the PETSc objects; collective."""
         self._linear.destroy()
         self._border.destroy()
-        for item in (
-            self.matrix,
-            self.elasticity,
-            self._near_nullspace,
-            self._load,
-            self._stretched,
-            self._unbalanced,
-            self._right,
-            self._step,
-            self._answer,
-            self._whole,
-            self._moved,
-        ):
+        for item in (self.matrix, self.elasticity, self._near_nullspace, *self._vectors):
             item.destroy()
 
     def _coarser_spaces(self) -> list[CoarserSpace]:
@@ -273,7 +264,8 @@ class Tangent:
         self._right.scale(sign)
         self._right_tools *= sign
 
-    def _add(self, reactions: Sequence[Reaction]) -> None:
+    def _add(self, reactions: Sequence[Reaction]) -> float:
+        """Add reactions to the right-hand side; its norm before that at held dofs is left out."""
         for reaction in reactions:
             reaction.add_to(self._right)
         if self.system.tools:
@@ -281,9 +273,11 @@ class Tangent:
             for reaction in reactions:
                 reaction.family.add_tool_forces(reaction.values, local)
             self._right_tools = self._right_tools + self.comm.allreduce(local)
+        every = float(self._right.norm())
         # PETSc keeps the norm of a vector until the array is given back.
         with self._right as right:
             right[:] = self.system.constraints.free_part(np.asarray(right))
+        return every
 
     def _solve_for(
         self, reactions: Sequence[Reaction], sign: float, accuracy: float, is_rough: bool = False
