@@ -52,6 +52,8 @@ _TURN = {
 _LEAST_SLOPE = 0.8
 # A gradient that is shorter than this share of the longest one is zero with rounding.
 _ROUNDING = 1e-10
+# Distances below this share of the coordinates are rounding.
+_TOUCH = 8.0 * float(np.finfo(float).eps)
 
 
 class Obstacle(Protocol):
@@ -179,6 +181,8 @@ class Tool:
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         body, points, comm = self.now, surface.points.T, self._site.comm
         gap = self._evaluated(body.gap, points)
+        # A tool that is back where it touched would press by the rounding of the coordinates.
+        gap = np.where(np.abs(gap) <= _TOUCH * maximum(comm, np.abs(points)), 0.0, gap)
         normals = self._evaluated(body.contact_normal, points).T
         if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
             raise InputError(_NOT_FINITE.get(self._shape, _TOO_FAR), self._key)
