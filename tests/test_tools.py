@@ -151,18 +151,24 @@ def test_a_gap_that_moves_has_the_control_values_of_quadratic_displacements() ->
     assert maximum(MPI.COMM_WORLD, np.abs(wanted - nodal)) > 1e-4
 
 
-def test_a_tool_that_is_back_where_it_touched_presses_nothing() -> None:
+BALL = {"centre": [0.0, 204.74], "radius": 134.82}
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        {"foundation": {"sphere": BALL, "motion": [0.0, "-0.028*sin(pi*t)"]}},
+        {"gap": "-0.028*sin(pi*t)"},
+    ],
+)
+def test_an_obstacle_that_is_back_where_it_touched_presses_nothing(obstacle: Any) -> None:
     """At t = 1 sin(pi*t) is 1e-16 and the distance from the ball 1e-14: both are rounding."""
-    ball = {"centre": [0.0, 204.74], "radius": 134.82}
     parameters = from_mapping(
         {
             "mesh": {"builder": "block", "dim": 2, "size": [93.311, 69.92], "h": 31.2},
             "material": {"elasticity": {"young": 2.1e5, "poisson": 0.45}},
             "loads": {"displacements": [{"on": "bottom", "value": [0.0, 0.0]}]},
-            "contact": {
-                "on": "top",
-                "foundation": {"sphere": ball, "motion": [0.0, "-0.028*sin(pi*t)"]},
-            },
+            "contact": {"on": "top"} | obstacle,
             "friction": {"coefficient": 0.5},
             "penalty": {"n": math.inf},
             "steps": {"times": [0.5, 1.0]},

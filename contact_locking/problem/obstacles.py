@@ -19,7 +19,7 @@ from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rota
 from contact_locking.laws.triangulated import TriangulatedSurface
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 from contact_locking.parameters import ContactParameters
-from contact_locking.problem.clock import Clock, is_timed
+from contact_locking.problem.clock import Clock, LargestSoFar, is_timed
 from contact_locking.problem.coefficients import evaluate
 from contact_locking.problem.plausibility import about_the_distance, about_the_size
 from contact_locking.problem.surface import ContactSurface
@@ -89,7 +89,10 @@ class Obstacle(Protocol):
 
 
 class GivenGap:
-    """A gap along the outward normal of the body, as a number or an expression."""
+    """A gap along the outward normal of the body, as a number or an expression.
+
+    With the time, gaps that are small beside earlier ones are zero with rounding.
+    """
 
     moves = False
 
@@ -97,10 +100,13 @@ class GivenGap:
         self._comm, self._gap, self._clock = comm, given.gap, clock
         self._key = f"{given.key}.gap"
         self.is_timed = is_timed(parse(given.gap, (*AXES, TIME), tables=clock.tables))
+        self._so_far = LargestSoFar()
 
     def gap(self, x: FloatArray) -> FloatArray:
         clock = self._clock
-        return evaluate(self._comm, self._gap, x, self._key, time=clock.now, tables=clock.tables)
+        found = evaluate(self._comm, self._gap, x, self._key, time=clock.now, tables=clock.tables)
+        is_zero = self.is_timed and self._so_far.hides(maximum(self._comm, np.abs(found)))
+        return np.zeros_like(found) if is_zero else found
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         return self.gap(surface.points.T), surface.body_normals()
