@@ -58,6 +58,18 @@ def test_what_is_left_unsolved_says_so_and_how_much_friction_has_a_solution(file
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "file", sorted(Path(__file__).with_name("unsolved").glob("processes/*.yml"))
+)
+def test_an_unsolved_process_ends_with_a_step_that_says_so(file: Path) -> None:
+    *before, last = solving.solve_steps(study_file.load(file).parameters, MPI.COMM_SELF)
+    assert before
+    assert all(found.converged for found in before)
+    assert not last.converged
+    assert "a solution was found with" in last.summary["reason"]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("file", sorted(Path(__file__).with_name("wedged").glob("*.yml")))
 def test_forces_that_grow_are_found_with_penalties_that_are_soft_enough(file: Path) -> None:
     """With stiffer penalties these problems are not solved."""
