@@ -40,7 +40,7 @@ class Search:
         before = iterate.mean_product()
         after = iterate.mean_product_after(t, affine)
         centring = min(1.0, max(after / before, 0.0)) ** 3
-        if self._last_length >= tuning.long_enough:
+        if self._last_length >= tuning.bolder_after:
             centring *= tuning.bolder
         target = self._limited(centring, measures) * before
         # 5. The corrector.

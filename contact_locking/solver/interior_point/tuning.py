@@ -35,7 +35,7 @@ class Tuning:
 
     # The start.
     #: The complementarity products at the start over the density of the elastic energy, > 0.
-    start_level: float = 0.1
+    start_level: float = 0.03
     #: The share of the loads' displacement that the start keeps, in (0, 1], so that few cells are
     #: far beyond their limit.
     start_load: float = 0.001
@@ -86,8 +86,9 @@ class Tuning:
     #: A predictor that goes this far, in (0, 1], is trusted with Mehrotra's second-order terms in
     #: full; shorter ones in proportion, as terms of a direction that leads nowhere mislead.
     trusted_length: float = 1.0 / 3.0
-    #: After a step that was :attr:`long_enough` the products aimed at are smaller by this factor,
-    #: in (0, 1]: what makes predictors short does not always make steps short.
+    #: After a step of this length, in (0, 1], the products aimed at are smaller by the factor
+    #: :attr:`bolder`, in (0, 1]: what makes predictors short does not always make steps short.
+    bolder_after: float = 0.85
     bolder: float = 0.3
     #: The products aimed at may grow by this factor, > 1, where the duality gap is below its
     #: tolerance.
