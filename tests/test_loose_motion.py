@@ -53,6 +53,23 @@ def test_a_pull_that_exceeds_the_friction_is_refused_in_any_unit(unit: float) ->
     assert "friction cannot hold the body" in found.summary["reason"]
 
 
+@pytest.mark.parametrize(("friction", "what"), [(0.5, "friction"), (0.0, "contact")])
+def test_a_body_that_its_support_leads_off_the_foundation_is_refused(
+    friction: float, what: str
+) -> None:
+    """At t = 1 nothing presses any more, and the pull leads along the rollers and up."""
+    loads = {
+        "tractions": [{"on": "top", "value": [0.002, "-(0.02*sin(pi*t))"]}],
+        "supports": [{"on": "left", "along": [1.0, -0.3]}],
+    }
+    data = _block(loads, friction=friction) | {"steps": {"times": [0.5, 1.0]}}
+    *_, before, last = solving.solve_steps(Parameters.model_validate(data))
+    assert before.converged
+    assert not last.converged
+    assert f"{what} cannot hold the body" in last.summary["reason"]
+    assert "translation along x and y" in last.summary["reason"]
+
+
 @pytest.mark.parametrize("unit", [1e-20, 1.0])
 def test_a_pull_below_the_friction_is_held(unit: float) -> None:
     found = _solution(_block(_pulled(0.003, 0.00915, unit)))

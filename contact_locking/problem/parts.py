@@ -106,17 +106,18 @@ def describe_slide(
     """
     for number in range(len(domain.part_names)):
         found = _Motions(domain, space, data, constraints, number)
+        if not found.of_body:
+            continue
         slides = sliding_motions(found.normals)
         push = slides @ (slides.T @ found.work)
-        if not np.any(push):
-            continue
         taken = domain.comm.allreduce(sum(item.taken(push) for item in found.at_contacts))
         moves: FloatArray | None = push
         if not float(push @ found.work) > taken:
             moves = found.unheld()
         if moves is not None:
             motion = describe_motion(found.free @ moves, domain.dim)
-            return f"friction cannot hold the body, which is free to move (rigid motion: {motion})"
+            what = "friction" if found.rubs.any() else "contact"
+            return f"{what} cannot hold the body, which is free to move (rigid motion: {motion})"
     return None
 
 

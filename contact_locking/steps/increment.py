@@ -193,7 +193,7 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
     problem, report, target, body = state.problem, state.report, state.target, state.body
     domain, data, u = problem.domain, problem.data, problem.u
     slide = None
-    if problem.sliding and not report.converged:
+    if problem.free and not report.converged:
         slide = describe_slide(domain, u.function_space, data, problem.constraints)
     if slide is None and data.tools and problem.free and not report.converged:
         slide = describe_loose(domain, u.function_space, data, problem.constraints)

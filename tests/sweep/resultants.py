@@ -1,7 +1,8 @@
-"""Whether forces that press and rub can balance the loads of a block that nothing else holds.
+"""Whether forces that press and rub can balance the loads of a block that little else holds.
 
 An argument from the parameters: pressures p >= 0 and tractions |sigma_tau| <= mu |R p| at the nodes
-of the foundation have three resultants, which balance those of the loads.  It is a linear programme
+of the foundation, and forces of any size along the direction of a support on the left, have three
+resultants, which balance those of the loads.  It is a linear programme
 that knows neither displacement nor material.  Only R is the program's.
 """
 
@@ -23,14 +24,18 @@ _CERTAIN = 1e-3
 
 
 def cannot_balance(study: Study, time: float) -> bool:
-    """Whether no forces of the foundation balance the tractions at a time.
+    """Whether no forces of foundation and supports balance the tractions at a time.
 
-    False for anything but a plane block on one foundation with tractions on top and right alone.
+    False for anything but a plane block on one foundation with tractions on top and right, and with
+    supports on the left.
     """
     mesh, loads, contacts = study["mesh"], study["loads"], study["contact"]
-    if set(loads) != {"tractions"} or len(contacts) != 1 or mesh.get("axisymmetric"):
+    if "tractions" not in loads or not set(loads) <= {"tractions", "supports"}:
+        return False
+    if len(contacts) != 1 or mesh.get("axisymmetric"):
         return False
     width, height = mesh["size"]
+    supported = _supported(loads.get("supports", []))
     sides = {
         "top": (width, np.array([0.5 * width, height])),
         "right": (height, np.array([width, 0.5 * height])),
@@ -49,25 +54,28 @@ def cannot_balance(study: Study, time: float) -> bool:
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
     smoothing = np.column_stack([contact.friction.smoothing.apply(row) for row in np.eye(count)])
     # The unknowns: forces along the normals (which press the body the other way) and along the
-    # tangents at the nodes, and what is left of the three resultants, either way.
+    # tangents at the nodes, forces of the supports at both ends of the left side, which stand for
+    # those between, and what is left of the three resultants, either way.
     weights = _weights(points[:, 0])
     balance = np.hstack(
         [
             _resultants(-normals, points / height),
             _resultants(tangents, points / height),
+            _resultants(supported, np.tile([[0.0, 0.0], [0.0, 1.0]], (len(supported) // 2, 1))),
             np.eye(3),
             -np.eye(3),
         ]
     )
     taken = study["friction"]["coefficient"] * weights[:, None] * smoothing / weights[None, :]
-    rest = np.zeros((count, 6))
+    free = count + len(supported)
+    rest = np.zeros((count, len(supported) + 6))
     found = linprog(
-        np.append(np.zeros(2 * count), np.ones(6)),
+        np.append(np.zeros(count + free), np.ones(6)),
         A_ub=np.vstack([np.hstack([-taken, sign * np.eye(count), rest]) for sign in (1.0, -1.0)]),
         b_ub=np.zeros(2 * count),
         A_eq=balance,
         b_eq=-load / max(size, 1e-300),
-        bounds=[(0, None)] * count + [(None, None)] * count + [(0, None)] * 6,
+        bounds=[(0, None)] * count + [(None, None)] * free + [(0, None)] * 6,
     )
     return bool(found.status == 0 and found.fun > _CERTAIN)
 
@@ -76,6 +84,15 @@ def _resultants(forces: FloatArray, places: FloatArray) -> FloatArray:
     """The force and the moment (3, k) of forces (k, 2)."""
     moment = places[:, 0] * forces[:, 1] - places[:, 1] * forces[:, 0]
     return np.vstack([forces.T, moment])
+
+
+def _supported(supports: list[Study]) -> FloatArray:
+    """The direction of each support on the left, twice."""
+    assert all(support["on"] == "left" for support in supports)
+    along = [
+        [1.0, 0.0] if support["along"] == "normal" else support["along"] for support in supports
+    ]
+    return np.repeat(np.array(along, dtype=float).reshape(-1, 2), 2, axis=0)
 
 
 def _normals(contact: Study, points: FloatArray) -> FloatArray:
