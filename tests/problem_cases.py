@@ -217,6 +217,28 @@ SOLVED: dict[str, Case] = {
         ),
         _HELD,
     ),
+    # Friction that only one of several starts finds.
+    "friction that falls steeply with the slip": Case(
+        study(
+            _block(1.0, 1.0, h=0.2, structured=True),
+            _pulled(0.0336245, -0.064959333),
+            limit=0.04905,
+            gap=0.004905,
+            friction="0.3 - 0.25*s/(s + 0.0003437)",
+            smoothing=_smoothed("helmholtz"),
+        ),
+        _HELD,
+    ),
+    "local friction in a locked cube": Case(
+        study(
+            _cube(0.4),
+            _pulled(1.70234, -0.659051, -10.2197734),
+            limit=0.0001946,
+            friction=0.2,
+            smoothing=_smoothed("none"),
+        ),
+        _HELD,
+    ),
     # Scales far apart.
     "epsilon much larger than what friction starts from": Case(
         _with_regions(
