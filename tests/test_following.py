@@ -195,6 +195,6 @@ def test_the_last_step_is_balanced_from_rest_however_large_the_step_before(
         return balance(self, direction, t, accuracy)
 
     monkeypatch.setattr(Iterate, "balanced", noted)
-    monkeypatch.setattr(Search, "_linear_accuracy", lambda self, measures: 1e-7)
+    monkeypatch.setattr(Search, "_linear_accuracy", lambda self, measures: 5e-9)
     assert _solved().summary["iterations"]["tangents"] < 20
     assert count

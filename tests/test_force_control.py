@@ -142,6 +142,9 @@ def test_a_tool_reaches_a_body_that_moves_away() -> None:
 
 # The same by other ways.
 
+# Duality gaps of 1e-8 of the energy allow differences of 1e-4 in the norm of the energy.
+SAME = 1e-5
+
 
 @pytest.mark.parametrize("n", [1e3, math.inf])
 def test_the_found_travel_gives_the_same_state_as_a_foundation_that_stands_there(n: float) -> None:
@@ -152,9 +155,9 @@ def test_the_found_travel_gives_the_same_state_as_a_foundation_that_stands_there
     fixed = solved(pressed(still, n))
     # Friction acts along the foundation, which has not moved along itself.
     u, w = (found.displacement.x.array for found in (pushed, fixed))
-    assert np.abs(u - w).max() <= 1e-6 * np.abs(w).max()
+    assert np.abs(u - w).max() <= SAME * np.abs(w).max()
     for key in ("contact_force", "friction_force"):
-        assert pushed.summary[key] == pytest.approx(fixed.summary[key], rel=1e-5, abs=1e-8)
+        assert pushed.summary[key] == pytest.approx(fixed.summary[key], rel=SAME, abs=1e-8)
 
 
 def test_newton_and_the_interior_point_method_agree() -> None:
@@ -176,7 +179,7 @@ def test_an_iterative_solver_finds_the_same_travel() -> None:
         solved(pressed(tool([0.0, -0.03]), solver__linear=linear))
         for linear in ("direct", "iterative")
     )
-    assert told(iterative)["travel"] == pytest.approx(told(direct)["travel"], rel=1e-7)
+    assert told(iterative)["travel"] == pytest.approx(told(direct)["travel"], rel=SAME)
 
 
 def test_units_do_not_matter() -> None:
