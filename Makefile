@@ -53,10 +53,11 @@ peers: ## solve the same problems by GetFEM, Clarabel and others (five minutes):
 	CONTACT_LOCKING_PACKAGES=benchmarks/peers/debian-packages.txt ./in-env python3 benchmarks/peers/run.py
 
 SEEDS = 20
+FIRST = 0
 FAMILIES =
 JOBS = 2
-sweep: ## solve and judge random problems of many families (SEEDS=20 FAMILIES= JOBS=2): results/sweep
-	./in-env env PYTHONPATH=tests OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --jobs $(JOBS) \
+sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2): results/sweep
+	./in-env env PYTHONPATH=tests OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --first $(FIRST) --jobs $(JOBS) \
 		--families $(FAMILIES)
 
 verification: ## solve the problems with known answers and write docs/verification.md
