@@ -11,7 +11,10 @@ from contact_locking.monitor import Monitor
 
 
 class Stopwatch(Monitor):
-    """The CPU time of the nonlinear solve alone, from its first stage to the derived fields."""
+    """The CPU time of the nonlinear solve alone, from its first stage to the derived fields.
+
+    The first message after the first stage says that the fields are computed.  Warnings follow it.
+    """
 
     def __init__(self) -> None:
         self._began = self._ended = math.nan
@@ -21,22 +24,20 @@ class Stopwatch(Monitor):
         return self._ended - self._began
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        if index == 1:
-            self._began = time.process_time()
+        if math.isnan(self._began):
+            self._began = self._now()
 
     def message(self, text: str) -> None:
-        self._ended = time.process_time()
+        if math.isnan(self._ended) and not math.isnan(self._began):
+            self._ended = self._now()
+
+    def _now(self) -> float:
+        return time.process_time()
 
 
 class WallClock(Stopwatch):
     """The nonlinear solve alone on all ranks, by the clock on the wall."""
 
-    def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        if math.isnan(self._began):
-            MPI.COMM_WORLD.Barrier()
-            self._began = time.perf_counter()
-
-    def message(self, text: str) -> None:
-        if math.isnan(self._ended) and not math.isnan(self._began):
-            MPI.COMM_WORLD.Barrier()
-            self._ended = time.perf_counter()
+    def _now(self) -> float:
+        MPI.COMM_WORLD.Barrier()
+        return time.perf_counter()
