@@ -97,7 +97,8 @@ def test_a_share_of_a_recentring_is_that_share_of_the_way_to_its_step(
         locking.aim(0.2, correction + share * change)
         return locking.step(plain_strain + share * (full_strain - plain_strain))
 
-    expected, found = step(share), step(0.0).towards(step(1.0), share)
+    start, end = step(0.0), step(1.0)
+    expected, found = step(share), start.plus(end.plus(start, -1.0), share)
     np.testing.assert_allclose(found.primal, expected.primal, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found.dual, expected.dual, rtol=1e-9, atol=1e-9)
 

@@ -207,3 +207,25 @@ def test_a_preserved_system_gets_its_displacement_and_bound_back(
 )
 def test_a_rigid_motion_is_told_in_words(motion: list[float], dim: int, words: str) -> None:
     assert describe_motion(np.array(motion, dtype=float), dim) == words
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_matrix_shared_with_dolfinx_has_the_values_of_one_of_petsc(dim: int) -> None:
+    parameters = block(dim, 0.2 if dim == 2 else 0.5, penalty__n=50.0, penalty__epsilon=0.1)
+    made, system = _system(parameters)
+    plain, shared = system.create_matrix(), system._tangent.create_shared_matrix()
+    x = plain.createVecRight()
+    # Twice, as the second assembly must forget the first.
+    for size in (0.3, 0.01):
+        _rough_state(made, size)
+        system.displacement(x)
+        for matrix in (plain, shared):
+            system.tangent(x, matrix)
+        difference = shared.copy()
+        difference.axpy(-1.0, plain)
+        assert difference.norm() <= 1e-14 * plain.norm()
+        difference.destroy()
+    assert shared.getBlockSize() == dim
+    for item in (x, plain, shared):
+        item.destroy()

@@ -15,12 +15,15 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.problem import compiled
+
+# By this name a PETSc matrix keeps the matrix of DOLFINx whose arrays it shares.
+_SHARED = "shared_with_dolfinx"
 
 
 def by_space(form: ufl.Form) -> list[ufl.Form]:
@@ -70,6 +73,22 @@ class JointForm:
         """A matrix with the sparsity of the first part, the cells' integrals; collective."""
         return petsc.create_matrix(self._forms[0], kind)
 
+    def create_shared_matrix(self) -> PETSc.Mat:
+        """The same on one rank, stored entry by entry, with the arrays of a matrix of DOLFINx.
+
+        DOLFINx assembles into its own matrix as fast as into one in blocks, which a factorisation
+        would have to copy.
+        """
+        shared = fem.create_matrix(self._forms[0], block_mode=la.BlockMode.expanded)
+        starts = shared.indptr.astype(PETSc.IntType)
+        size, components = len(starts) - 1, self._forms[0].function_spaces[0].dofmap.index_map_bs
+        matrix = PETSc.Mat().createAIJWithArrays(
+            (size, size), (starts, shared.indices, shared.data), comm=PETSc.COMM_SELF
+        )
+        matrix.setBlockSize(components)
+        matrix.setAttr(_SHARED, shared)
+        return matrix
+
     def assemble_vector(self, values: FloatArray) -> None:
         """Add the linear form to the local values, without those of other ranks."""
         for form in self._forms:
@@ -78,13 +97,17 @@ class JointForm:
     def assemble_matrix(self, matrix: PETSc.Mat, conditions: Sequence[fem.DirichletBC]) -> None:
         """Set a matrix, with the identity at the conditions of displacements; collective."""
         matrix.zeroEntries()
+        shared = matrix.getAttr(_SHARED)
         for number, (part, form) in enumerate(zip(self._parts, self._forms, strict=True)):
             fixed = list(conditions)
             if number > 0:
                 fixed = _fixed(part.arguments()[0].ufl_function_space(), conditions)
                 # The identity was inserted last, and now values are added.
                 matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
-            petsc.assemble_matrix(matrix, form, bcs=fixed)
+            if shared is None:
+                petsc.assemble_matrix(matrix, form, bcs=fixed)
+            else:
+                fem.assemble_matrix(shared, form, fixed)
         matrix.assemble()
 
 

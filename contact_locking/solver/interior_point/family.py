@@ -34,10 +34,6 @@ class Step:
         """The step plus ``share`` times the other."""
         return Step(self.primal + share * other.primal, self.dual + share * other.dual)
 
-    def towards(self, other: Step, share: float) -> Step:
-        """``(1 - share)`` times this step plus ``share`` times the other."""
-        return self.plus(other.plus(self, -1.0), share)
-
 
 class Family(ABC):
     """Cones of one kind at k points with weights: everything that the method needs of them.
@@ -262,10 +258,6 @@ class Direction:
             self.displacement + share * other.displacement,
             {family: step.plus(other.steps[family], share) for family, step in self.steps.items()},
         )
-
-    def towards(self, other: Direction, share: float) -> Direction:
-        """``(1 - share)`` times this direction plus ``share`` times the other."""
-        return self.plus(other.plus(self, -1.0), share)
 
 
 @dataclass(frozen=True)

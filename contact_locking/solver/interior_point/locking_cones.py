@@ -81,22 +81,20 @@ class LockingCones(LorentzCones):
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         self._aim = self._scaling.aim(target, correction)
-        return -(self.z[1:] + self._step(None).dual[1:])
+        reactions = np.empty_like(self.z[1:])
+        self._eliminated("locking_reactions", self.z, reactions)
+        return reactions
 
     def step(self, seen: FloatArray) -> Step:
-        return self._step(seen)
-
-    def _step(self, seen: FloatArray | None) -> Step:
-        """The step for the step of ``L eps`` (m, k), None for none.
-
-        ``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated.
-        """
         dx, dz = np.empty_like(self.x), np.empty_like(self.x)
-        scaling, given = self._scaling, (self._aim, self._gap, seen)
-        self._lorentz.call(
-            "locking_step", *dx.shape, self.compliance, scaling.eta, scaling.w, *given, dx, dz
-        )
+        self._eliminated("locking_step", seen, dx, dz)
         return Step(dx, dz)
+
+    def _eliminated(self, function: str, *arguments: FloatArray) -> None:
+        """``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated, in C."""
+        scaling, known = self._scaling, (self._aim, self._gap)
+        how = self.compliance, scaling.eta, scaling.w
+        self._lorentz.call(function, *self.x.shape, *how, *known, *arguments)
 
     # The tangent.
 

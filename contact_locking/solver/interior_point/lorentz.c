@@ -200,6 +200,20 @@ double lorentz_total(int rows, long count, double t, const double *restrict weig
   return total;
 }
 
+/* The first row of dz, and what W^-2 takes along w, where dot is w . dx without the first row. */
+static inline void eliminate(long n, double compliance, const double *eta, const double *w_0,
+                             const double *b_0, const double *gap_0, const double *dot,
+                             double *dz_0, double *stiffness, double *along)
+{
+  FOR_CONES
+  {
+    double d = 1.0 / (eta[j] * eta[j]), d_00 = (2.0 * w_0[j] * w_0[j] - 1.0) * d;
+    dz_0[j] = (b_0[j] - d_00 * gap_0[j] + 2.0 * d * w_0[j] * dot[j]) / (1.0 + compliance * d_00);
+    stiffness[j] = d;
+    along[j] = 2.0 * (dot[j] - w_0[j] * (gap_0[j] + compliance * dz_0[j]));
+  }
+}
+
 void locking_step(int rows, long count, double compliance, const double *restrict eta,
                   const double *restrict w, const double *restrict b, const double *restrict gap,
                   const double *restrict strain, double *restrict dx, double *restrict dz)
@@ -209,20 +223,30 @@ void locking_step(int rows, long count, double compliance, const double *restric
     double dot[CHUNK] = {0.0}, stiffness[CHUNK], along[CHUNK];
     FOR_ROWS(1) FOR_CONES
     {
-      ROW(dx, i)[j] = ROW(gap, i)[j] + (strain ? ROW(strain, i - 1)[j] : 0.0);
+      ROW(dx, i)[j] = ROW(gap, i)[j] + ROW(strain, i - 1)[j];
       dot[j] += ROW(w, i)[j] * ROW(dx, i)[j];
     }
-    FOR_CONES
-    {
-      double w_0 = ROW(w, 0)[j], d = 1.0 / (ROW(eta, 0)[j] * ROW(eta, 0)[j]);
-      double d_00 = (2.0 * w_0 * w_0 - 1.0) * d;
-      ROW(dz, 0)[j] = (ROW(b, 0)[j] - d_00 * ROW(gap, 0)[j] + 2.0 * d * w_0 * dot[j])
-                      / (1.0 + compliance * d_00);
-      ROW(dx, 0)[j] = ROW(gap, 0)[j] + compliance * ROW(dz, 0)[j];
-      stiffness[j] = d;
-      along[j] = 2.0 * (dot[j] - w_0 * ROW(dx, 0)[j]);
-    }
+    eliminate(n, compliance, ROW(eta, 0), ROW(w, 0), ROW(b, 0), ROW(gap, 0), dot, ROW(dz, 0),
+              stiffness, along);
+    FOR_CONES ROW(dx, 0)[j] = ROW(gap, 0)[j] + compliance * ROW(dz, 0)[j];
     FOR_ROWS(1) FOR_CONES
       ROW(dz, i)[j] = ROW(b, i)[j] - stiffness[j] * (ROW(dx, i)[j] + along[j] * ROW(w, i)[j]);
+  }
+}
+
+void locking_reactions(int rows, long count, double compliance, const double *restrict eta,
+                       const double *restrict w, const double *restrict b,
+                       const double *restrict gap, const double *restrict z,
+                       double *restrict reactions)
+{
+  FOR_CHUNKS
+  {
+    double dot[CHUNK] = {0.0}, dz_0[CHUNK], stiffness[CHUNK], along[CHUNK];
+    FOR_ROWS(1) FOR_CONES dot[j] += ROW(w, i)[j] * ROW(gap, i)[j];
+    eliminate(n, compliance, ROW(eta, 0), ROW(w, 0), ROW(b, 0), ROW(gap, 0), dot, dz_0,
+              stiffness, along);
+    FOR_ROWS(1) FOR_CONES
+      ROW(reactions, i - 1)[j] = stiffness[j] * (ROW(gap, i)[j] + along[j] * ROW(w, i)[j])
+                                 - ROW(b, i)[j] - ROW(z, i)[j];
   }
 }

@@ -34,3 +34,7 @@ double lorentz_total(int rows, long count, double t, const double *weights, cons
 void locking_step(int rows, long count, double compliance, const double *eta, const double *w,
                   const double *b, const double *gap, const double *strain, double *dx,
                   double *dz);
+
+/* The rows of -(z + dz) below the first, with the dz of locking_step for a strain of zero. */
+void locking_reactions(int rows, long count, double compliance, const double *eta, const double *w,
+                       const double *b, const double *gap, const double *z, double *reactions);

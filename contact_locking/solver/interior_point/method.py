@@ -12,7 +12,7 @@ back-substitutions more than one with known bounds.
    the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
-4. Predictor: the direction towards products of zero.
+4. Predictor: the direction towards products of zero; it foresees the step of the friction bound.
 5. Corrector: the direction towards the products that the predictor makes likely, with its
    second-order terms (Mehrotra, doi:10.1137/0802028).
 6. Friction bound: its step that agrees with the direction, and the direction with that.

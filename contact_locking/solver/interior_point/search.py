@@ -28,7 +28,7 @@ class Search:
     ) -> None:
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
-        self._last_length = 0.0
+        self._last_length, self._bounds_contract = 0.0, False
 
     def step(self, measures: Measures) -> tuple[Direction, float]:
         """The step to take and its length; collective."""
@@ -43,9 +43,11 @@ class Search:
         if self._last_length >= tuning.bolder_after:
             centring *= tuning.bolder
         target = self._limited(centring, measures) * before
+        bound_step = BoundStep(self._bounds, iterate.tangent, tuning, self._bounds_contract)
+        if measures.gap > tuning.foreseen_above:
+            bound_step.foresee(affine)
         # 5. The corrector.
         corrections = iterate.corrections(affine, min(1.0, t / tuning.trusted_length))
-        bound_step = BoundStep(self._bounds, iterate.tangent, tuning)
         # 6. The friction bound.
         best = self._with_bounds(bound_step, target, corrections)
         t = self._length(best)
@@ -62,6 +64,7 @@ class Search:
         if self._bounds and bound_step.misses(best) > tuning.bound_missed:
             best = self._with_bounds(bound_step, target, corrections, best)
             t = self._length(best)
+        self._bounds_contract = bound_step.contracts
         best, self._last_length = self._balanced(best, t, measures)
         return best, self._last_length
 
@@ -133,8 +136,9 @@ class Search:
         that a share of the way needs no solve.
         """
         candidate, share, length = recentred, 1.0, self._length(recentred)
+        change = recentred.plus(direction, -1.0)
         for smaller in self._tuning.recentring_shares:
-            trial = direction.towards(recentred, smaller)
+            trial = direction.plus(change, smaller)
             longer = self._length(trial)
             if not longer > length:
                 break
@@ -145,7 +149,7 @@ class Search:
         self, bound_step: BoundStep, direction: Direction, target: float, corrections: Corrections
     ) -> Direction:
         """The direction with the steps of the friction bounds that agree with it; collective."""
-        if not self._bounds:
+        if not self._bounds or bound_step.agrees(direction):
             return direction
         change = bound_step.adapt(direction)
         # Responses to the friction bound are rough where an iterative solver finds them.

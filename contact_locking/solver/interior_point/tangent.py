@@ -17,6 +17,7 @@ from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.stiff_families import StiffFamilies
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
+from contact_locking.solver.linear.ksp import is_direct
 from contact_locking.solver.linear.multigrid import CoarserSpace
 from contact_locking.solver.linear.storage import IN_BLOCKS
 from contact_locking.solver.linear.tangent_solver import TangentSolver
@@ -47,7 +48,11 @@ class Tangent:
         elastic = forms.elastic_form(du, v, data)
         terms = [family.tangent_term(v, du) for family in families]
         self._form = JointForm(sum(terms, start=elastic))
-        self.matrix = self._form.create_matrix(IN_BLOCKS)
+        # In blocks products are fast, but a factorisation needs none.
+        if self.comm.size == 1 and is_direct(task.settings.linear, system.dim, system.size):
+            self.matrix = self._form.create_shared_matrix()
+        else:
+            self.matrix = self._form.create_matrix(IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
         self.elasticity = petsc.assemble_matrix(compiled.form(elastic))

@@ -106,6 +106,15 @@ class Tuning:
     #: The residual of the linear system for the step of the bound, relative, in (0, 1).  A smaller
     #: one saves no tangents.
     bound_rtol: float = 1e-2
+    #: Steps of the bound contract if the first iteration leaves this share of the residual at most,
+    #: in (0, 1).
+    bound_contracts: float = 0.2
+    #: Where they contract and the duality gap is above this, > 0, the predictor foresees the step
+    #: of the bound.
+    foreseen_above: float = 1e-5
+    #: The residual that is then enough, relative to the step foreseen, in (0, 1): what is left
+    #: shrinks by itself in the next steps.
+    bound_rtol_foreseen: float = 0.1
     #: The most iterations for that step, >= 1.
     bound_iterations: int = 30
     #: A step takes away this share of the bound at most, in (0, 1), so that it stays positive.

@@ -21,7 +21,13 @@ class Unblocked:
         self._copy: PETSc.Mat | None = None
 
     def of(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """The same matrix for all matrices of one pattern, with the values of this; collective."""
+        """The same matrix for all matrices of one pattern, with the values of this; collective.
+
+        On one rank a matrix that is stored by entry is that itself.
+        """
+        if matrix.getType() == PETSc.Mat.Type.SEQAIJ:
+            matrix.setOption(PETSc.Mat.Option.SPD, True)
+            return matrix
         if self._copy is None:
             self._copy = matrix.convert(BY_ENTRY, PETSc.Mat())
             self._copy.setNearNullSpace(matrix.getNearNullSpace())
