@@ -222,14 +222,15 @@ def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.Mon
     assert max(counts) > 0
 
 
+@pytest.mark.parametrize(("dim", "divisions"), [(2, 12), (3, 4)])
 def test_projection_of_quadratic_elements_bears_any_contrast(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, dim: int, divisions: int
 ) -> None:
-    _project_everything(monkeypatch, 2)
+    _project_everything(monkeypatch, dim)
     counts = _count_iterations(monkeypatch)
     direct, projected = (
         solving.solve(
-            block(2, 1 / 12, mesh__structured=True, penalty__n=math.inf,
+            block(dim, 1 / divisions, mesh__structured=True, penalty__n=math.inf,
                   discretisation__degree=2, solver__linear=linear)
         )
         for linear in ("direct", "iterative")

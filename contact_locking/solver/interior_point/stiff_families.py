@@ -21,18 +21,21 @@ from contact_locking.solver.linear.storage import stacked
 class StiffFamilies:
     """The points of families that are stiffer than a material by the factors of the tuning.
 
-    ``material`` is the stiffness of the material, and ``constraints`` are those of the body.
+    ``material`` is the stiffness of the material, ``constraints`` are those of the body, and
+    ``degree`` is that of its elements.
     """
 
     families: Sequence[Family]
     tuning: Tuning
     material: float
     constraints: Constraints
+    degree: int
 
     def of(self, matrix: PETSc.Mat, assemble: Callable[[PETSc.Mat], None]) -> StiffPart:
         """What of ``matrix`` is stiff; ``assemble`` assembles the blocks as written; collective."""
         stiff, nearly = self.tuning.stiff, self.tuning.nearly_stiff
-        along = self.tuning.stiff_along
+        is_linear = self.degree == 1
+        along = self.tuning.stiff_along if is_linear else self.tuning.stiff_along_quadratic
 
         def assemble_rest(rest: PETSc.Mat) -> None:
             for family in self.families:

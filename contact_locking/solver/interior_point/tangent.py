@@ -38,9 +38,9 @@ class Tangent:
     def __init__(self, task: Task, families: Sequence[Family], tuning: Tuning) -> None:
         self.system, self.comm = task.system, task.system.comm
         self.families, self._tolerance = families, task.settings.tolerance
-        stiffness, constraints = task.target.stiffness, task.system.constraints
-        self._stiff = StiffFamilies(families, tuning, stiffness, constraints)
         system, data = task.system, task.system.data
+        stiffness, degree = task.target.stiffness, data.element.degree
+        self._stiff = StiffFamilies(families, tuning, stiffness, system.constraints, degree)
         space = system.u.function_space
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self.energy = self.force_scale = self.acting = 0.0

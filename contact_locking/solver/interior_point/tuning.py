@@ -84,6 +84,8 @@ class Tuning:
     #: takes.  Each has a row in the matrix that is factorised for it; below, multigrid does with
     #: the contrast.
     stiff_along: float = 300.0
+    #: The same for quadratic elements, of which relaxation smooths less.
+    stiff_along_quadratic: float = 10.0
 
     # Predictor and corrector.
     #: A predictor that goes this far, in (0, 1], is trusted with Mehrotra's second-order terms in
