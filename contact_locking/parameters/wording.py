@@ -45,7 +45,7 @@ def show(value: Any) -> str:
             huge = isinstance(value, int) and abs(value) >= 10**20
             text = "a huge integer" if huge else str(value).removesuffix(".0")
         case list() | tuple():
-            text = f"[{', '.join(map(_entry, value[:10]))}{', ...' * (len(value) > 10)}]"
+            text = f"[{', '.join(map(entry, value[:10]))}{', ...' * (len(value) > 10)}]"
         case dict() if value:
             text = f"a mapping with the keys {', '.join(map(str, list(value)[:10]))}"
         case dict():
@@ -59,8 +59,8 @@ def show(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def _entry(value: Any) -> str:
-    """An entry of a list: a name is without quotes there, as in a study file."""
+def entry(value: Any) -> str:
+    """A value as an entry of a list: a name is without quotes there, as in a study file."""
     plain = isinstance(value, str) and _PLAIN.fullmatch(value) and value.lower() not in _WORDS
     return value if plain else show(value)
 
