@@ -16,7 +16,7 @@ from petsc4py import PETSc
 from problems import SMALL_BLOCK
 
 from contact_locking import from_mapping, solve
-from contact_locking.command import cli
+from contact_locking.command import cli, commands
 from contact_locking.errors import NotConverged, interrupt_behind, raise_interrupt
 from contact_locking.monitor import Monitor
 from contact_locking.studies.signals import Stopped
@@ -87,7 +87,7 @@ def test_an_interrupt_behind_an_error_that_nobody_expects_is_told_as_such(
     def fail(*_: Any) -> int:
         raise RuntimeError("a callback failed") from KeyboardInterrupt()
 
-    monkeypatch.setitem(cli.commands.COMMANDS, "schema", fail)
+    monkeypatch.setitem(commands.COMMANDS, "schema", fail)
     assert cli.main(["schema"]) == 130
     assert capsys.readouterr().err == "interrupted\n"
 
