@@ -41,9 +41,10 @@ def show(value: Any) -> str:
             return ".nan"
         case float() if math.isinf(value):
             return ".inf" if value > 0 else "-.inf"
-        case int() | float():
-            huge = isinstance(value, int) and abs(value) >= 10**20
-            text = "a huge integer" if huge else str(value).removesuffix(".0")
+        case int():
+            text = "a huge integer" if abs(value) >= 10**20 else str(value)
+        case float():
+            text = _without_zeros(str(value).removesuffix(".0"))
         case list() | tuple():
             text = f"[{', '.join(map(entry, value[:10]))}{', ...' * (len(value) > 10)}]"
         case dict() if value:
@@ -57,6 +58,16 @@ def show(value: Any) -> str:
         case _:
             text = f"'{value}'"
     return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _without_zeros(digits: str) -> str:
+    """The digits of a number with a power of ten for five zeros or more: 2.1e11."""
+    stem = digits.rstrip("0")
+    if len(digits) - len(stem) < 5 or not digits.lstrip("-").isdecimal():
+        return digits
+    sign, lead = ("-", stem[1:]) if stem.startswith("-") else ("", stem)
+    mantissa = f"{lead[0]}.{lead[1:]}".removesuffix(".")
+    return f"{sign}{mantissa}e{len(digits) - len(sign) - 1}"
 
 
 def entry(value: Any) -> str:

@@ -109,7 +109,10 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
             return None, [Fault(("study",), f"in the case {shown}: {error.args[0]}")]
         valid, faults = _validate(changed, folder)
         if valid is None:
-            first = tell(faults[0].message, _key(faults[0]))
+            # An unknown key is often what another one is missing for.
+            unknown = [fault for fault in faults if fault.message.startswith("unknown key")]
+            fault = (unknown or faults)[0]
+            first = tell(fault.message, _key(fault))
             return None, [Fault(("study",), f"in the case {shown}: {first}")]
     return parameters, []
 
