@@ -79,6 +79,29 @@ class NoRendering(ContactLockingError):
     """Three dimensions cannot be drawn here; the message says why."""
 
 
+def interrupt_behind(error: BaseException) -> BaseException | None:
+    """What interrupted the process, such as Ctrl-C, if ``error`` stands in its place; else None.
+
+    A library that calls back, such as PETSc, raises an error of its own where a callback is
+    interrupted.
+    """
+    link: BaseException | None = error
+    passed: set[int] = set()
+    while link is not None and id(link) not in passed:
+        if not isinstance(link, Exception):
+            return link
+        passed.add(id(link))
+        link = link.__cause__ or link.__context__
+    return None
+
+
+def raise_interrupt(error: BaseException) -> None:
+    """Raise again what interrupted the process if ``error`` stands in its place."""
+    interrupt = interrupt_behind(error)
+    if interrupt is not None:
+        raise interrupt from None
+
+
 def is_full(error: OSError) -> bool:
     """Whether the system has no room, on the disk, for the user or in one file."""
     return error.errno in _FULL

@@ -66,8 +66,13 @@ def defect(error: Exception) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """The hint at the known name that is most like ``name``; empty if no name is like it."""
-    matches = difflib.get_close_matches(name, list(known), n=1)
+    """The hint at the known name that is most like ``name``; empty if no name is like it.
+
+    A name with ``name`` as one of its words, such as inner_radius for inner, is most like it.
+    """
+    names = list(known)
+    longer = [other for other in names if name in other.split("_")]
+    matches = longer or difflib.get_close_matches(name, names, n=1)
     return f" (did you mean '{matches[0]}'?)" if matches else ""
 
 

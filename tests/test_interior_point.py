@@ -268,6 +268,27 @@ def test_friction_bound_settles_where_contact_only_grazes() -> None:
     assert solution.summary["iterations"]["tangents"] < 50
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("limit", [0.05, math.inf])
+def test_the_advice_after_a_failed_solve_is_about_what_the_problem_has(
+    limit: float, friction: float
+) -> None:
+    summary = solving.solve(
+        block(
+            contact__gap=-5e-4,
+            penalty__n=math.inf,
+            material__locking_limit=limit,
+            friction__coefficient=friction,
+            solver={"max_iterations": 2},
+        )
+    ).summary
+    assert not summary["converged"]
+    advice = summary["suggestion"]
+    assert advice.startswith("Raise solver.max_iterations")
+    assert ("the friction bound does not settle" in advice) == (friction > 0.0)
+    assert ("strain limit only just admits" in advice) == (limit < math.inf)
+
+
 def test_a_solve_that_stops_early_says_how_far_the_friction_bound_was() -> None:
     # The foundation overlaps the body, so that feasibility is tried, too.
     given = {"max_iterations": 6}

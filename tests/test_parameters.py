@@ -221,6 +221,9 @@ WRONG = [
     ("mesh.file", "none.msh", "there is no such file"),
     # unknown keys
     ("penalti", {}, r"unknown key \(did you mean 'penalty'\?\)"),
+    ("mesh", {"builder": "annulus", "outer": 2}, r"\(did you mean 'outer_radius'\?\)"),
+    ("contact", {"gap": 0, "1": None}, "take a decimal point, not a comma"),
+    ("contact", {"0": {"gap": 0}}, "contact is one section and not a list"),
     ("locking_limit", 1, r"unknown key \(did you mean 'material.locking_limit'\?\)"),
     ("material.elasticity.yung", 1, r"\(did you mean 'young'\?\); known here: young, poisson"),
     ("material.regions.body.limit", 1, "known here: elasticity, locking_limit"),
@@ -292,6 +295,11 @@ STUDIES_WRONG = [
     ({"vary": {"mesh.h": {"linear": [1, 2, 200]}, "penalty.n": {"linear": [1, 2, 200]}}}, "40000"),
     ({"vary": {"penalty.n": [1, -1]}}, "in the case penalty.n = -1: penalty.n: must be > 0"),
     ({"vary": {"loads.tractions.0.value": [[0, 1]]}}, "in the case"),
+    # The misspelt key comes before the one that is missing for it.
+    (
+        {"vary": {"contact.foundation": [{"sphere": {"center": [0, -1], "radius": 1}}]}},
+        r"sphere.center: unknown key \(did you mean 'centre'\?\)",
+    ),
 ]
 
 

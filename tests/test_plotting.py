@@ -134,6 +134,32 @@ def test_each_contact_has_a_panel_in_the_picture_of_a_plane_body() -> None:
     ]
 
 
+@pytest.mark.serial
+def test_what_is_left_of_tractions_at_an_open_contact_is_flat() -> None:
+    body = gather(of_kind(2, "with two contacts"))
+    assert body is not None
+    points = body.contact.points
+    points.pressure[:], points.bound[:], points.traction[:] = 150.0, 0.0, 0.0
+    points.pressure[points.contact == 1] = 1e-7
+    heights = [
+        axes.get_ylim()[1] for axes in plane.figure(body).axes if axes.get_ylabel() == "traction"
+    ]
+    assert heights[0] > 150.0 and heights[1] == 150.0
+
+
+@pytest.mark.serial
+def test_a_picture_of_a_wide_body_has_no_empty_space() -> None:
+    heights = []
+    for factor in (1.0, 0.1):
+        body = gather(of_kind(2, "locked"))
+        assert body is not None
+        body.x[:, 1] *= factor
+        body.displacement[:] *= 0.0
+        heights.append(plane.figure(body).get_figheight())
+    assert heights[0] == pytest.approx(8.4)
+    assert 5.5 < heights[1] < 6.5
+
+
 def test_two_foundations_with_gaps_of_their_own_are_no_curved_one() -> None:
     body = gather(of_kind(2, "with two contacts"))
     if body is None:
@@ -191,9 +217,9 @@ def test_friction_has_the_sign_of_the_axis_that_it_is_drawn_over(side: str, tmp_
         figure = matplotlib.figure.Figure()
         if is_picture:
             panel, strip = figure.subplots(2, 1)
-            plane._tractions(panel, strip, contact)
+            plane._tractions(panel, strip, contact, 5.0)
         else:
-            contact_charts._profile(figure, points, facets)
+            contact_charts._profile(figure, points, facets, 5.0)
         lines = [line for axes in figure.axes for line in axes.lines]
         curve = next(line for line in lines if "friction" in str(line.get_label()))
         drawn.append(np.array(curve.get_ydata()))

@@ -46,6 +46,12 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(charts, "_rendered", lambda drawing: ("<svg></svg>", b""))
 
 
+LOADS = """\
+mesh: {builder: block, h: 0.5}
+contact: {on: bottom}
+study: {vary: {loads.tractions: [[], [{on: top, value: [0, 1]}]], penalty.n: [1.0e2, 1.0e3, .inf]}}
+"""
+
 quick = pytest.mark.usefixtures("unrendered")
 
 
@@ -80,6 +86,7 @@ def test_every_text_is_escaped_by_the_templates_and_their_filters() -> None:
         (True, "yes"),
         (None, "–"),
         (12345, "12\u2009345"),
+        (-2, "−2"),
         (10**400, "∞"),
         ([3.0, 1e-20], "(3, 0)"),
         ({"a": [1, None]}, "a: (1, –)"),
@@ -232,6 +239,34 @@ def test_a_report_of_a_study_has_every_case_and_the_reasons(tmp_path: Path) -> N
     assert "was &lt;img src=x onerror=alert(1)&gt; killed by SIGKILL\u2028perhaps" in text
     assert REASON not in text
     assert 'data-value="Infinity"' in text
+
+
+def test_cases_whose_loads_are_lists_are_told_apart_in_every_part_of_a_page(tmp_path: Path) -> None:
+    push, loads = {"on": "right", "value": [0, 1]}, "loads.tractions"
+    values = [[{"on": "top", "value": [0, -load]}, push] for load in (1, 2, 3)]
+    table = [row | {loads: value} for value in values for row in rows()[:4]]
+    for number, row in enumerate(table):
+        row["case"] = f"{number:016x}"
+    text = page(study_folder(tmp_path, table, LOADS))
+    for load in (1, 2, 3):
+        told = f"[{{on: top, value: [0, −{load}]}}, …]"
+        assert text.count(f'<span class="parts">{told}</span>') == 4
+        assert f"tractions = {told}" in "".join(
+            chart.read_text() for chart in (tmp_path / "report").glob("*over-penalty.n.svg")
+        )
+    assert "&#34;on&#34;" not in text and "on: right" not in text.partition("<h2>Parameters")[0]
+
+
+def test_a_short_geometric_range_has_its_own_values_as_marks(tmp_path: Path) -> None:
+    table = rows()[:3]
+    for row, n in zip(table, (1.0, 2.0, 4.0), strict=True):
+        row["penalty.n"] = n
+        row["contact_force.0"] = 3.0 + 1.0 / n
+    page(study_folder(tmp_path, table))
+    drawing = (tmp_path / "report" / "contact_force-over-penalty.n.svg").read_text()
+    # Matplotlib writes texts as paths, with each text as a comment.
+    texts = re.findall("<!-- (.*) -->", drawing)
+    assert {"1", "2", "4"} <= set(texts) and not any("times" in text for text in texts)
 
 
 def test_rates_are_those_of_the_numbers(tmp_path: Path) -> None:

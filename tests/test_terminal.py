@@ -119,8 +119,9 @@ def errors(**shares: float) -> dict[str, Any]:
     return summary()["certificate"] | {"errors": found}
 
 
-def told(found: dict[str, Any], ratio: float | None = 1.01) -> dict[str, str]:
-    return dict(in_words.rows(found, ratio))
+def told(found: dict[str, Any], ratio: float | None = 1.01, varies: bool = False) -> dict[str, str]:
+    use = None if ratio is None else in_words.UseOfLimit(ratio, varies)
+    return dict(in_words.rows(found, use))
 
 
 def test_the_outcome_says_what_converged_what_is_proved_and_what_is_estimated() -> None:
@@ -168,6 +169,22 @@ def test_a_result_with_a_large_error_is_not_plainly_converged() -> None:
 )
 def test_the_largest_strain_is_told_beside_the_limit(ratio: float | None, words: str) -> None:
     assert told(summary(), ratio)["largest strain"] == words
+
+
+def test_beside_limits_that_differ_the_largest_strain_need_not_be_at_its_limit() -> None:
+    for ratio, words in ((1.0, "up to 100 % of the limits"), (1.02, "up to 2 % above the limit")):
+        assert told(summary(), ratio, varies=True)["largest strain"] == f"0.02, {words}"
+
+
+def test_an_area_without_friction_does_not_count_as_slip() -> None:
+    assert told(summary())["contact area"] == "1, without friction"
+    found = summary(friction_force=[0.1, 0.0])
+    assert told(found)["contact area"] == "1, of which 0.5 slips"
+
+
+def test_forces_that_are_rounding_beside_the_others_are_zero() -> None:
+    found = summary(contact_force=[0.0, 10.0], reactions={"left": [-7e-15, 0.0]})
+    assert told(found)["reactions"] == "(0, 0) on left"
 
 
 def test_the_strain_between_gauss_points_is_told() -> None:

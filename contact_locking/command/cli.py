@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from contact_locking.command import commands, terminal
 from contact_locking.command.arguments import parse
-from contact_locking.errors import ContactLockingError
+from contact_locking.errors import ContactLockingError, interrupt_behind
 from contact_locking.studies import signals
 
 UNEXPECTED = 1
@@ -34,12 +34,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # argparse, after --help and --version
         code = int(stop.code or 0)
     except KeyboardInterrupt as interrupt:
-        return terminal.abort(signals.exit_code(interrupt), str(interrupt) or "interrupted")
+        return _interrupted(interrupt)
     except BrokenPipeError:
         # Nobody reads the output any more; let the interpreter flush it to nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return UNEXPECTED
     except Exception as error:
+        behind = interrupt_behind(error)
+        if isinstance(behind, KeyboardInterrupt):
+            return _interrupted(behind)
         text, hint = _unexpected(error)
         if "--debug" in words:
             return terminal.abort(UNEXPECTED, text, error)
@@ -52,10 +55,24 @@ def _run_command(words: list[str], program: bool = False) -> int:
     """Run a command; ``program`` says that the process was started for it alone."""
     arguments = parse(words)
     arguments.program = program
-    with signals.stoppable() if program else contextlib.nullcontext():
+    with signals.stoppable(_end_ranks) if program else contextlib.nullcontext():
         code = commands.COMMANDS[arguments.command](arguments)
     sys.stdout.flush()
     return code
+
+
+def _interrupted(interrupt: KeyboardInterrupt) -> int:
+    return terminal.abort(signals.exit_code(interrupt), str(interrupt) or "interrupted")
+
+
+def _end_ranks(interrupt: KeyboardInterrupt) -> None:
+    """End all ranks if there are several.
+
+    A rank that cleaned up, or went on, would meet the other ranks in the wrong place: they would
+    wait for each other without end, or add up numbers that do not belong together.
+    """
+    if terminal.world() is not None:
+        _interrupted(interrupt)
 
 
 def _unexpected(error: Exception) -> tuple[str, str]:

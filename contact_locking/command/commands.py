@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from contact_locking.monitor import Monitor
+    from contact_locking.results import in_words
     from contact_locking.results.solution import Solution
     from contact_locking.study_file import StudyFile
 
@@ -76,9 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
                 )
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")
-    ratio = _largest_strain_ratio(solution)
+    use = _use_of_limit(solution)
     if speaks:
-        outcome = [*in_words.rows(solution.summary, ratio), ("results in", str(directory))]
+        outcome = [*in_words.rows(solution.summary, use), ("results in", str(directory))]
         print(terminal.columns(outcome))
     if solution.converged:
         return CONVERGED
@@ -272,15 +273,20 @@ def _explained(study: StudyFile) -> Iterator[None]:
         raise InputError(study.explain(error), error.key) from error
 
 
-def _largest_strain_ratio(solution: Solution) -> float | None:
-    """The largest |eps|/M of the body, None for a body without a limit; collective."""
+def _use_of_limit(solution: Solution) -> in_words.UseOfLimit | None:
+    """How far the body uses its strain limit, None for a body without a limit; collective."""
     from mpi4py import MPI
+
+    from contact_locking.results import in_words
 
     comm = solution.domain.comm
     strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array
-    if comm.allreduce(float(limit.min(initial=math.inf)), op=MPI.MIN) == math.inf:
+    least = comm.allreduce(float(limit.min(initial=math.inf)), op=MPI.MIN)
+    if least == math.inf:
         return None
-    return float(comm.allreduce(float((strain / limit).max(initial=0.0)), op=MPI.MAX))
+    most = comm.allreduce(float(limit.max(initial=0.0)), op=MPI.MAX)
+    ratio = comm.allreduce(float((strain / limit).max(initial=0.0)), op=MPI.MAX)
+    return in_words.UseOfLimit(float(ratio), varies=most > least)
 
 
 def _shown(value: Any) -> str:

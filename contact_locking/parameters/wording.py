@@ -41,11 +41,12 @@ def show(value: Any) -> str:
             return ".nan"
         case float() if math.isinf(value):
             return ".inf" if value > 0 else "-.inf"
-        case int() | float():
-            huge = isinstance(value, int) and abs(value) >= 10**20
-            text = "a huge integer" if huge else str(value).removesuffix(".0")
+        case int():
+            text = "a huge integer" if abs(value) >= 10**20 else str(value)
+        case float():
+            text = _without_zeros(str(value).removesuffix(".0"))
         case list() | tuple():
-            text = f"[{', '.join(map(_entry, value[:10]))}{', ...' * (len(value) > 10)}]"
+            text = f"[{', '.join(map(entry, value[:10]))}{', ...' * (len(value) > 10)}]"
         case dict() if value:
             text = f"a mapping with the keys {', '.join(map(str, list(value)[:10]))}"
         case dict():
@@ -59,8 +60,18 @@ def show(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def _entry(value: Any) -> str:
-    """An entry of a list: a name is without quotes there, as in a study file."""
+def _without_zeros(digits: str) -> str:
+    """The digits of a number with a power of ten for five zeros or more: 2.1e11."""
+    stem = digits.rstrip("0")
+    if len(digits) - len(stem) < 5 or not digits.lstrip("-").isdecimal():
+        return digits
+    sign, lead = ("-", stem[1:]) if stem.startswith("-") else ("", stem)
+    mantissa = f"{lead[0]}.{lead[1:]}".removesuffix(".")
+    return f"{sign}{mantissa}e{len(digits) - len(sign) - 1}"
+
+
+def entry(value: Any) -> str:
+    """A value as an entry of a list: a name is without quotes there, as in a study file."""
     plain = isinstance(value, str) and _PLAIN.fullmatch(value) and value.lower() not in _WORDS
     return value if plain else show(value)
 

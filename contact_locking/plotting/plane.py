@@ -23,6 +23,8 @@ from contact_locking.results.ordering import curves
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
 _THICKNESS, _REACH = 0.05, 0.08
 _DASHES = (0, (4, 3))
+# The largest height and the width of the axes with the body, in inches.
+_HIGHEST, _WIDTH = 3.2, 5.5
 # The width of the pictures of an animation in inches, the free space around the body and its tools,
 # and how far beside the body tools are shown, as shares of the size.
 _FRAME, _MARGIN, _BESIDE = 6.4, 0.06, 0.25
@@ -32,11 +34,15 @@ def figure(body: Snapshot) -> Figure:
     """The deformed body, and below it a panel with the tractions along each contact."""
     contacts = body.contact.parts()
     height = 5.4 + 3.0 * len(contacts) if contacts else 5.6
-    fig = Figure(figsize=(7.2, height), layout="constrained")
-    ratios = (1.75, *(1.0, 0.07) * len(contacts))
+    low, high = _window([body], style.magnification(body))
+    # A body that is much wider than high leaves a part of its panel empty.
+    empty = max(_HIGHEST - max(_WIDTH * float((high - low)[1] / (high - low)[0]), 0.8), 0.0)
+    fig = Figure(figsize=(7.2, height - empty), layout="constrained")
+    ratios = (1.75 - empty / 3.0, *(1.0, 0.07) * len(contacts))
     top, *panels = fig.subplots(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
+    largest = float(body.contact.points.pressure.max(initial=0.0))
     for number, contact in enumerate(contacts):
-        _tractions(panels[2 * number], panels[2 * number + 1], contact)
+        _tractions(panels[2 * number], panels[2 * number + 1], contact, largest)
     _body(fig, top, body)
     style.head(fig, body)
     return fig
@@ -189,7 +195,7 @@ def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[Float
     return np.vstack([start, line, end]), np.vstack([normal[0], normal, normal[-1]])
 
 
-def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
+def _tractions(axes: Axes, strip: Axes, contact: ContactMap, largest: float) -> None:
     points = contact.points
     lines = curves(contact.facets)
     positions, label = profile.abscissa([points.x[line] for line in lines])
@@ -205,7 +211,7 @@ def _tractions(axes: Axes, strip: Axes, contact: ContactMap) -> None:
         )
         for s, line in zip(positions, lines, strict=True)
     ]
-    profile.draw(axes, strip, drawn, label)
+    profile.draw(axes, strip, drawn, label, largest)
     # A name leaves the title less room beside the legend.
     words = r"On $\Gamma_C$" if contact.names[0] else r"On the contact boundary $\Gamma_C$"
     axes.set_title(contact.titled(words), loc="left")

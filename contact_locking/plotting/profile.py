@@ -13,6 +13,8 @@ from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.plotting import style
 
 _MOST_MARKERS = 60
+# A contact whose tractions are a smaller share than this of the largest one is open.
+_UNTOUCHED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,14 @@ class Curve:
     smoothed: FloatArray | None = None
 
 
-def draw(axes: Axes, strip: Axes, curves: Sequence[Curve], label: str) -> None:
-    """Draw the tractions into ``axes``, the states into the narrow ``strip`` below."""
+def draw(
+    axes: Axes, strip: Axes, curves: Sequence[Curve], label: str, largest: float = 0.0
+) -> None:
+    """Draw the tractions into ``axes``, the states into the narrow ``strip`` below.
+
+    ``largest`` is the largest traction on all of Gamma_C.  What is left of the method's tractions
+    where a contact is open is flat beside it.
+    """
     for number, curve in enumerate(curves):
         name = (lambda text: text) if number == 0 else (lambda text: "_" + text)
         axes.fill_between(
@@ -69,6 +77,10 @@ def draw(axes: Axes, strip: Axes, curves: Sequence[Curve], label: str) -> None:
             label=name(r"friction traction $\sigma_\tau$"),
         )
         _state_strip(strip, curve.s, curve.state)
+    tractions = [(curve.pressure, curve.friction, curve.bound) for curve in curves]
+    peak = max(np.abs(values).max(initial=0.0) for each in tractions for values in each)
+    if peak < _UNTOUCHED * largest:
+        axes.set_ylim(-0.5 * largest, largest)
     axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
     axes.set_ylabel("traction")
     axes.tick_params(labelbottom=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -18,9 +20,10 @@ def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
     """The charts of each contact, with the name of the contact if there are several."""
     found = []
     rows = run.contact.rows()
+    largest = float(run.contact.pressure.max(initial=0.0))
     for number, own in enumerate(rows):
         points, facets = run.contact[own], facets_within(run.facets, own)
-        draw = _profiles if points.dim == 2 else _maps
+        draw = partial(_profiles, largest) if points.dim == 2 else _maps
         if len(rows) == 1:
             found.append(("", draw(points, facets, "", "")))
         else:
@@ -29,14 +32,19 @@ def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
     return found
 
 
-def _profiles(contact: ContactPoints, facets: IntArray, ending: str, name: str) -> list[Chart]:
-    """The charts in two dimensions: tractions, and displacements."""
+def _profiles(
+    largest: float, contact: ContactPoints, facets: IntArray, ending: str, name: str
+) -> list[Chart]:
+    """The charts in two dimensions: tractions, and displacements.
+
+    ``largest`` is the largest pressure of all contacts.
+    """
     return [
         chart(
             f"tractions{ending}",
             "Contact pressure, friction traction and its bound along the contact boundary" + name,
             3.6,
-            lambda figure: _profile(figure, contact, facets),
+            lambda figure: _profile(figure, contact, facets, largest),
         ),
         chart(
             f"slip{ending}",
@@ -77,7 +85,7 @@ def _maps(contact: ContactPoints, facets: IntArray, ending: str, name: str) -> l
     ]
 
 
-def _profile(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
+def _profile(figure: Figure, contact: ContactPoints, facets: IntArray, largest: float) -> None:
     axes, strip = figure.subplots(2, 1, height_ratios=(1.0, 0.07))
     parts = curves(facets)
     positions, label = profile.abscissa([contact.x[part] for part in parts])
@@ -91,7 +99,7 @@ def _profile(figure: Figure, contact: ContactPoints, facets: IntArray) -> None:
         )
         for s, part in zip(positions, parts, strict=True)
     ]
-    profile.draw(axes, strip, lines, label)
+    profile.draw(axes, strip, lines, label, largest)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
 
 

@@ -13,7 +13,8 @@ def shown(value: Any) -> str:
         case bool():
             return "yes" if value else "no"
         case int() if abs(value) < 10**15:
-            return f"{value:,}".replace(",", "\N{THIN SPACE}")
+            digits = f"{value:,}".replace(",", "\N{THIN SPACE}")
+            return digits.replace("-", "\N{MINUS SIGN}")
         case int() | float() if abs(value) < 1e308:
             return _number(float(value))
         case int() | float():

@@ -18,6 +18,7 @@ from .templates import render
 from .titles import title, titles
 from .trend_charts import trend_charts
 from .trends import Trend, axes, trends, varied
+from .varied_texts import VariedTexts
 
 _MOST_PICTURES = 200
 _MOST_VALUES = 12
@@ -29,19 +30,20 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     data = source.read(name).data
     what = varied(data, name)
     keys = [*what.zip, *what.vary]
-    pictures = _pictures(study, keys)
-    found = [trend for axis in axes(what, study.rows) for trend in trends(axis, study.rows)]
+    texts = VariedTexts(study.rows, keys)
+    pictures = _pictures(study, keys, texts)
+    found = [trend for axis in axes(what, study.rows) for trend in trends(axis, study.rows, texts)]
     drawn: dict[str, list[tuple[Trend, list[Chart]]]] = {}
     for trend in found:
         drawn.setdefault(trend.axis.key, []).append((trend, trend_charts(trend)))
     html = render(
         "study.html.j2",
         title=shown(data.get("title") or "Study"),
-        varied=[(title(key), key, _values(key, study.rows)) for key in keys],
+        varied=[(title(key), key, _values(texts.all_of(key))) for key in keys],
         example=_example(keys, study.rows),
         rough=sum(_is_rough(row) for row in study.rows),
         side_by_side=len(what.zip) > 1,
-        table=cases(study.rows, keys, pictures),
+        table=cases(study.rows, keys, pictures, texts),
         trends=list(drawn.items()),
         rates=any(trend.differences for trend in found),
         pictures=pictures,
@@ -77,13 +79,14 @@ def _example(keys: Sequence[str], rows: Sequence[Row]) -> str:
     return ""
 
 
-def _values(key: str, rows: Sequence[Row]) -> list[str]:
+def _values(texts: list[str]) -> list[str]:
     """The values of a key, of many the first and the last."""
-    values = list(dict.fromkeys(shown(row.get(key)) for row in rows))
-    return values if len(values) <= _MOST_VALUES else [*values[:6], "…", *values[-2:]]
+    return texts if len(texts) <= _MOST_VALUES else [*texts[:6], "…", *texts[-2:]]
 
 
-def _pictures(study: StudyResults, keys: Sequence[str]) -> dict[str, tuple[str, str]]:
+def _pictures(
+    study: StudyResults, keys: Sequence[str], texts: VariedTexts
+) -> dict[str, tuple[str, str]]:
     """The thumbnail of each case as a data URI, with the values that vary as its label."""
     found: dict[str, tuple[str, str]] = {}
     for row in study.rows:
@@ -92,7 +95,7 @@ def _pictures(study: StudyResults, keys: Sequence[str]) -> dict[str, tuple[str, 
             continue
         if (image := thumbnail(folder / PICTURE)) is not None:
             names = zip(titles(keys), keys, strict=True)
-            label = ", ".join(f"{name} = {shown(row.get(key))}" for name, key in names)
+            label = ", ".join(f"{name} = {texts.of(key, row)}" for name, key in names)
             state = "" if row["state"] == "converged" else f" ({row['state']})"
             found[row["case"]] = (image, f"{label}{state}")
     return found

@@ -13,6 +13,7 @@ from contact_locking.results.read import Row, number
 from .quantities import QUANTITIES
 from .shown import shown
 from .titles import title, titles
+from .varied_texts import VariedTexts
 
 _MAIN = frozenset(quantity.key for quantity in QUANTITIES if quantity.plotted)
 _NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
@@ -27,6 +28,7 @@ class Cell(NamedTuple):
     """A cell with its whole text, of which ``folded`` is what a folded cell shows, if it is less.
 
     ``order`` is the number that sorts the cell, ``picture`` the case that the cell links to.
+    The text of a cell ``in_parts``, a list or a mapping, may take several lines.
     """
 
     text: str
@@ -34,6 +36,7 @@ class Cell(NamedTuple):
     order: str | None = None
     picture: str | None = None
     folded: str | None = None
+    in_parts: bool = False
 
 
 class Column(NamedTuple):
@@ -51,7 +54,9 @@ class CaseTable(NamedTuple):
     rows: list[tuple[str | None, str, list[Cell]]]
 
 
-def cases(rows: Sequence[Row], keys: Sequence[str], linked: Collection[str]) -> CaseTable:
+def cases(
+    rows: Sequence[Row], keys: Sequence[str], linked: Collection[str], texts: VariedTexts
+) -> CaseTable:
     """All rows; ``keys`` vary, and ``linked`` cases have a picture on the page."""
     # The state, which says whether a case converged, comes first: it is seen on a phone too.
     front = ["state", *keys, REMARKS]
@@ -65,7 +70,11 @@ def cases(rows: Sequence[Row], keys: Sequence[str], linked: Collection[str]) -> 
     found = []
     for row, told in zip(rows, remarks, strict=True):
         cells = [
-            _remark_cell(told) if column.key == REMARKS else _cell(row, column, linked)
+            _remark_cell(told)
+            if column.key == REMARKS
+            else _varied_cell(row.get(column.key), texts.of(column.key, row))
+            if column.key in keys
+            else _cell(row, column, linked)
             for column in columns
         ]
         state = str(row["state"])
@@ -116,11 +125,14 @@ def _cell(row: Row, column: Column, linked: Collection[str]) -> Cell:
     value = row.get(column.key)
     text = json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else shown(value)
     is_link = column.key == "case" and isinstance(value, str) and value in linked
+    return Cell(text, column.kind, _order(value), text if is_link else None)
+
+
+def _varied_cell(value: Any, text: str) -> Cell:
+    return Cell(text, order=_order(value), in_parts=isinstance(value, dict | list))
+
+
+def _order(value: Any) -> str | None:
     order = number(value)
     # JavaScript reads numbers as Python writes them, but for infinity.
-    return Cell(
-        text,
-        column.kind,
-        None if order is None else repr(order).replace("inf", "Infinity"),
-        text if is_link else None,
-    )
+    return None if order is None else repr(order).replace("inf", "Infinity")

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from contact_locking.plotting import style
 
 from .charts import Chart, chart
+from .shown import shown
 from .titles import title, titles
 from .trends import Trend
 
@@ -24,6 +25,8 @@ _MOST_NAMED = len(_COLOURS)
 _MOST_TICKS = 6
 # The largest number of values at a bar of colours.
 _MOST_AT_BAR = 12
+# A shorter range has few powers of ten for marks, and values of equal ratio.
+_SHORT = 50.0
 _PLOT, _ROW = 2.5, 0.19
 
 
@@ -102,6 +105,9 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
     x = np.unique(np.concatenate([curve.x for curve in trend.curves]))
     if trend.axis.geometric:
         axes.set_xscale("log")
+        if len(x) <= _MOST_TICKS and x[-1] < _SHORT * x[0]:
+            axes.set_xticks(x, labels=[shown(float(value)) for value in x])
+            axes.minorticks_off()
     elif len(x) <= _MOST_TICKS:
         axes.set_xticks(x)
     axes.set_xlabel(_plain(title(trend.axis.key)))
@@ -147,9 +153,9 @@ def _name_curves(figure: Figure, trend: Trend) -> None:
     count = len(trend.curves)
     norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
     bar = figure.colorbar(ScalarMappable(norm, _scale(count)), ax=axes, pad=0.02)
-    shown = range(0, count, -(-count // _MOST_AT_BAR))
-    values = [_plain(trend.curves[number].values) for number in shown]
-    bar.set_ticks(list(shown), labels=values)
+    marked = range(0, count, -(-count // _MOST_AT_BAR))
+    values = [_plain(trend.curves[number].values) for number in marked]
+    bar.set_ticks(list(marked), labels=values)
     bar.minorticks_off()
     bar.set_label(_plain(", ".join(titles(trend.axis.others))))
 

@@ -15,8 +15,8 @@ from contact_locking.parameters.study import StudyParameters
 from contact_locking.results.read import Row, number
 
 from .quantities import QUANTITIES, Quantity
-from .shown import shown
 from .titles import titles
+from .varied_texts import VariedTexts
 
 Compared = Literal["zero", "the value at infinity", "the next value"]
 
@@ -124,12 +124,12 @@ def axes(study: StudyParameters, rows: Sequence[Row]) -> list[Axis]:
     return sorted(found, key=lambda axis: not axis.geometric)
 
 
-def trends(axis: Axis, rows: Iterable[Row]) -> list[Trend]:
+def trends(axis: Axis, rows: Iterable[Row], texts: VariedTexts) -> list[Trend]:
     """All quantities that change along an axis, from the converged cases."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row.get("converged") is True:
-            groups.setdefault(tuple(shown(row.get(key)) for key in axis.others), []).append(row)
+            groups.setdefault(tuple(texts.of(key, row) for key in axis.others), []).append(row)
     names = titles(axis.others)
     labels = {
         group: ", ".join(f"{name} = {value}" for name, value in zip(names, group, strict=True))

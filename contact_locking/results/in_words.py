@@ -21,6 +21,14 @@ _UNIQUENESS = {
 
 
 @dataclass(frozen=True)
+class UseOfLimit:
+    """The largest |eps|/M of a body, and whether M differs from place to place."""
+
+    ratio: float
+    varies: bool
+
+
+@dataclass(frozen=True)
 class Weakness:
     """An error relative to the solution in the energy norm, and how the program knows the error.
 
@@ -51,8 +59,8 @@ def verdict(summary: Mapping[str, Any]) -> str:
     return f"yes, but the result is rough: {weak.words}" if weak and weak.is_rough else "yes"
 
 
-def rows(summary: Mapping[str, Any], ratio: float | None) -> list[tuple[str, str]]:
-    """The outcome in rows of a name and words; ``ratio`` is the largest |eps|/M, None without M."""
+def rows(summary: Mapping[str, Any], use: UseOfLimit | None) -> list[tuple[str, str]]:
+    """The outcome in rows of a name and words; ``use`` is None for a body without a limit."""
     iterations, certificate = summary["iterations"], summary["certificate"]
     restart = summary.get("restart")
     counts = [
@@ -72,13 +80,13 @@ def rows(summary: Mapping[str, Any], ratio: float | None) -> list[tuple[str, str
         *([("restart", restart)] if restart else []),
         ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
-        ("largest strain", _strain(summary, ratio)),
-        *([] if ratio is None else [("locked", _locked(summary["locked_fraction"]))]),
+        ("largest strain", _strain(summary, use)),
+        *([] if use is None else [("locked", _locked(summary["locked_fraction"]))]),
         ("contact force", _vector(summary["contact_force"])),
         ("friction force", _vector(summary["friction_force"])),
-        *_reactions(summary["reactions"]),
+        *_reactions(summary),
         *_tools(summary.get("contacts", ())),
-        ("contact area", _areas(summary["contact_area"], summary["slip_area"])),
+        ("contact area", _areas(summary)),
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary["bounds"], certificate["errors"])),
         *_not_bounded(certificate["errors"].get("guaranteed")),
@@ -117,15 +125,17 @@ def _relative(errors: Mapping[str, Any], name: str) -> float | None:
     return float(value) if isinstance(value, int | float) else None
 
 
-def _strain(summary: Mapping[str, Any], ratio: float | None) -> str:
+def _strain(summary: Mapping[str, Any], use: UseOfLimit | None) -> str:
     largest = summary["strain_norm_max"]
-    if ratio is None:
+    if use is None:
         return f"{largest:.4g} (no strain limit is set)"
-    if summary["strain_sets"]:
+    ratio = use.ratio
+    if summary["strain_sets"] or (use.varies and ratio <= 1.0 + 1e-6):
         # The strain that uses up most of a limit need not be the largest.
         return f"{largest:.4g}, up to {per_cent(ratio)} of the limits"
     if ratio > 1.0 + 1e-6:
-        at_points = f"{largest:.4g}, {per_cent(ratio - 1.0)} above the limit"
+        above = "up to " * use.varies + per_cent(ratio - 1.0)
+        at_points = f"{largest:.4g}, {above} above the limit"
     elif ratio >= 1.0 - 1e-6:
         at_points = f"{largest:.4g}, the limit"
     else:
@@ -147,14 +157,22 @@ def _locked(share: float) -> str:
     return f"{per_cent(share)} of the body is at its strain limit"
 
 
-def _areas(touching: float, slipping: float) -> str:
+def _areas(summary: Mapping[str, Any]) -> str:
+    touching, slipping = summary["contact_area"], summary["slip_area"]
+    # Without friction every point of contact is free to slip, whether it does or not.
+    if slipping > 0.0 and not any(summary["friction_force"]):
+        return f"{touching:.4g}, without friction"
     return f"{touching:.4g}, of which {slipping:.4g} slips"
 
 
-def _vector(values: Iterable[float]) -> str:
-    """The vector, with zero for components that rounding alone keeps from zero."""
+def _vector(values: Iterable[float], largest: float = 0.0) -> str:
+    """The vector, with zero for components that rounding alone keeps from zero.
+
+    ``largest`` is the largest of the numbers that the vector is computed from, if that is known.
+    """
     given = list(values)
     least = 1e-12 * max(map(abs, given), default=0.0)
+    least = max(least, 1e-14 * largest)
     shown = [0.0 if abs(value) < least else value + 0.0 for value in given]
     return "(" + ", ".join(f"{value:.4g}" for value in shown) + ")"
 
@@ -172,9 +190,12 @@ def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
     ]
 
 
-def _reactions(reactions: Mapping[str, Iterable[float]]) -> list[tuple[str, str]]:
+def _reactions(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The reaction of each boundary part that is held; no row without supports."""
-    told = [f"{_vector(force)} on {name}" for name, force in reactions.items()]
+    reactions = summary["reactions"]
+    forces = [summary["contact_force"], summary["friction_force"], *reactions.values()]
+    largest = max((abs(value) for force in forces for value in force), default=0.0)
+    told = [f"{_vector(force, largest)} on {name}" for name, force in reactions.items()]
     return [("reactions", ", ".join(told))] if told else []
 
 

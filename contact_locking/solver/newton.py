@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from contact_locking.errors import NotConverged
+from contact_locking.errors import NotConverged, raise_interrupt
 from contact_locking.solver.linear.ksp import (
     LINEAR_FAILURE,
     configure,
@@ -172,8 +172,8 @@ class NewtonSolver:
         try:
             self._snes.solve(None, self._x)
             reason = self._snes.getConvergedReason()
-        except PETSc.Error:
-            failure = self._failure()
+        except PETSc.Error as error:
+            failure = self._failure(error)
         else:
             failure = _describe(reason)
         if reason is None or reason < 0:
@@ -198,7 +198,8 @@ class NewtonSolver:
             ksp.setOperators(self._matrix)
             self._border.refresh()
             self._border.solve(self._f, change)
-        except PETSc.Error:
+        except PETSc.Error as error:
+            raise_interrupt(error)
             raise NotConverged(LINEAR_FAILURE) from None
         else:
             self._count(1, ksp.getIterationNumber())
@@ -228,8 +229,9 @@ class NewtonSolver:
 
         return call
 
-    def _failure(self) -> str:
+    def _failure(self, error: PETSc.Error) -> str:
         """Why PETSc gave up; what a callback raised is raised again unless it is NotConverged."""
+        raise_interrupt(error)
         if self._raised is not None and not isinstance(self._raised, NotConverged):
             raise self._raised from None
         return str(self._raised or LINEAR_FAILURE)

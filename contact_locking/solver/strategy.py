@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
+from contact_locking.parallel import maximum
 from contact_locking.problem.contact import Contact
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.fixed_point import fixed_point
@@ -35,9 +38,15 @@ _NEWTON_WAY_OUT = (
     "bound does not settle, lower friction.coefficient or enlarge friction.smoothing.radius."
 )
 _NESTED_WAY_OUT = "Take solver.friction: inside, which needs no contraction."
-_INTERIOR_WAY_OUT = (
-    "Raise solver.max_iterations if it was low.  If the friction bound does not settle, lower "
-    "friction.coefficient or enlarge friction.smoothing.radius."
+_MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
+_BOUND_WAY_OUT = (
+    "If the friction bound does not settle, lower friction.coefficient or enlarge "
+    "friction.smoothing.radius."
+)
+_VERGE_WAY_OUT = (
+    "If the strain limit only just admits the prescribed displacements and the gap, as round "
+    "numbers may be chosen, change one of them by 0.1 %: then there is a solution, or a proof that "
+    "there is none."
 )
 
 
@@ -95,7 +104,7 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     state, the interior point method is not run.
     """
     report, penalty = task.report, task.target.penalty
-    report.suggestion = _INTERIOR_WAY_OUT
+    report.suggestion = _interior_way_out(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
     if saved is not None and _newton_from(saved, task):
         task.add_stage(penalty, report.tangents)
@@ -124,6 +133,17 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
         return task.succeed()
     explain_failure(task)
     return report
+
+
+def _interior_way_out(task: Task) -> str:
+    """What may help where the interior point method does not arrive; collective."""
+    advice = [_MORE_ITERATIONS]
+    if task.system.rubbing:
+        advice.append(_BOUND_WAY_OUT)
+    inverse_limits = [item.inverse_limit.x.array for item in task.system.data.sets]
+    if maximum(task.system.comm, np.concatenate(inverse_limits)) > 0.0:
+        advice.append(_VERGE_WAY_OUT)
+    return "  ".join(advice)
 
 
 def _solve_by(solver: InteriorPoint, nested: Sequence[Contact], task: Task) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
-from contact_locking.parameters.wording import show
+from contact_locking.parameters.telling_apart import labels
 from contact_locking.study_file import StudyFile
 
 
@@ -19,19 +19,16 @@ from contact_locking.study_file import StudyFile
 class Case:
     """One row of a study.
 
-    ``values`` are the values of the keys that vary.  ``name`` is the fingerprint of ``parameters``,
-    and their results go to ``folder``.  Rows that differ only in their title share a name.
+    ``values`` are the values of the keys that vary, and ``label`` tells them in one line from those
+    of the other cases.  ``name`` is the fingerprint of ``parameters``, and their results go to
+    ``folder``.  Rows that differ only in their title share a name.
     """
 
     values: dict[str, Any]
+    label: str
     name: str
     folder: Path
     parameters: Parameters
-
-    @property
-    def label(self) -> str:
-        """The keys that vary with their values, in one line."""
-        return ", ".join(f"{key} = {show(value)}" for key, value in self.values.items())
 
 
 def cases_of(study: StudyFile) -> list[Case]:
@@ -46,9 +43,11 @@ def cases_of(study: StudyFile) -> list[Case]:
             "study: {vary: {penalty.n: [1.0e2, 1.0e4, .inf]}}\nor solve it with run"
         )
     digest = functools.cache(study_file.file_digest)
+    directory = Path(parameters.output.directory)
+    rows = parameters.study.cases()
     return [
-        _case(study.case(values), values, Path(parameters.output.directory), digest)
-        for values in parameters.study.cases()
+        _case(study.case(values), values, label, directory, digest)
+        for values, label in zip(rows, labels(rows), strict=True)
     ]
 
 
@@ -62,7 +61,9 @@ def case_folder(directory: Path, name: str) -> Path:
     return directory / "cases" / name
 
 
-def _case(parameters: Parameters, values: dict[str, Any], directory: Path, digest: Any) -> Case:
+def _case(
+    parameters: Parameters, values: dict[str, Any], label: str, directory: Path, digest: Any
+) -> Case:
     try:
         name = study_file.fingerprint(parameters, digest)
     except OSError as error:
@@ -75,4 +76,4 @@ def _case(parameters: Parameters, values: dict[str, Any], directory: Path, diges
         raise InputError(message, paths.get(str(error.filename), "mesh.file")) from error
     folder = case_folder(directory, name)
     output = parameters.output.model_copy(update={"directory": str(folder)})
-    return Case(values, name, folder, parameters.model_copy(update={"output": output}))
+    return Case(values, label, name, folder, parameters.model_copy(update={"output": output}))

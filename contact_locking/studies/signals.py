@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType
 
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
@@ -19,19 +19,24 @@ class Stopped(KeyboardInterrupt):
 
 
 @contextlib.contextmanager
-def stoppable() -> Iterator[None]:
+def stoppable(at_once: Callable[[KeyboardInterrupt], None] | None = None) -> Iterator[None]:
     """Raise Stopped at SIGTERM, and at SIGHUP, which a terminal sends when it is closed.
 
-    An ignored signal, such as SIGHUP under nohup, stays ignored.
+    ``at_once`` is called before, also at Ctrl-C, and may end the process.  An ignored signal, such
+    as SIGHUP under nohup, stays ignored.
     """
+    handled = (*_ENDING, signal.SIGINT) if at_once is not None else _ENDING
 
     def stop(number: int, frame: FrameType | None) -> None:
         # A second signal must not interrupt the cleaning up; SIGKILL still ends the process.
         for ending in _ENDING:
             signal.signal(ending, signal.SIG_IGN)
-        raise Stopped(number)
+        interrupt = KeyboardInterrupt() if number == signal.SIGINT else Stopped(number)
+        if at_once is not None:
+            at_once(interrupt)
+        raise interrupt
 
-    before = {number: signal.getsignal(number) for number in _ENDING}
+    before = {number: signal.getsignal(number) for number in handled}
     for number, handler in before.items():
         if handler is not signal.SIG_IGN:
             signal.signal(number, stop)

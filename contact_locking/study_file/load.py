@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
 from contact_locking.parameters.base import MOST_FAULTS, Fault
-from contact_locking.parameters.wording import show
+from contact_locking.parameters.telling_apart import labels
 
 from .dump import dump
 from .messages import faults_of
@@ -102,15 +102,17 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
     cases = parameters.study.cases()
     if fault := _too_much(data, cases):
         return None, [fault]
-    for case in cases:
-        shown = ", ".join(f"{key} = {show(value)}" for key, value in case.items())
+    for case, shown in zip(cases, labels(cases), strict=True):
         try:
             changed = _with_values(data, case)
         except KeyError as error:
             return None, [Fault(("study",), f"in the case {shown}: {error.args[0]}")]
         valid, faults = _validate(changed, folder)
         if valid is None:
-            first = tell(faults[0].message, _key(faults[0]))
+            # An unknown key is often what another one is missing for.
+            unknown = [fault for fault in faults if fault.message.startswith("unknown key")]
+            fault = (unknown or faults)[0]
+            first = tell(fault.message, _key(fault))
             return None, [Fault(("study",), f"in the case {shown}: {first}")]
     return parameters, []
 

@@ -44,7 +44,12 @@ def faults_of(error: ValidationError) -> list[Fault]:
 def _message(details: Any, place: tuple[str | int, ...]) -> str:
     given = show(details["input"])
     match details["type"]:
-        case "extra_forbidden" if place[:-1] == ("contact",) and str(place[-1]).isdecimal():
+        # A key without a value comes of a decimal comma: {gap: 0,1}.
+        case "extra_forbidden" if (
+            place[:-1] == ("contact",)
+            and str(place[-1]).isdecimal()
+            and details["input"] is not None
+        ):
             return "contact is one section and not a list: leave the number out of the key"
         case "extra_forbidden":
             known = known_keys(Parameters, place[:-1])

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from contact_locking.arrays import FloatArray
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.joint_forms import JointForm
+from contact_locking.solver.interior_point.elastic_energy import energy_of
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.stiff_families import StiffFamilies
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -57,6 +58,7 @@ class Tangent:
         self.matrix.setNearNullSpace(self._near_nullspace)
         self.elasticity = petsc.assemble_matrix(compiled.form(elastic))
         self.elasticity.assemble()
+        self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
         self._vectors = [self.matrix.createVecRight() for _ in range(8)]
         self._load, self._stretched, self._unbalanced, self._right = self._vectors[:4]
         self._step, self._answer, self._whole, self._moved = self._vectors[4:]
@@ -73,7 +75,7 @@ class Tangent:
         displacement = self._answer
         displacement.array_w[:] = self.system.u.x.array[: self._owned]
         self.elasticity.mult(displacement, self._stretched)
-        self.energy = 0.5 * float(self._stretched.dot(displacement))
+        self.energy = energy_of(self.system, displacement, self._stretched, self._stiffest)
         self.acting = float(max(self._load.norm(), self._stretched.norm()))
         self.force_scale = self.system.above_rounding(self.acting, self._tolerance)
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
