@@ -3,6 +3,9 @@
 The body's integrals have displacements as arguments.  Those over Gamma_C have fields of the limited
 space, whose degrees of freedom are those of the displacement (`PointValues`).
 
+DOLFINx packs the coefficients of a whole form for each of its integrals.  Cells and facets have
+forms of their own, so that no cell gets room for the coefficients of Gamma_C.
+
 FFCx 0.9 takes what it finds at the only point of a quadrature rule for constant in the cell, and
 uses that in the other rules of the same form, too.  So integrals that evaluate the coordinates in
 one point, as all of an axisymmetric body do with linear displacements, have forms of their own.
@@ -27,17 +30,18 @@ _SHARED = "shared_with_dolfinx"
 
 
 def by_space(form: ufl.Form) -> list[ufl.Form]:
-    """The integrals of a form, in forms that can be compiled together.
+    """The integrals of a form, in forms that can be compiled together, those of cells first.
 
-    These are one form for each space of the arguments, or two if some integrals evaluate the
-    coordinates in one point.
+    These are one form for each space of the arguments and for each of cells and facets, or two if
+    some integrals evaluate the coordinates in one point.
     """
     groups: dict[Any, list[Any]] = {}
     for integral in form.integrals():
         arguments = ufl.algorithms.extract_arguments(integral.integrand())
-        key = arguments[0].ufl_element(), _is_at_one_point(integral)
+        key = arguments[0].ufl_element(), integral.integral_type(), _is_at_one_point(integral)
         groups.setdefault(key, []).append(integral)
-    return [ufl.Form(integrals) for integrals in groups.values()]
+    every = sorted(groups.values(), key=lambda group: group[0].integral_type() != "cell")
+    return [ufl.Form(integrals) for integrals in every]
 
 
 def _is_at_one_point(integral: Any) -> bool:
@@ -99,9 +103,10 @@ class JointForm:
         matrix.zeroEntries()
         shared = matrix.getAttr(_SHARED)
         for number, (part, form) in enumerate(zip(self._parts, self._forms, strict=True)):
-            fixed = list(conditions)
+            space, fixed = part.arguments()[0].ufl_function_space(), list(conditions)
             if number > 0:
-                fixed = _fixed(part.arguments()[0].ufl_function_space(), conditions)
+                if space != self._parts[0].arguments()[0].ufl_function_space():
+                    fixed = _fixed(space, conditions)
                 # The identity was inserted last, and now values are added.
                 matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
             if shared is None:
