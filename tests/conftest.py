@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import io
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,10 @@ from verification_table import Row, table_text
 from contact_locking.solver.interior_point.lorentz import Lorentz
 
 RANK, SIZE = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
+
+# For the programs that tests start: Open MPI's ranks wait by spinning, which is slow where they
+# share cores with other tests.
+os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
 
 # Ranks must draw the same examples and not judge them by their clocks; what decides whether a
 # change may land must not be a lottery.  New examples are for the slow tests.

@@ -17,6 +17,7 @@ contact: {on: bottom}
 friction: {coefficient: 0.3, smoothing: {radius: 0.3}}
 penalty: {n: 100}
 """
+UNDRAWN_BLOCK = f"title: A small block\n{SMALL_BLOCK}output: {{picture: false}}\n"
 
 
 def block(dim: int = 2, h: float = 0.1, **changes: Any) -> Parameters:

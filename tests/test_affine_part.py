@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from problems import block
-from test_supports import pressed, turn, turned
+from turned_supports import pressed, turn, turned
 
 from contact_locking import solving
 from contact_locking.parallel import maximum

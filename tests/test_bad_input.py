@@ -2,50 +2,18 @@
 
 from __future__ import annotations
 
-import copy
-import json
-import re
 from pathlib import Path
 from typing import Any
 
 import gmsh
-import numpy as np
 import pytest
+from changed_study import changed
 from mpi4py import MPI
-from ruamel.yaml import YAML
 
 from contact_locking import solving, study_file
 from contact_locking.command import cli
-from contact_locking.problem.assembly import assemble
 
 pytestmark = pytest.mark.serial
-
-GOOD: dict[str, Any] = {
-    "mesh": {"builder": "block", "dim": 2, "size": [1.0, 1.0], "h": 0.25},
-    "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.02},
-    "loads": {
-        "body_force": [0.0, 0.0],
-        "tractions": [{"on": "top", "value": [0.03, -0.05]}],
-        "displacements": [{"on": "left", "value": [0.0, 0.0]}],
-    },
-    "contact": {"on": "bottom"},
-    "friction": {"coefficient": 0.3, "smoothing": {"kernel": "convolution", "radius": 0.5}},
-    "penalty": {"n": 100.0},
-}
-
-
-def _write(folder: Path, changes: dict[str, Any]) -> Path:
-    data = copy.deepcopy(GOOD)
-    for key, value in changes.items():
-        *path, last = key.split(".")
-        place: Any = data
-        for name in path:
-            place = place[int(name)] if name.isdigit() else place.setdefault(name, {})
-        place[last] = value
-    file = folder / "study.yml"
-    with file.open("w") as stream:
-        YAML(typ="safe").dump(data, stream)
-    return file
 
 
 def _refused(file: Path, output: Path, capsys: pytest.CaptureFixture[str]) -> str:
@@ -200,7 +168,7 @@ def test_bad_data_are_refused_with_their_key(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     changes, expected = CASES[name]
-    file = _write(tmp_path, changes)
+    file = changed(tmp_path, changes)
     message = _refused(file, tmp_path / "out", capsys)
     assert f"{file}:" in message, "the message names the file and line"
     for text in expected:
@@ -214,7 +182,7 @@ def test_results_of_an_earlier_run_survive_bad_input(
     output = tmp_path / "out"
     output.mkdir()
     (output / "summary.json").write_text("precious")
-    _refused(_write(tmp_path, {"contact.on": "botom"}), output, capsys)
+    _refused(changed(tmp_path, {"contact.on": "botom"}), output, capsys)
     assert (output / "summary.json").read_text() == "precious"
 
 
@@ -222,134 +190,17 @@ def test_output_that_is_a_file_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "out").write_text("in the way")
-    message = _refused(_write(tmp_path, {}), tmp_path / "out", capsys)
+    message = _refused(changed(tmp_path, {}), tmp_path / "out", capsys)
     assert "output.directory" in message
     assert (tmp_path / "out").read_text() == "in the way"
-
-
-def _warnings(folder: Path, changes: dict[str, Any]) -> list[str]:
-    """The warnings of ``check``."""
-    return solving.check(study_file.load(_write(folder, changes)).parameters)["warnings"]
-
-
-@pytest.mark.parametrize(
-    ("load", "h"),
-    [
-        ("1/(x - 0.5)", 0.25),
-        ("tan(pi*x)", 0.25),
-        ("tan(pi*x)", 0.2),
-        ("1 if abs(x - 0.5) < 0.01 else 0", 0.2),
-        ("exp(-((x - 0.5)/0.005)**2)", 0.25),
-    ],
-)
-def test_a_load_that_the_mesh_does_not_resolve_is_warned_of_with_the_place(
-    load: str, h: float, tmp_path: Path
-) -> None:
-    """With h = 0.2 a point of integration is at the pole but for rounding: the load is 1e16."""
-    tractions = [{"on": "top", "value": [0, f"-1e-6*({load})"]}]
-    first, *_ = _warnings(tmp_path, {"mesh.h": h, "loads.tractions": tractions})
-    assert first.startswith("loads.tractions.0.value: changes too sharply")
-    assert "near x = 0." in first and "y = 1" in first
-
-
-def test_a_load_that_falls_between_all_points_is_warned_of(tmp_path: Path) -> None:
-    tractions = [{"on": "top", "value": [0, "-1 if abs(x - 0.5) < 0.01 else 0"]}]
-    (warning,) = _warnings(tmp_path, {"loads.tractions": tractions})
-    assert warning.startswith("loads.tractions.0.value: is zero at all points")
-
-
-@pytest.mark.parametrize("load", ["-0.1 if x < 0.3 else 0", "-0.1*sqrt(x)", "-0.1*sin(5*x)"])
-def test_jumps_and_bends_of_a_load_are_not_warned_of(load: str, tmp_path: Path) -> None:
-    tractions = [{"on": "top", "value": [0, load]}]
-    changes = {"mesh.h": 0.15, "loads.tractions": tractions, "loads.body_force": [0, load]}
-    assert _warnings(tmp_path, changes) == []
-
-
-@pytest.mark.parametrize(
-    "contact", [{"gap": -1.5}, {"foundation": {"half_space": {"point": [0, 2], "normal": [0, 1]}}}]
-)
-def test_a_body_wholly_inside_the_foundation_is_warned_of(
-    contact: dict[str, Any], tmp_path: Path
-) -> None:
-    (warning,) = _warnings(tmp_path, {"contact": {"on": "bottom"} | contact})
-    assert warning.startswith(f"contact.{next(iter(contact))}: all of the body lies inside")
-    assert _warnings(tmp_path, {"contact": {"on": "bottom", "gap": -0.01}}) == []
-
-
-def test_loads_and_strains_beyond_the_theory_are_warned_of_in_numbers_that_one_can_read(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Newtons and millimetres beside pascals lead to such loads."""
-    changes = {"loads.tractions": [{"on": "top", "value": [0, -5e8]}]}
-    words = ["--output", str(tmp_path / "out"), "--quiet", "--set", "output={picture: false}"]
-    assert cli.main(["run", str(_write(tmp_path, changes)), *words]) == 0
-    errors = capsys.readouterr().err
-    assert "loads.tractions.0.value: it reaches 2.6e+08 times the stiffness" in errors
-    assert "e+08 times its limit: penalty.n: " in errors
-    assert "this theory is of small strains: do the units" in errors
-    assert max(map(len, re.findall(r"\d+", errors))) < 4
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert [f"warning: {text}" for text in summary["warnings"]] == errors.splitlines()
-
-
-def test_a_friction_coefficient_below_zero_by_rounding_is_zero(tmp_path: Path) -> None:
-    changes = {"friction.coefficient": "0.5*x - 1e-17", "penalty.n": 1e3}
-    solution = solving.solve(study_file.load(_write(tmp_path, changes)).parameters, MPI.COMM_SELF)
-    assert solution.converged
-    assert solution.contact_points is not None
-    assert (solution.contact_points.bound >= 0.0).all()
 
 
 def test_a_friction_coefficient_below_zero_is_refused_with_the_place(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = _write(tmp_path, {"friction.coefficient": "0.3 - 0.4*x"})
+    file = changed(tmp_path, {"friction.coefficient": "0.3 - 0.4*x"})
     message = _refused(file, tmp_path / "out", capsys)
     assert "must not be negative, it is -0.1 at x = 1, y = " in message
-
-
-@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
-@pytest.mark.parametrize("h", [0.5, 0.25, 0.05])
-def test_the_default_radius_is_not_warned_of_and_smooths(
-    kernel: str, h: float, tmp_path: Path
-) -> None:
-    changes = {"friction.smoothing": {"kernel": kernel}, "mesh.h": h}
-    study = study_file.load(_write(tmp_path, changes))
-    made = assemble(study.parameters, MPI.COMM_SELF)
-    assert made.warnings == []
-    (contact,) = made.contacts
-    x = contact.surface.points[:, 0]
-    # The value at each node takes part of its neighbours'.
-    one = np.where(x == x.max(), 1.0, 0.0)
-    smoothed = contact.friction.smoothing.apply(one)
-    assert 0.0 < np.sort(smoothed)[-2] < smoothed.max() < 0.9
-    made.close()
-
-
-@pytest.mark.parametrize("radius", [1e3, 1e6, 1e100])
-def test_a_filter_with_a_huge_radius_is_the_mean(radius: float, tmp_path: Path) -> None:
-    changes = {"friction.smoothing": {"kernel": "helmholtz", "radius": radius}, "mesh.h": 0.05}
-    made = assemble(study_file.load(_write(tmp_path, changes)).parameters, MPI.COMM_SELF)
-    (contact,) = made.contacts
-    surface, smoothing = contact.surface, contact.friction.smoothing
-    w = np.exp(surface.points[:, 0])
-    # The node at the clamp takes no part.
-    held = np.isclose(surface.points[:, 0], 0.0)
-    is_free = (~held).astype(float)
-    mean = surface.integral(w * is_free) / surface.integral(is_free)
-    assert np.abs(smoothing.apply(w) - mean).max() < 1e-6
-    assert np.abs(smoothing.apply(np.ones_like(w)) - 1.0).max() < 1e-14
-    smoothing.destroy()
-
-
-@pytest.mark.parametrize("radius", [0.01, 0.25])
-def test_radius_not_above_the_mesh_size_is_a_warning_only(
-    radius: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = _write(tmp_path, {"friction.smoothing.radius": radius, "mesh.h": 0.25})
-    assert cli.main(["check", str(file), "--set", f"output.directory={tmp_path}/out"]) == 0
-    warning = capsys.readouterr().err
-    assert "friction.smoothing.radius" in warning and "on bottom, so R hardly smooths" in warning
 
 
 def _mesh_file(path: Path, dim: int, *, names: bool = True, order: int = 1) -> None:
@@ -392,7 +243,7 @@ def test_meshes_that_will_not_do_are_refused(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     _mesh_file(tmp_path / "body.msh", dim, **options)
-    file = _write(tmp_path, {"mesh": {"file": "body.msh"}})
+    file = changed(tmp_path, {"mesh": {"file": "body.msh"}})
     message = _refused(file, tmp_path / "out", capsys)
     assert "mesh.file" in message
     assert expected in message
@@ -402,13 +253,13 @@ def test_a_file_that_is_no_mesh_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "body.msh").write_text("$MeshFormat\nnonsense\n")
-    file = _write(tmp_path, {"mesh": {"file": "body.msh"}})
+    file = changed(tmp_path, {"mesh": {"file": "body.msh"}})
     assert "mesh.file" in _refused(file, tmp_path / "out", capsys)
 
 
 def test_a_mesh_of_the_users_own_with_named_groups_is_solved(tmp_path: Path) -> None:
     _mesh_file(tmp_path / "body.msh", 2)
-    study = study_file.load(_write(tmp_path, {"mesh": {"file": "body.msh"}}))
+    study = study_file.load(changed(tmp_path, {"mesh": {"file": "body.msh"}}))
     solution = solving.solve(study.parameters, MPI.COMM_SELF)
     assert solution.converged
     assert set(solution.domain.facet_names) == {"bottom", "right", "top", "left"}

@@ -125,13 +125,11 @@ def test_other_numbers_of_ranks_read_what_one_saved_and_save_for_it(
     one = solving.solve(given)
     save(one, tmp_path / "one")
     words = ["run", "study.yml", "--restart", "one", "--checkpoint", "--output", "several"]
-    # Open MPI's ranks wait by spinning, which is slow where they share cores with others.
     done = subprocess.run(
         [mpirun, "-n", str(ranks), sys.executable, "-m", "contact_locking", *words],
         capture_output=True,
         text=True,
         timeout=240,
-        env=os.environ | {"OMPI_MCA_mpi_yield_when_idle": "1"},
         cwd=tmp_path,
         check=False,
     )

@@ -11,6 +11,9 @@ from pathlib import Path
 
 import cffi
 import pytest
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import create_unit_square
 from mpi4py import MPI
 
 from contact_locking.errors import ContactLockingError
@@ -99,6 +102,28 @@ def test_an_unfinished_form_of_another_process_is_named(tmp_path: Path) -> None:
         compiled_forms.explained(),
     ):
         get_cached_module("libffcx_forms_0", [], tmp_path, timeout=0)
+
+
+def test_a_form_that_a_process_has_loaded_is_not_searched_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mesh = create_unit_square(MPI.COMM_WORLD, 2, 2)
+
+    def area() -> float:
+        return float(fem.assemble_scalar(compiled.form(fem.Constant(mesh, 2.0) * ufl.dx)))
+
+    here = area()
+    finders: list[str] = []
+    monkeypatch.setattr("importlib.machinery.FileFinder.find_spec", finders.append)
+    assert area() == here and finders == []
+
+
+def test_another_folder_of_the_cache_has_forms_of_its_own(tmp_path: Path) -> None:
+    mesh = create_unit_square(MPI.COMM_SELF, 2, 2)
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        form = fem.form(fem.Constant(mesh, 3.0) * ufl.dx, jit_options={"cache_dir": folder})
+        assert fem.assemble_scalar(form) == pytest.approx(3.0)
+        assert len(list(folder.glob("*.c"))) == 1
 
 
 DOUBLED = ("double doubled(double x);", "double doubled(double x) { return 2.0 * x; }")

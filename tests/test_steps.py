@@ -10,37 +10,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
+from sheared_block import all_of, sheared
 
-from contact_locking import InputError, Parameters, assemble, solve, solve_steps
+from contact_locking import assemble, solve, solve_steps
 from contact_locking.certificate import energy
 from contact_locking.monitor import Monitor
-from contact_locking.parameters import StepParameters
-from contact_locking.results.history import read_history
-from contact_locking.results.solution import Solution
-from contact_locking.solver import SolverReport
-from contact_locking.steps.increment import Increment
 from contact_locking.steps.loop import Steps
-from contact_locking.steps.timeline import Timeline
-
-SHEARED = ["0.02*sin(2*pi*t)", "-0.02*min(8*t, 1)"]
-
-
-def sheared(count: int = 8, to: float = 1.0, **changes: Any) -> Parameters:
-    """A block that is pressed during an eighth of a cycle, and sheared to and fro all the time."""
-    given: dict[str, Any] = {
-        "h": 0.25,
-        "loads": {"displacements": [{"on": "top", "value": SHEARED}]},
-        "steps": {"to": to, "count": count},
-        "material__locking_limit": 0.04,
-        "penalty__n": math.inf,
-    }
-    return block(**(given | changes))
-
-
-def all_of(parameters: Parameters) -> list[Solution]:
-    solutions = list(solve_steps(parameters))
-    assert all(found.converged for found in solutions), solutions[-1].summary["reason"]
-    return solutions
 
 
 @pytest.mark.parametrize("n", [1e3, math.inf])
@@ -179,26 +154,6 @@ def test_results_do_not_depend_on_the_number_of_ranks() -> None:
             assert np.allclose(mine, other, rtol=1e-5, atol=1e-6 * np.abs(mine).max() + 1e-9), name
 
 
-class Failing:
-    """Lets every solve over a longer time than ``most`` fail."""
-
-    def __init__(self, most: float) -> None:
-        self.most, self.done, self.times = most, 0.0, [0.0]
-
-    def patch(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        solve_one = Increment.solve
-
-        def solved(increment: Increment, *given: Any) -> SolverReport:
-            now = increment.problem.clock.now
-            if now - self.done > self.most:
-                return SolverReport(reason="too far", suggestion="be quick")
-            self.done = now
-            self.times.append(now)
-            return solve_one(increment, *given)
-
-        monkeypatch.setattr(Increment, "solve", solved)
-
-
 @pytest.mark.parametrize("young", [1.0, 2.1e11])
 def test_a_body_that_moves_without_a_touch_creates_no_energy(young: float) -> None:
     """All forces are rounding, and so is their work."""
@@ -236,73 +191,6 @@ def test_what_is_zero_but_for_rounding_leaves_nothing_behind(on_top: str) -> Non
     assert rests.summary["certificate"]["resultants"]["loads"] == [0.0, 0.0]
 
 
-def test_a_step_that_does_not_converge_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
-    failing = Failing(0.3)
-    failing.patch(monkeypatch)
-    found = all_of(sheared(2))
-    assert failing.times == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
-    halved = [text for text in found[-1].summary["warnings"] if "it is halved" in text]
-    assert len(halved) == found[-1].summary["steps"]["halvings"] >= 2
-    assert found[-1].summary["steps"]["solved"] == 4
-
-
-def test_a_step_whose_solution_fails_a_criterion_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A state that the solver takes for a solution is not, if it is far from the last one."""
-    solve_one, last = Increment.solve, [0.0]
-
-    def wrong(increment: Increment, *given: Any) -> SolverReport:
-        report, now = solve_one(increment, *given), increment.problem.clock.now
-        if now - last[0] > 0.3:
-            increment.problem.u.x.array[:] *= 1.001
-        else:
-            last[0] = now
-        return report
-
-    monkeypatch.setattr(Increment, "solve", wrong)
-    found = all_of(sheared(2))
-    assert [one.time for one in found] == pytest.approx([0.25, 0.5, 0.75, 1.0])
-    halved = [text for text in found[-1].summary["warnings"] if "it is halved" in text]
-    assert len(halved) == 2
-    assert "above 1e-0" in halved[0]
-
-
-def test_halving_ends_at_the_least_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    failing = Failing(0.01)
-    failing.patch(monkeypatch)
-    steps = {"to": 1.0, "count": 2, "least": 0.1}
-    found = list(solve_steps(sheared(2, steps=steps, penalty__n=1e3)))
-    assert len(found) == 1 and not found[0].converged
-    assert found[0].summary["reason"] == "too far"
-    assert found[0].summary["steps"]["halvings"] == 2
-
-
-def test_a_process_goes_as_far_as_the_locking_limit_lets_it() -> None:
-    # Between two clamped ends the strain is at least the relative elongation: 0.02 at t = 0.4.
-    loads = {
-        "displacements": [
-            {"on": "left", "value": [0, None]},
-            {"on": "right", "value": ["0.05*t", None]},
-            {"on": ["bottom", "top"], "value": [None, 0]},
-        ]
-    }
-    steps = {"to": 1.0, "count": 2, "least": 0.02}
-    found = list(
-        solve_steps(
-            block(
-                h=0.5,
-                loads=loads,
-                contact={"on": []},
-                friction={},
-                steps=steps,
-                penalty__n=math.inf,
-            )
-        )
-    )
-    assert not found[-1].converged and found[-1].summary["reason"].startswith("infeasible")
-    last = [solution.time for solution in found if solution.converged][-1]
-    assert 0.4 - 0.04 <= last <= 0.4
-
-
 class Told(Monitor):
     """Keeps what a solve says about its steps."""
 
@@ -329,74 +217,6 @@ def test_a_script_may_change_the_problem_between_steps() -> None:
     assert second.converged
     # The bounds keep an inside of the cones, a share of 1e-12 of the largest.
     assert second.history.rows[-1]["dissipated"] == pytest.approx(0.0, abs=1e-12)
-
-
-# The study file.
-
-
-@pytest.mark.serial
-def test_the_time_is_refused_without_steps() -> None:
-    with pytest.raises(ValueError, match="depends on the time t, and the file has no steps"):
-        block(contact__gap="0.1*t")
-    loads = {"displacements": [{"on": "left", "value": ["t", 0]}]}
-    with pytest.raises(ValueError, match=r"steps: \{to: 1, count: 20\}"):
-        block(loads=loads)
-    with pytest.raises(ValueError, match="unknown name 't'"):
-        block(material__locking_limit="0.02*t", steps={"to": 1, "count": 2})
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({}, "give `to` and `count`"),
-        ({"to": 1}, "give `to` and `count`"),
-        ({"to": 1, "count": 2, "times": [1]}, "either `times`"),
-        ({"times": []}, "one time at least"),
-        ({"times": [0, 1, 1]}, "must ascend, but 1 follows 1"),
-        ({"to": 1, "count": 0}, "greater than or equal to 1"),
-        ({"to": -1, "count": 1}, "greater than 0"),
-        ({"to": 1, "count": 1, "least": 0}, "greater than 0"),
-    ],
-)
-def test_steps_that_make_no_sense_are_refused(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        StepParameters.model_validate(given)
-
-
-@pytest.mark.serial
-def test_a_value_that_is_not_finite_at_some_time_is_refused_with_its_key() -> None:
-    loads = {"displacements": [{"on": "top", "value": [0, "-0.01/(1 - t)"]}]}
-    with pytest.raises(InputError, match="finite") as caught:
-        list(solve_steps(sheared(2, loads=loads)))
-    assert caught.value.key == "loads.displacements.0.value.1"
-
-
-@pytest.mark.serial
-def test_a_timeline_reaches_every_planned_time_whatever_fails() -> None:
-    random = np.random.default_rng(1)
-    for _ in range(50):
-        planned = [float(time) for time in np.cumsum(random.uniform(0.01, 1.0, 5))]
-        timeline = Timeline(StepParameters(times=tuple(planned)))
-        most, reached, tries = random.uniform(0.1, 1.0), [], 0
-        while not timeline.is_over and tries < 500:
-            tries += 1
-            length = timeline.target - timeline.done
-            if length > most * random.uniform(0.5, 1.0):
-                assert timeline.fail()
-                continue
-            timeline.succeed()
-            reached.append(timeline.done)
-        assert timeline.is_over and set(planned) <= set(reached) and reached == sorted(reached)
-
-
-@pytest.mark.serial
-def test_a_history_is_read_as_it_was_written() -> None:
-    history = all_of(sheared(2))[-1].history
-    again = read_history(history.text(), "history.csv")
-    assert again == history and again.columns == history.columns
-    with pytest.raises(InputError, match=r"history\.csv:2"):
-        read_history(history.text().replace("\n1,", "\n1,1,"), "history.csv")
 
 
 @pytest.mark.parametrize("n", [1e2, 1e4])

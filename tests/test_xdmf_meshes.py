@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import SMALL_BLOCK, block
-from test_mesh_diagnosis import BODY, FAR, LOOSE, REFUSED, SQUARE, Groups, Points, study
+from small_meshes import BODY, FAR, LOOSE, REFUSED, SQUARE, Groups, Points, study
 from xdmf import write_xdmf
 
 from contact_locking import check, solve, study_file

@@ -19,7 +19,9 @@ import cffi
 from dolfinx import fem, jit
 from mpi4py import MPI
 
-from contact_locking.problem import compiled_forms
+from contact_locking.problem import compiled_forms, kept_forms
+
+kept_forms.keep()
 
 _ARGUMENTS = "cffi_extra_compile_args"
 # GCC vectorises square roots only if they need not set errno.

@@ -6,6 +6,7 @@ A page needs no other file: its style, script and pictures are inside.
 from __future__ import annotations
 
 import base64
+import functools
 import hashlib
 import re
 from importlib import resources
@@ -39,8 +40,9 @@ def render(template: str, **context: Any) -> str:
     )
 
 
+@functools.cache
 def environment() -> Environment:
-    """The templates of this package, with filters for values, dotted keys and formulas."""
+    """The templates of this package, compiled once, with filters for values, keys and formulas."""
     made = Environment(
         loader=PackageLoader(str(__package__), "."),
         autoescape=True,
