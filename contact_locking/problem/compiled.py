@@ -21,8 +21,6 @@ from mpi4py import MPI
 
 from contact_locking.problem import compiled_forms, kept_forms
 
-kept_forms.keep()
-
 _ARGUMENTS = "cffi_extra_compile_args"
 # GCC vectorises square roots only if they need not set errno.
 _FOR_LIBRARIES = ("-std=c17", "-fno-math-errno")
@@ -115,7 +113,10 @@ def options() -> dict[str, Any]:
     options, so that different processors may share a cache.  Without information about the
     processor the default options of DOLFINx stay.  The compiler is silent about the generated code,
     which may declare tables that it does not use.
+
+    Every compilation asks for the options, so that the first call also lets forms be kept.
     """
+    kept_forms.keep()
     default, _ = jit.DOLFINX_DEFAULT_JIT_OPTIONS[_ARGUMENTS]
     instructions = _instructions()
     if jit.get_options()[_ARGUMENTS] != default or not instructions:

@@ -17,12 +17,16 @@ import ufl
 
 
 def keep() -> None:
-    """Let FFCx and Basix keep what does not change in a process; a second call does nothing."""
-    compiler = ffcx.codegeneration.jit
-    if hasattr(compiler.get_cached_module, "__wrapped__"):
-        return
-    compiler.get_cached_module = _loading_once(compiler.get_cached_module)
-    basix.ufl._ElementBase.cell = property(lambda element: _cell(element.cell_type.name))
+    """Let FFCx and Basix keep what does not change in a process; a second call does nothing.
+
+    A version that has no such functions works as it is.
+    """
+    compiler, element = ffcx.codegeneration.jit, getattr(basix.ufl, "_ElementBase", None)
+    load = getattr(compiler, "get_cached_module", None)
+    if load is not None and not hasattr(load, "__wrapped__"):
+        compiler.get_cached_module = _loading_once(load)
+    if element is not None and isinstance(getattr(element, "cell", None), property):
+        element.cell = property(lambda self: _cell(self.cell_type.name))
 
 
 def _loading_once(load: Any) -> Any:

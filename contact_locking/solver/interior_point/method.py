@@ -189,7 +189,9 @@ class InteriorPoint:
         self._moving = [
             bound for bound in bounds if self._bound_moves and bound.friction.takes_part
         ]
-        self._search = Search(self._iterate, self._moving, tuning, task.settings)
+        self._search = Search(
+            self._iterate, self._moving, tuning, task.settings, self.approach.foresees
+        )
 
     # 2. The stopping rule.
 

@@ -16,7 +16,8 @@ from contact_locking.solver.settings import Settings
 class Search:
     """Finds the steps of an iterate whose tangent is assembled.
 
-    The numbers are those of the steps of the algorithm in :mod:`method`.
+    The numbers are those of the steps of the algorithm in :mod:`method`.  ``foresees`` is that of
+    the approach.
     """
 
     def __init__(
@@ -25,7 +26,9 @@ class Search:
         bounds: Sequence[MovingBound],
         tuning: Tuning,
         settings: Settings,
+        foresees: bool = False,
     ) -> None:
+        self._foresees = foresees
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
         self._last_length, self._bounds_contract = 0.0, False
@@ -44,7 +47,7 @@ class Search:
             centring *= tuning.bolder
         target = self._limited(centring, measures) * before
         bound_step = BoundStep(self._bounds, iterate.tangent, tuning, self._bounds_contract)
-        if measures.gap > tuning.foreseen_above:
+        if self._foresees and measures.gap > tuning.foreseen_above:
             bound_step.foresee(affine)
         # 5. The corrector.
         corrections = iterate.corrections(affine, min(1.0, t / tuning.trusted_length))

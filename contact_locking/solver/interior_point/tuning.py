@@ -13,10 +13,13 @@ class Approach:
     ``opening`` (> 0) is the least opening of contact at the start, relative to the strain times the
     length.  ``trusts_newton`` leaves the friction bound where a step brought it, if the step
     brought it closer to ``mu |R p|``; without it the bound is set to that after every step.
+    ``foresees`` lets the predictor foresee the step of the bound, which is faster; a solve that is
+    tried again does without it.
     """
 
     opening: float
     trusts_newton: bool
+    foresees: bool = False
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Tuning:
     #: finds solutions where friction changes much with the slip.  The others find solutions of one
     #: problem in some thousand that these miss, as paths through the cones differ.
     approaches: tuple[Approach, ...] = (
-        Approach(0.1, trusts_newton=True),
+        Approach(0.1, trusts_newton=True, foresees=True),
         Approach(100.0, trusts_newton=False),
         Approach(10.0, trusts_newton=True),
         Approach(10.0, trusts_newton=False),
