@@ -2,7 +2,7 @@
 
 For every form, also for one that was loaded before, FFCx lists the whole folder of compiled forms
 and loads the library again.  Basix builds the cell of an element, with all its sides, each time it
-is asked for it, which is thousands of times per problem.  For small problems this would take more
+is asked for it, which is hundreds of times per problem.  For small problems this would take more
 time than the solve.
 """
 
