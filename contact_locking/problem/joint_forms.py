@@ -84,10 +84,10 @@ class JointForm:
         would have to copy.
         """
         shared = fem.create_matrix(self._forms[0], block_mode=la.BlockMode.expanded)
-        starts = shared.indptr.astype(PETSc.IntType)
+        starts, columns = (part.astype(PETSc.IntType) for part in (shared.indptr, shared.indices))
         size, components = len(starts) - 1, self._forms[0].function_spaces[0].dofmap.index_map_bs
         matrix = PETSc.Mat().createAIJWithArrays(
-            (size, size), (starts, shared.indices, shared.data), comm=PETSc.COMM_SELF
+            (size, size), (starts, columns, shared.data), comm=PETSc.COMM_SELF
         )
         matrix.setBlockSize(components)
         matrix.setAttr(_SHARED, shared)
