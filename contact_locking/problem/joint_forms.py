@@ -3,8 +3,8 @@
 The body's integrals have displacements as arguments.  Those over Gamma_C have fields of the limited
 space, whose degrees of freedom are those of the displacement (`PointValues`).
 
-DOLFINx packs the coefficients of a whole form for each of its integrals.  Cells and facets have
-forms of their own, so that no cell gets room for the coefficients of Gamma_C.
+For each cell and facet of a form DOLFINx stores all coefficients of the form.  Cells and facets
+have forms of their own, so that no cell stores coefficients of Gamma_C.
 
 FFCx 0.9 takes what it finds at the only point of a quadrature rule for constant in the cell, and
 uses that in the other rules of the same form, too.  So integrals that evaluate the coordinates in

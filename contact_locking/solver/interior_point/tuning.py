@@ -87,7 +87,7 @@ class Tuning:
     #: takes.  Each has a row in the matrix that is factorised for it; below, multigrid does with
     #: the contrast.
     stiff_along: float = 300.0
-    #: The same for quadratic elements, of which relaxation smooths less.
+    #: The same for quadratic elements, for which multigrid bears less contrast.
     stiff_along_quadratic: float = 10.0
 
     # Predictor and corrector.

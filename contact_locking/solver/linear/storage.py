@@ -23,7 +23,7 @@ class Unblocked:
     def of(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """The same matrix for all matrices of one pattern, with the values of this; collective.
 
-        On one rank a matrix that is stored by entry is that itself.
+        A matrix of one rank that is stored by entry is returned itself.
         """
         if matrix.getType() == PETSc.Mat.Type.SEQAIJ:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
