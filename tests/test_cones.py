@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from lorentz import inside, product, scaled, unit
 
 from contact_locking.arrays import FloatArray
+from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
 
 
@@ -107,7 +108,8 @@ def test_the_longest_step_ends_on_the_boundary_of_a_cone(
     points, steps = case[:2], np.array(case[2:])
     # The step has no limit if no point leaves its cone.
     steps[:, 0] += inwards
-    t = Scaling.of(lorentz, *points).longest_step(*steps)
+    pair = steps[0], steps[1]
+    t = Scaling.of(lorentz, *points).longest_step(pair, pair)
 
     def slack(t: float) -> float:
         ends = [point + t * step for point, step in zip(points, steps, strict=True)]
@@ -121,15 +123,29 @@ def test_the_longest_step_ends_on_the_boundary_of_a_cone(
         assert slack(0.99 * t) > 0.0
 
 
+@settings(max_examples=50, deadline=None)
+@given(cases(), st.floats(0.0, 1.0))
+def test_the_longest_step_between_two_steps_is_that_of_the_step_between_them(
+    lorentz: Lorentz, case: Case, share: float
+) -> None:
+    points, one, other = case[:2], Step(*case[2:]), Step(case[3], case[2])
+    scaling = Scaling.of(lorentz, *points)
+    between = one.between(other, share).pair
+    expected = scaling.longest_step(between, between)
+    assert scaling.longest_step(one.pair, other.pair, share) == pytest.approx(expected, rel=1e-9)
+
+
 @pytest.mark.parametrize("place", [0, 130, 199])
 def test_a_direction_that_is_no_number_allows_no_step(lorentz: Lorentz, place: int) -> None:
     x = np.repeat([[1.0], [0.0]], 200, axis=1)
-    step = np.zeros((2, 200))
-    scaling = Scaling.of(lorentz, x, x.copy())
-    assert scaling.longest_step(step, step) == math.inf
-    broken = step.copy()
+    still, broken = np.zeros((2, 200)), np.zeros((2, 200))
     broken[1, place] = math.nan
-    assert scaling.longest_step(step, broken) == scaling.longest_step(broken, step) == 0.0
+    scaling = Scaling.of(lorentz, x, x.copy())
+    lengths = [
+        scaling.longest_step(pair, pair)
+        for pair in ((still, still), (still, broken), (broken, still))
+    ]
+    assert lengths == [math.inf, 0.0, 0.0]
 
 
 def test_size_keeps_its_digits_near_the_boundary(lorentz: Lorentz) -> None:

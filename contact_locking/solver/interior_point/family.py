@@ -30,9 +30,18 @@ class Step:
     primal: FloatArray
     dual: FloatArray
 
+    @property
+    def pair(self) -> tuple[FloatArray, FloatArray]:
+        """Both."""
+        return self.primal, self.dual
+
     def plus(self, other: Step, share: float) -> Step:
         """The step plus ``share`` times the other."""
         return Step(self.primal + share * other.primal, self.dual + share * other.dual)
+
+    def between(self, other: Step, share: float) -> Step:
+        """The step plus ``share`` times what leads from it to the other."""
+        return self if share == 0.0 else self.plus(other.plus(self, -1.0), share)
 
 
 class Family(ABC):
@@ -107,8 +116,11 @@ class Family(ABC):
         """The complementarity products after a step of length t, weighted, of this rank."""
 
     @abstractmethod
-    def longest_step(self, step: Step) -> float:
-        """The largest t that leads out of no cone of this rank, inf without a limit."""
+    def longest_step_between(self, step: Step, other: Step, share: float) -> float:
+        """The largest t that leads out of no cone of this rank, inf without a limit.
+
+        The step that is taken is ``step + share (other - step)``.
+        """
 
     def advance(self, t: float, step: Step) -> None:
         """Take a step of length t."""
@@ -258,6 +270,10 @@ class Direction:
             self.displacement + share * other.displacement,
             {family: step.plus(other.steps[family], share) for family, step in self.steps.items()},
         )
+
+    def between(self, other: Direction, share: float) -> Direction:
+        """The direction plus ``share`` times what leads from it to the other."""
+        return other if share == 1.0 else self.plus(other.plus(self, -1.0), share)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,8 @@ class HalfLines(Family):
             x, z = x + t * step.primal, z + t * step.dual
         return float(self.weights @ (x * z))
 
-    def longest_step(self, step: Step) -> float:
+    def longest_step_between(self, step: Step, other: Step, share: float) -> float:
+        step = step.between(other, share)
         speed = np.max([-step.primal / self.x, -step.dual / self.z], initial=0.0)
         # NaN is no direction to go in.
         return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0

@@ -99,7 +99,17 @@ class Iterate:
 
     def longest_step(self, direction: Direction) -> float:
         """How far a direction leads before a cone ends; collective."""
-        local = min(family.longest_step(direction.steps[family]) for family in self.families)
+        return self.longest_step_between(direction, direction, 0.0)
+
+    def longest_step_between(self, direction: Direction, other: Direction, share: float) -> float:
+        """How far :meth:`Direction.between` leads before a cone ends, without making it.
+
+        Collective.
+        """
+        local = min(
+            family.longest_step_between(direction.steps[family], other.steps[family], share)
+            for family in self.families
+        )
         return float(self.comm.allreduce(local, op=MPI.MIN))
 
     def advance(self, t: float, direction: Direction) -> None:

@@ -158,23 +158,28 @@ void lorentz_into_band(int rows, long count, double low, double high,
   }
 }
 
-double lorentz_speed(int rows, long count, const double *restrict x, const double *restrict size,
-                     const double *restrict dx)
+double lorentz_speed(int rows, long count, double share, const double *restrict x,
+                     const double *restrict size, const double *restrict dx,
+                     const double *restrict other)
 {
   double most = -INFINITY;
   FOR_CHUNKS
   {
-    double dot[CHUNK] = {0.0}, share[CHUNK], square[CHUNK] = {0.0};
-    FOR_ROWS(1) FOR_CONES dot[j] += ROW(x, i)[j] * ROW(dx, i)[j];
+    double d[rows][CHUNK], dot[CHUNK] = {0.0}, along[CHUNK], square[CHUNK] = {0.0};
+    if (share == 0.0)
+      FOR_ROWS(0) FOR_CONES d[i][j] = ROW(dx, i)[j];
+    else
+      FOR_ROWS(0) FOR_CONES d[i][j] = ROW(dx, i)[j] + share * (ROW(other, i)[j] - ROW(dx, i)[j]);
+    FOR_ROWS(1) FOR_CONES dot[j] += ROW(x, i)[j] * d[i][j];
     FOR_CONES
     {
-      double s = ROW(size, 0)[j], x_0 = ROW(x, 0)[j], d_0 = ROW(dx, 0)[j];
+      double s = ROW(size, 0)[j], x_0 = ROW(x, 0)[j], d_0 = d[0][j];
       dot[j] = (x_0 * d_0 - dot[j]) / s;
-      share[j] = (dot[j] + d_0) / (x_0 + s);
+      along[j] = (dot[j] + d_0) / (x_0 + s);
     }
     FOR_ROWS(1) FOR_CONES
     {
-      double across = share[j] * ROW(x, i)[j] - ROW(dx, i)[j];
+      double across = along[j] * ROW(x, i)[j] - d[i][j];
       square[j] += across * across;
     }
     FOR_CONES square[j] = (sqrt(square[j]) - dot[j]) / ROW(size, 0)[j];

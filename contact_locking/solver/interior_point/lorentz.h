@@ -22,9 +22,10 @@ void lorentz_product(int rows, long count, double t, const double *x, const doub
 void lorentz_into_band(int rows, long count, double low, double high, const double *product,
                        double *change);
 
-/* The largest 1/t with x + t dx on the boundary of a cone, negative or zero if there is none, and
-   no number if one of the steps is none. */
-double lorentz_speed(int rows, long count, const double *x, const double *size, const double *dx);
+/* The largest 1/t with x + t (dx + share (other - dx)) on the boundary of a cone, negative or zero if
+   there is none, and no number if one of the steps is none. */
+double lorentz_speed(int rows, long count, double share, const double *x, const double *size,
+                     const double *dx, const double *other);
 
 /* The sum of weights (x + t dx) . (z + t dz) */
 double lorentz_total(int rows, long count, double t, const double *weights, const double *x,

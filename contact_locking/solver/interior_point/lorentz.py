@@ -129,11 +129,15 @@ class Scaling:
         self.lorentz.call("lorentz_into_band", *change.shape, *band, products, change)
         return change
 
-    def longest_step(self, dx: FloatArray, dz: FloatArray) -> float:
-        """The largest t with ``x + t dx`` and ``z + t dz`` in every cone, inf without a limit."""
+    def longest_step(self, step: Pair, other: Pair, share: float = 0.0) -> float:
+        """The largest t with ``(x, z) + t (step + share (other - step))`` in every cone.
+
+        Infinite without a limit.
+        """
+        sides = (self.x, self.size_x), (self.z, self.size_z)
         speeds = [
-            self.lorentz.call("lorentz_speed", *step.shape, point, size, step)
-            for point, size, step in ((self.x, self.size_x, dx), (self.z, self.size_z, dz))
+            self.lorentz.call("lorentz_speed", *one.shape, share, *side, one, another)
+            for side, one, another in zip(sides, step, other, strict=True)
         ]
         speed = np.max(speeds)
         # NaN is no direction to go in.

@@ -33,8 +33,8 @@ class LorentzCones(Family):
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
         return self._scaling.recentring(t, step.primal, step.dual, band)
 
-    def longest_step(self, step: Step) -> float:
-        return self._scaling.longest_step(step.primal, step.dual)
+    def longest_step_between(self, step: Step, other: Step, share: float) -> float:
+        return self._scaling.longest_step(step.pair, other.pair, share)
 
     def hold(self, stiffness: float | FloatArray) -> None:
         self.a = np.full(len(self.weights), stiffness)

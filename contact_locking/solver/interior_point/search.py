@@ -138,15 +138,15 @@ class Search:
         Its share of the way, and the length of the step.  Directions are linear in corrections, so
         that a share of the way needs no solve.
         """
-        candidate, share, length = recentred, 1.0, self._length(recentred)
-        change = recentred.plus(direction, -1.0)
+        share, length = 1.0, self._length(recentred)
         for smaller in self._tuning.recentring_shares:
-            trial = direction.plus(change, smaller)
-            longer = self._length(trial)
+            longer = self._limited_length(
+                self._iterate.longest_step_between(direction, recentred, smaller)
+            )
             if not longer > length:
                 break
-            candidate, share, length = trial, smaller, longer
-        return candidate, share, length
+            share, length = smaller, longer
+        return direction.between(recentred, share), share, length
 
     def _adapted(
         self, bound_step: BoundStep, direction: Direction, target: float, corrections: Corrections
@@ -162,8 +162,11 @@ class Search:
         return self._iterate.direction(target, self._accuracy, corrections)
 
     def _length(self, direction: Direction) -> float:
+        return self._limited_length(self._iterate.longest_step(direction))
+
+    def _limited_length(self, longest: float) -> float:
         # 8. Towards the boundary.
-        return min(1.0, self._tuning.to_boundary * self._iterate.longest_step(direction))
+        return min(1.0, self._tuning.to_boundary * longest)
 
     def _linear_accuracy(self, measures: Measures) -> float:
         """A linear solve may leave a share of what the iteration has not yet achieved."""
