@@ -72,6 +72,11 @@ class Obstacle(Protocol):
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         """The gap (k,) and the contact normal (k, d) at the nodes at present; collective."""
 
+    def depth(self, x: FloatArray) -> FloatArray:
+        """How deep (k,) any points (d, k) are inside at present, 0 outside and where that is not
+        known; collective.
+        """
+
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
         """How far (k, d) the obstacle has moved at the nodes since a time, or since it was at rest.
 
@@ -110,6 +115,10 @@ class GivenGap:
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         return self.gap(surface.points.T), surface.body_normals()
+
+    def depth(self, x: FloatArray) -> FloatArray:
+        # A gap is a distance along the normal of Gamma_C, and says nothing of other points.
+        return np.zeros(x.shape[1])
 
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
         return np.zeros_like(surface.points)
@@ -207,6 +216,15 @@ class Tool:
             raise Misplaced(_BEHIND.format(on=self._on), self._key)
         self._check_open_end(points, gap)
         return gap, normals
+
+    def depth(self, x: FloatArray) -> FloatArray:
+        try:
+            depth = -self._evaluated(self.now.gap, x)
+        except InputError:
+            # An expression need have a value on Gamma_C only.
+            return np.zeros(x.shape[1])
+        is_known = np.isfinite(depth) & ~self._at_open_end(x)
+        return np.where(is_known, np.maximum(depth, 0.0), 0.0)
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         """What is probably not intended with the gap (k,) at the nodes at present; collective."""

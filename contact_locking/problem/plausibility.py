@@ -124,6 +124,24 @@ def about_held_nodes(
     ]
 
 
+def about_uncovered_boundary(
+    key: str, depth: float, place: Sequence[float], displacement: float
+) -> list[str]:
+    """A warning about a boundary outside of Gamma_C that enters the foundation of a contact.
+
+    ``depth`` is how deep the moved boundary enters, ``place`` where, and ``displacement`` is the
+    largest ``|u|``.
+    """
+    if depth <= _NOTABLE * displacement:
+        return []
+    at = ", ".join(f"{x:.3g}" for x in place)
+    return [
+        f"{key}: the boundary outside of {key}.on enters the foundation by {depth:.3g} near "
+        f"({at}), where no contact acts; add the boundary part there to {key}.on, unless the "
+        "foundation ends before"
+    ]
+
+
 def about_the_penetration(
     penetration: float, displacement: float, epsilon: float, soft: float, follows_n: bool
 ) -> list[str]:

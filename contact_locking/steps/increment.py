@@ -27,6 +27,7 @@ from contact_locking.results.derived import (
 )
 from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import Solution
+from contact_locking.results.uncovered_boundary import uncovered_entry
 from contact_locking.solver import SavedState, Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
 from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
@@ -210,6 +211,11 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
         warnings += plausibility.about_held_nodes(
             [fields.contact.key for fields in state.contacts], held, state.largest_displacement
         )
+        for contact in data.contacts:
+            entry = uncovered_entry(domain, u, contact)
+            warnings += plausibility.about_uncovered_boundary(
+                entry.key, entry.depth, entry.place, state.largest_displacement
+            )
         warnings += plausibility.about_the_penetration(
             max(entering, default=0.0),
             state.largest_displacement,

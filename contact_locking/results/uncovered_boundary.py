@@ -1,0 +1,46 @@
+"""Where the boundary outside of Gamma_C enters a foundation, which nothing there keeps out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.domain import Domain
+
+
+@dataclass(frozen=True)
+class UncoveredEntry:
+    """How deep the boundary outside of one contact's part of Gamma_C enters its foundation.
+
+    ``depth`` is a length, 0 where nothing enters; ``place`` (d,) is the deepest point before the
+    body moved, and ``key`` the key of the contact in the study file.
+    """
+
+    key: str
+    depth: float
+    place: tuple[float, ...]
+
+
+def uncovered_entry(domain: Domain, u: fem.Function, contact: Contact) -> UncoveredEntry:
+    """The deepest entry of the moved boundary ``x + u(x)``, judged at its nodes; collective."""
+    dim, space = domain.dim, u.function_space
+    exterior = dmesh.exterior_facet_indices(domain.mesh.topology)
+    nodes = np.setdiff1d(
+        fem.locate_dofs_topological(space, dim - 1, exterior),
+        fem.locate_dofs_topological(space, dim - 1, contact.surface.facets),
+    )
+    nodes = nodes[nodes < space.dofmap.index_map.size_local]
+    places = space.tabulate_dof_coordinates()[nodes, :dim]
+    moved = places + u.x.array.reshape(-1, dim)[nodes]
+    # A foundation that a force has moved is entered like one at rest by a body that moved back.
+    depths = contact.obstacle.depth((moved - contact.travel).T)
+    found: tuple[float, list[float]] = (0.0, [])
+    if len(depths):
+        deepest = int(np.argmax(depths))
+        found = float(depths[deepest]), places[deepest].tolist()
+    depth, place = max(domain.comm.allgather(found))
+    return UncoveredEntry(contact.key, depth, tuple(place))
