@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 T = TypeVar("T")
 
 # The disk is full, the quota of the user is used up, or the file is too large (ulimit -f).
@@ -100,6 +102,20 @@ def raise_interrupt(error: BaseException) -> None:
     interrupt = interrupt_behind(error)
     if interrupt is not None:
         raise interrupt from None
+
+
+def raise_callback_error(error: Exception) -> None:
+    """Raise again what a callback raised, if the ``error`` of a library stands in its place.
+
+    The caller judges failures of the numerical method itself, which are not raised here.
+    """
+    raise_interrupt(error)
+    cause = error.__cause__
+    while cause is not None and type(cause) is type(error):
+        cause = cause.__cause__
+    is_numerical = isinstance(cause, NotConverged | ArithmeticError | np.linalg.LinAlgError)
+    if cause is not None and not is_numerical:
+        raise cause from None
 
 
 def is_full(error: OSError) -> bool:

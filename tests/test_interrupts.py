@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import signal
@@ -36,9 +37,9 @@ SPRING = {
 
 
 class Impatient(Monitor):
-    """Ctrl-C while PETSc solves a linear system."""
+    """Ctrl-C, or an error, while PETSc solves a linear system."""
 
-    def __init__(self, error: type[BaseException]) -> None:
+    def __init__(self, error: BaseException | type[BaseException]) -> None:
         self.error, self.calls = error, 0
 
     def linear(self, k: int) -> None:
@@ -53,6 +54,26 @@ def test_ctrl_c_inside_a_linear_solve_is_no_failure_of_the_solver(method: str) -
     with pytest.raises(KeyboardInterrupt):
         solve(from_mapping(data), monitor=monitor)
     assert monitor.calls == 1
+
+
+@pytest.mark.parametrize("method", ["interior_point", "newton"])
+@pytest.mark.parametrize(
+    "error", [OSError(errno.ENOSPC, "No space left on device"), BrokenPipeError(), TypeError("k")]
+)
+def test_what_a_callback_raises_inside_a_linear_solve_is_no_failure_of_the_solver(
+    method: str, error: Exception
+) -> None:
+    data = SPRING | {"solver": {"method": method, "linear": "iterative"}}
+    with pytest.raises(type(error)) as caught:
+        solve(from_mapping(data), monitor=Impatient(error))
+    assert caught.value is error
+
+
+def test_arithmetic_that_fails_in_a_callback_is_left_to_the_method() -> None:
+    data = SPRING | {"solver": {"linear": "iterative"}}
+    solution = solve(from_mapping(data), monitor=Impatient(FloatingPointError("overflow")))
+    assert not solution.converged
+    assert "linear" in solution.summary["reason"]
 
 
 def test_an_interrupt_is_found_behind_the_errors_of_libraries() -> None:

@@ -16,7 +16,7 @@ from contact_locking.certificate.elliptic import (
     inner_product,
 )
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.errors import raise_interrupt
+from contact_locking.errors import raise_callback_error
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled
 from contact_locking.problem.contact import Contact
@@ -151,7 +151,7 @@ def trace_constant(state: SolvedState) -> float:
         try:
             solver.solve()
         except PETSc.Error as error:
-            raise_interrupt(error)
+            raise_callback_error(error)
             raise NotApplicable("the eigenvalue solver failed") from error
         if not solver.getConverged():
             raise NotApplicable("the eigenvalue solver did not converge")

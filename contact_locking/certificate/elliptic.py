@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.errors import raise_interrupt
+from contact_locking.errors import raise_callback_error
 from contact_locking.problem import forms
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.joint_forms import JointForm, action
@@ -74,7 +74,7 @@ class EllipticProblem:
         try:
             self.ksp.solve(b, x)
         except PETSc.Error as error:
-            raise_interrupt(error)
+            raise_callback_error(error)
             raise NotApplicable("the linear solve that it takes failed") from error
         # CG may change the held part.
         solution.x.array[: self._owned] += self.constraints.free_part(x.array_r)

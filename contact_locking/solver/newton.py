@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from contact_locking.errors import NotConverged, raise_interrupt
+from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.solver.linear.ksp import (
     LINEAR_FAILURE,
     configure,
@@ -199,7 +199,7 @@ class NewtonSolver:
             self._border.refresh()
             self._border.solve(self._f, change)
         except PETSc.Error as error:
-            raise_interrupt(error)
+            raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from None
         else:
             self._count(1, ksp.getIterationNumber())
@@ -231,7 +231,7 @@ class NewtonSolver:
 
     def _failure(self, error: PETSc.Error) -> str:
         """Why PETSc gave up; what a callback raised is raised again unless it is NotConverged."""
-        raise_interrupt(error)
+        raise_callback_error(error)
         if self._raised is not None and not isinstance(self._raised, NotConverged):
             raise self._raised from None
         return str(self._raised or LINEAR_FAILURE)

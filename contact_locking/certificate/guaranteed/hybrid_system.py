@@ -21,7 +21,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.macro_element import MacroElement
 from contact_locking.certificate.guaranteed.triangles import Triangles
-from contact_locking.errors import raise_interrupt
+from contact_locking.errors import raise_callback_error
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
 
 # A prefix of its own: the options for the nonlinear solve do not concern these solves.
@@ -131,7 +131,7 @@ class HybridSystem:
             ksp.solve(b, x)
             right.array[:owned] = x.array_r
         except PETSc.Error as error:
-            raise_interrupt(error)
+            raise_callback_error(error)
             raise NotApplicable("the linear solve for the stress failed") from error
         finally:
             destroy_ksp(ksp)

@@ -30,7 +30,7 @@ import math
 import numpy as np
 from petsc4py import PETSc
 
-from contact_locking.errors import Infeasible, NotConverged, raise_interrupt
+from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
 from contact_locking.problem.contact import joint_norm
 from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.farkas import excluded_factor
@@ -121,7 +121,7 @@ class InteriorPoint:
         try:
             self._start()
         except PETSc.Error as error:
-            raise_interrupt(error)
+            raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
             task.report.linear += self._tangent.take_iterations()
@@ -243,7 +243,7 @@ class InteriorPoint:
             report.tangents += 1
             direction, t = self._search.step(measures)
         except PETSc.Error as error:
-            raise_interrupt(error)
+            raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
             report.linear += self._tangent.take_iterations()
