@@ -108,8 +108,8 @@ class OutputParameters(Section):
     fields: Switch = entry(True, "whether to write the fields for ParaView")
     formats: tuple[Literal["vtx", "xdmf"], ...] = entry(
         ("vtx",),
-        "the files of the fields: vtx (fields.bp, for ParaView 5.11 or newer), xdmf (fields.xdmf, "
-        "for tools that do not read VTX), or both",
+        "the files of the fields: vtx (fields.bp, for ParaView 5.11 or newer, or 5.12 for more "
+        "than 0.5 GB), xdmf (fields.xdmf, for tools that do not read VTX), or both",
     )
     picture: Switch = entry(
         True, "whether to draw a picture, and save the snapshot that `view` shows"

@@ -41,7 +41,12 @@ class Step:
 
     def between(self, other: Step, share: float) -> Step:
         """The step plus ``share`` times what leads from it to the other."""
-        return self if share == 0.0 else self.plus(other.plus(self, -1.0), share)
+        if share == 0.0:
+            return self
+        return Step(
+            self.primal + share * (other.primal - self.primal),
+            self.dual + share * (other.dual - self.dual),
+        )
 
 
 class Family(ABC):
@@ -273,7 +278,15 @@ class Direction:
 
     def between(self, other: Direction, share: float) -> Direction:
         """The direction plus ``share`` times what leads from it to the other."""
-        return other if share == 1.0 else self.plus(other.plus(self, -1.0), share)
+        if share == 1.0:
+            return other
+        return Direction(
+            self.displacement + share * (other.displacement - self.displacement),
+            {
+                family: step.between(other.steps[family], share)
+                for family, step in self.steps.items()
+            },
+        )
 
 
 @dataclass(frozen=True)

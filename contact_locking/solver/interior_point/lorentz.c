@@ -206,9 +206,11 @@ double lorentz_total(int rows, long count, double t, const double *restrict weig
 }
 
 /* The first row of dz, and what W^-2 takes along w, where dot is w . dx without the first row. */
-static inline void eliminate(long n, double compliance, const double *eta, const double *w_0,
-                             const double *b_0, const double *gap_0, const double *dot,
-                             double *dz_0, double *stiffness, double *along)
+static inline void eliminate(long n, double compliance, const double *restrict eta,
+                             const double *restrict w_0, const double *restrict b_0,
+                             const double *restrict gap_0, const double *restrict dot,
+                             double *restrict dz_0, double *restrict stiffness,
+                             double *restrict along)
 {
   FOR_CONES
   {
