@@ -33,8 +33,8 @@ FIELD_NAMES = (
     "contact_state",
 )
 
-# To write a file of BP4, ADIOS2 needs three to four times its bytes in memory.  BP5 takes half of
-# that, and ParaView reads BP5 from version 5.12 on only, so that smaller files are BP4.
+# To write a file of BP4, ADIOS2 needs some three times its bytes in memory.  BP5 takes two thirds
+# of that, and ParaView reads BP5 from version 5.12 on only, so that smaller files are BP4.
 _LARGEST_BP4 = 2**29
 
 # After a failure without an error number the disk is taken to be full if fewer bytes are free.
