@@ -47,7 +47,7 @@ def solved(parameters: Parameters) -> dict[str, Any]:
 
 
 def mandel(tensor: FloatArray) -> FloatArray:
-    """The row ``B`` with ``B eps = tensor : eps``, in the order of ``conic.Body.strain``."""
+    """The row ``B`` with ``B eps = tensor : eps``, in the order of ``simplices.Body.strain``."""
     dim = len(tensor)
     pairs = [(i, j) for i in range(dim) for j in range(i + 1, dim)]
     return np.array([*np.diag(tensor), *(math.sqrt(2.0) * tensor[i, j] for i, j in pairs)])
