@@ -17,110 +17,23 @@ import datetime
 import math
 import os
 import platform
-import statistics
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import dolfinx
-import ufl
-from dolfinx.fem import petsc
-from mpi4py import MPI
-from petsc4py import PETSc
 
-from contact_locking import solving
 from contact_locking.files.atomic import write_text
-from contact_locking.parameters import Parameters
-from contact_locking.problem import compiled, forms
-from contact_locking.problem.assembly import assemble
-from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.solution import Solution
-from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
 
-# The reference problem and the conic solver's form of it belong to the tests.
+# The conic solver's form of the reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
 from conic import block_problem
-from problems import block
 from ranked import on_ranks
-from stopwatch import Stopwatch
+from timed_block import Run, elastic_seconds, run, say, warmed_up
 
 PENALTIES = (1e2, 1e4, 1e6, 1e8, math.inf)
 RESULTS = Path(__file__).resolve().parent / "results.md"
-
-
-@dataclass(frozen=True)
-class Run:
-    """One solve: ``seconds`` of the nonlinear solver, ``total`` from the parameters to the end."""
-
-    divisions: int
-    n: float
-    solution: Solution
-    seconds: float
-    total: float
-
-    @property
-    def tangents(self) -> str:
-        """Their number, struck out where the solve failed."""
-        count = str(self.solution.summary["iterations"]["tangents"])
-        return count if self.solution.converged else f"~~{count}~~"
-
-
-def case(dim: int, divisions: int, n: float) -> Parameters:
-    """The block on a regular grid of 1/h = ``divisions``."""
-    return block(dim, 1.0 / divisions, mesh__structured=True, penalty__n=n)
-
-
-def run(dim: int, divisions: int, n: float) -> Run:
-    """Solve the case and time it."""
-    watch = Stopwatch()
-    began = time.process_time()
-    solution = solving.solve(case(dim, divisions, n), monitor=watch)
-    result = Run(divisions, n, solution, watch.seconds, time.process_time() - began)
-    say(
-        f"{dim}D, h = 1/{divisions}, n = {n:g}: {result.tangents} tangents, "
-        f"{result.seconds:.2f} s of {result.total:.2f} s; {solution.summary['reason']}"
-    )
-    return result
-
-
-def warmed_up(dim: int, divisions: int, penalties: Sequence[float]) -> list[Run]:
-    """Solve the cases of a mesh, the first of them twice.
-
-    The first solve also gets its memory from the system, which the median of elastic solves
-    leaves out, too.
-    """
-    run(dim, divisions, penalties[0])
-    return [run(dim, divisions, n) for n in penalties]
-
-
-def elastic_seconds(dim: int, divisions: int, repeats: int = 5) -> float:
-    """One linear elastic solve: assembly, factorisation (or set-up) and solution; the median."""
-    given = assemble(case(dim, divisions, 1.0), MPI.COMM_WORLD)
-    system = PenalisedSystem(given.data, given.u, given.constraints)
-    space, conditions = given.u.function_space, given.constraints.conditions
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    left = compiled.form(forms.elastic_form(u, v, given.data))
-    right = compiled.form(forms.external_work(v, given.data))
-    rigid, times = system.near_nullspace(), []
-    for _ in range(repeats):
-        began = time.process_time()
-        matrix = petsc.assemble_matrix(left, bcs=conditions)
-        matrix.assemble()
-        matrix.setOption(PETSc.Mat.Option.SPD, True)
-        matrix.setNearNullSpace(rigid)
-        load = petsc.assemble_vector(right)
-        petsc.set_bc(load, conditions)
-        defaults = default_options("auto", dim, system.size, space.mesh.comm)
-        ksp = create_ksp(space.mesh.comm, defaults, {"ksp_rtol": 1e-8})
-        ksp.setOperators(matrix)
-        ksp.solve(load, load.duplicate())
-        times.append(time.process_time() - began)
-        destroy_ksp(ksp)
-        matrix.destroy()
-    say(f"{dim}D, h = 1/{divisions}: an elastic solve takes {statistics.median(times):.3f} s")
-    return statistics.median(times)
 
 
 def tangents(grids: Sequence[int]) -> tuple[list[str], list[Run]]:
@@ -243,11 +156,6 @@ def machine() -> str:
         + (f"OPENBLAS_CORETYPE={kernels}; " if kernels else "")
         + f"{datetime.date.today():%d %B %Y}."
     )
-
-
-def say(text: str) -> None:
-    """Tell how far the measurement is."""
-    print(text, file=sys.stderr, flush=True)
 
 
 def main() -> None:

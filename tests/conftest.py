@@ -1,4 +1,4 @@
-"""Fixtures of all tests: the communicator, several ranks, and the verification table."""
+"""Fixtures of many tests: the communicator, several ranks, and the verification table."""
 
 from __future__ import annotations
 
@@ -57,6 +57,13 @@ def comm() -> MPI.Intracomm:
 def lorentz() -> Lorentz:
     """The algebra of cones, which is compiled when first made."""
     return Lorentz(MPI.COMM_SELF)
+
+
+@pytest.fixture
+def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Charts are composed and not rendered, which takes most of the time of a report."""
+    rendered = "contact_locking.report.charts._rendered"
+    monkeypatch.setattr(rendered, lambda drawing: ("<svg></svg>", b""))
 
 
 @pytest.fixture(autouse=True)

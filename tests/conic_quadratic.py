@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from conic import Body, IntArray, Place
+from simplices import Body, IntArray, Place
 
 from contact_locking.arrays import FloatArray
 

@@ -43,6 +43,12 @@ def block(dim: int = 2, h: float = 0.1, **changes: Any) -> Parameters:
     return with_changes(data, **changes)
 
 
+def under_a_plate(down: float, **changes: Any) -> Parameters:
+    """A block between its foundation and a plate that is glued to its top."""
+    plate = {"displacements": [{"on": "top", "value": [0.0, -down]}]}
+    return block(loads=plate, **changes)
+
+
 def column(dim: int = 2, pressure: float = 0.05, **changes: Any) -> Parameters:
     """V1: a column of height 2 between rollers, pressed onto a foundation at a gap of 0.1."""
     rollers = [{"on": ["left", "right"], "value": [0.0] + [None] * (dim - 1)}]

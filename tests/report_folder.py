@@ -6,9 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
 from solutions import of_kind
 
-from contact_locking import __version__, study_file, writing
+from contact_locking import __version__, report, study_file, writing
 
 TITLE = "<script>document.title = 'run'</script> & \"$x_1\" Käfer"
 STUDY = """\
@@ -18,6 +19,9 @@ friction: {smoothing: {radius: 0.6}}
 study: {vary: {friction.coefficient: [0.1, 0.2], penalty.n: [1.0e2, 1.0e3, 1.0e4, .inf]}}
 """
 REASON = "was <img src=x onerror=alert(1)> killed by SIGKILL\u2028perhaps"
+
+#: For tests of what a page says, which do without rendered charts.
+quick = pytest.mark.usefixtures("unrendered")
 
 
 def run_folder(
@@ -77,6 +81,11 @@ def study_folder(
     lines = [f"{json.dumps(row, ensure_ascii=False)}\n" for row in table or rows()]
     (folder / "table.jsonl").write_text("".join(lines), encoding="utf-8")
     return folder
+
+
+def page(folder: Path) -> str:
+    """The page that is written into a folder of results."""
+    return report.write(folder).read_text(encoding="utf-8")
 
 
 LARGE = """\

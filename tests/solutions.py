@@ -13,6 +13,8 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.plotting.gather import gather
+from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.problem.domain import from_geometry
 from contact_locking.problem.spaces import P1
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
@@ -102,6 +104,13 @@ def of_kind(dim: int, kind: str, **changes: Any) -> Solution:
     if change is not None:
         change(solution)
     return solution
+
+
+def snapshot(dim: int = 3, kind: str = "locked") -> Snapshot:
+    """What is drawn of a solution of one of the ``KINDS``; for one rank."""
+    body = gather(of_kind(dim, kind))
+    assert body is not None
+    return body
 
 
 def _unlocked(solution: Solution) -> None:

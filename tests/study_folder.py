@@ -1,4 +1,4 @@
-"""A study in a folder of a test, run with a program that solves nothing (fake_case.py)."""
+"""A study in a folder of a test, run with real cases, or with a program that solves nothing."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ import pytest
 from rich.console import Console
 
 from contact_locking import studies, study_file
+from contact_locking.command import cli
 
 FAKE = (sys.executable, str(Path(__file__).parent / "fake_case.py"))
 STUDY = """\
@@ -92,6 +93,15 @@ class Folder:
         """The processes of cases that have begun and not ended."""
         begun = self.log.read_text().split()[::2] if self.log.exists() else []
         return [pid for pid in map(int, begun) if alive(pid)]
+
+
+def solved(folder: Folder, *words: str) -> list[dict[str, str]]:
+    """The table of a study with real cases, without the times."""
+    assert cli.main(["study", str(folder.file), "--output", str(folder.output), *words]) == 0
+    rows = folder.table()
+    for row in rows:
+        del row["wall_seconds"]
+    return rows
 
 
 def alive(pid: int) -> bool:

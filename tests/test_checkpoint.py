@@ -1,4 +1,4 @@
-"""Checkpoints: read on any number of ranks, complete or refused, never in the way of results."""
+"""Checkpoints: read on any number of ranks, and complete or refused."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,11 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block
+from saved_block import on_rank_0, parameters
 
-from contact_locking import _compat, checkpoint, meshes, save, solving, study_file, writing
+from contact_locking import checkpoint, meshes, save, solving, study_file
 from contact_locking.arrays import FloatArray
-from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files import atomic
 from contact_locking.parameters import Parameters
@@ -30,25 +28,11 @@ pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
 )
 
-COARSE = {2: 0.2, 3: 0.34}
-PLAIN = {"fields": False, "picture": False}
-
-
-def parameters(dim: int = 2, **changes: Any) -> Parameters:
-    given = {"friction__smoothing__radius": 0.4, "output": PLAIN, **changes}
-    return block(dim, given.pop("h", COARSE[dim]), **given)
-
 
 @pytest.fixture
 def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
     """One folder for all ranks."""
     return comm.bcast(tmp_path)
-
-
-def on_rank_0(comm: MPI.Intracomm, work: Callable[[], object]) -> None:
-    if comm.rank == 0:
-        work()
-    comm.Barrier()
 
 
 class Values(NamedTuple):
@@ -253,10 +237,6 @@ def test_fields_that_are_not_complete_are_refused(saved: Path, comm: MPI.Intraco
     assert "there is no" in refusal(saved)
 
 
-def fails(*_: object, **__: object) -> None:
-    raise ImportError("no library")
-
-
 def full(folder: Path, _: int) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
 
@@ -272,103 +252,3 @@ def test_a_save_that_fails_leaves_the_earlier_one(
     assert [path.name for path in saved.iterdir()] == ["checkpoint"]
     monkeypatch.undo()
     assert solving.solve(parameters(), restart=saved).summary["iterations"]["tangents"] == 0
-
-
-class Run:
-    """The command line on one study file in one folder."""
-
-    def __init__(self, folder: Path, comm: MPI.Intracomm) -> None:
-        self.folder, self._comm = folder, comm
-        text = study_file.dump(parameters())
-        on_rank_0(comm, lambda: (folder / "study.yml").write_text(text, encoding="utf-8"))
-
-    def __call__(self, name: str, *words: str) -> int:
-        words = (*words, "--output", str(self.folder / name))
-        code = cli.main(["run", str(self.folder / "study.yml"), *words])
-        self._comm.Barrier()
-        return code
-
-    def names(self, name: str) -> set[str]:
-        found = {path.name for path in (self.folder / name).iterdir()}
-        self._comm.Barrier()
-        return found
-
-
-@pytest.fixture
-def run(folder: Path, comm: MPI.Intracomm) -> Run:
-    return Run(folder, comm)
-
-
-RESULTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
-
-
-def test_run_saves_a_checkpoint_if_asked_and_says_what_a_restart_did(
-    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("a", "--quiet", "--checkpoint") == 0
-    assert run.names("a") == RESULTS | {"checkpoint"}
-    start = ("--restart", str(run.folder / "a"))
-    for changes, told in (
-        ((), "meets every criterion, nothing was left to do"),
-        (("--set", "friction.coefficient=0.31"), f"from the state in {run.folder / 'a'}\n"),
-        (("--set", "penalty.n=1e5"), "from nothing, as the state in"),
-    ):
-        assert run("b", *start, *changes) == 0
-        output = capsys.readouterr().out
-        assert (told in output) == (comm.rank == 0)
-    # No file of an earlier run stays in the folder.
-    assert run("a", "--quiet") == 0
-    assert run.names("a") == RESULTS
-
-
-def test_run_keeps_the_checkpoint_that_it_starts_from(
-    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("a", "--quiet", "--checkpoint") == 0
-    start = ("--quiet", "--restart", str(run.folder / "a"))
-    assert run("a", *start) == 2
-    assert ("add --checkpoint" in capsys.readouterr().err) == (comm.rank == 0)
-    assert run("a", *start, "--checkpoint", "--set", "friction.coefficient=0.1") == 0
-    assert run.names("a") == RESULTS | {"checkpoint"}
-
-
-def test_bad_restarts_return_2_with_one_message_and_leave_no_trace(
-    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("b", "--restart", str(run.folder / "nowhere"), "--quiet") == 2
-    errors = capsys.readouterr().err
-    assert not (run.folder / "b").exists()
-    if comm.rank == 0:
-        assert errors.startswith("error: there is no folder") and errors.count("error") == 1
-
-
-def test_results_are_complete_where_the_library_is_missing(
-    run: Run,
-    comm: MPI.Intracomm,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setattr(_compat, "checkpoint_library", fails)
-    assert run("a", "--quiet", "--checkpoint") == 0
-    errors = capsys.readouterr().err
-    assert run.names("a") == RESULTS
-    if comm.rank == 0:
-        assert errors.startswith("warning: no checkpoint will be saved: checkpoints take adios")
-        assert "python3-adios4dolfinx" in errors and errors.count("\n") == 1
-    # In Python it is said when the results are written.
-    (warning,) = writing.write(solving.solve(parameters()), run.folder / "b", checkpoint=True)
-    assert warning.startswith("no checkpoint was saved: checkpoints take adios4dolfinx")
-    comm.Barrier()
-    assert run.names("b") == RESULTS
-
-
-def test_a_restart_without_the_library_returns_1_and_says_what_is_missing(
-    run: Run,
-    comm: MPI.Intracomm,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert run("a", "--quiet", "--checkpoint") == 0
-    monkeypatch.setattr(_compat, "checkpoint_library", fails)
-    assert run("b", "--quiet", "--restart", str(run.folder / "a")) == 1
-    assert ("python3-adios4dolfinx" in capsys.readouterr().err) == (comm.rank == 0)

@@ -1,11 +1,9 @@
-"""The geometries: what their groups are and measure, how they are refined, how they are written.
+"""The geometries: what their groups are and measure, and how they are refined.
 
 Every process meshes its own copy, so the file runs on any number of ranks.
 """
 
 import math
-import signal
-import sys
 from collections import Counter
 from dataclasses import fields
 from pathlib import Path
@@ -13,10 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gmsh_groups import Array, make, measures, read
 
-from contact_locking.meshes import BUILDERS, Geometry, build, write
+from contact_locking.meshes import BUILDERS, build, write
 
-gmsh = pytest.importorskip("gmsh")
+pytest.importorskip("gmsh")
 
 PI = math.pi
 CAP = 2 * PI * (1 - math.sqrt(1 - 0.25**2))  # of the unit sphere, within 1/4 of its axis
@@ -107,40 +106,6 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
         | {"left": 2, "right": 2, "front": 2, "back": 2, "bottom": 1, "top": 1},
     ),
 }
-
-Array = np.ndarray[Any, Any]
-Groups = dict[str, Array]
-
-
-def make(name: str, **given: Any) -> Geometry:
-    """The geometry of that name, with these parameters."""
-    return BUILDERS[name](**given)
-
-
-def read(model: Any, dim: int) -> tuple[Array, Groups, Groups]:
-    """Points, and the corner numbers of the simplices of every group of cells and of facets."""
-    tags, points, _ = model.mesh.getNodes()
-    number = np.full(int(tags.max()) + 1, -1)
-    number[tags] = np.arange(len(tags))
-    both: list[Groups] = []
-    for d in (dim, dim - 1):
-        groups: Groups = {}
-        for _, group in model.getPhysicalGroups(d):
-            corners = [
-                number[nodes.astype(int)].reshape(-1, d + 1)
-                for entity in model.getEntitiesForPhysicalGroup(d, group)
-                for nodes in model.mesh.getElements(d, entity)[2]
-            ]
-            groups[model.getPhysicalName(d, group)] = np.concatenate(corners)
-        both.append(groups)
-    return points.reshape(-1, 3), both[0], both[1]
-
-
-def measures(points: Array, simplices: Array) -> Array:
-    """sqrt(det(E E^T)) / k! of every simplex with the edge vectors E = x_i - x_0, i = 1 .. k."""
-    edges = points[simplices[:, 1:]] - points[simplices[:, :1]]
-    gram = np.linalg.det(edges @ edges.transpose(0, 2, 1))
-    return np.sqrt(gram) / math.factorial(edges.shape[1])
 
 
 def longest_edge(points: Array, simplices: Array) -> Array:
@@ -264,93 +229,6 @@ def test_same_parameters_give_the_same_mesh_to_the_bit(
         pass  # another mesh in between, which must not change the next
     write(geometry, tmp_path / "second.msh")
     assert (tmp_path / "first.msh").read_bytes() == (tmp_path / "second.msh").read_bytes()
-
-
-def test_written_file_holds_the_same_mesh_and_names(tmp_path: Path) -> None:
-    geometry = make("inclusion", h=0.2)
-    with build(geometry) as model:
-        points, cells, facets = read(model, 2)
-    path = tmp_path / "inclusion.msh"
-    path.write_text("an older file")
-    write(geometry, path)
-    assert path.read_text().startswith("$MeshFormat\n4.1 0 8")
-    assert [entry.name for entry in tmp_path.iterdir()] == ["inclusion.msh"]
-
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(path))
-        again, cells_again, facets_again = read(gmsh.model, 2)
-    finally:
-        gmsh.finalize()
-    before, after = cells | facets, cells_again | facets_again
-    assert list(after) == list(before)
-    for group in before:
-        assert np.sort(measures(again, after[group])) == pytest.approx(
-            np.sort(measures(points, before[group]))
-        )
-
-
-def test_failed_write_leaves_the_older_file_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "block.msh"
-    path.write_text("an older file")
-
-    def fail(name: str) -> None:
-        Path(name).write_text("half a mesh")
-        raise RuntimeError("disk full")
-
-    monkeypatch.setattr(gmsh, "write", fail)
-    with pytest.raises(RuntimeError, match="disk full"):
-        write(make("block", h=0.5), path)
-    assert path.read_text() == "an older file"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_write_refuses_another_format_and_a_missing_folder(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"path: .*\.msh"):
-        write(make("block"), tmp_path / "body.xdmf")
-    with pytest.raises(OSError):
-        write(make("block"), tmp_path / "nowhere" / "body.msh")
-
-
-def test_gmsh_is_silent_and_ignores_the_command_line_and_leaves_signals(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["program", "-clmax", "0.01", "-3", "nothing.geo"])
-    handler = signal.getsignal(signal.SIGINT)
-    geometry = make("block", h=0.5)
-    with build(geometry) as model:
-        assert signal.getsignal(signal.SIGINT) is handler
-        assert sum(len(tags) for tags in model.mesh.getElements(2)[1]) < 50
-    assert signal.getsignal(signal.SIGINT) is handler
-    assert not gmsh.isInitialized()
-    assert capfd.readouterr() == ("", "")
-
-
-def test_gmsh_of_the_caller_is_left_as_it_was() -> None:
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.Algorithm", 5)
-        gmsh.model.add("body")
-        gmsh.model.occ.addPoint(1, 2, 3)
-        gmsh.model.occ.synchronize()
-        with build(make("block", h=0.5)) as model:
-            assert len(model.getEntities(2)) == 1
-        assert gmsh.isInitialized()
-        assert gmsh.option.getNumber("Mesh.Algorithm") == 5
-        assert gmsh.model.getCurrent() == "body"
-        assert gmsh.model.getEntities() == [(0, 1)]
-    finally:
-        gmsh.finalize()
-
-
-def test_gmsh_is_finalised_when_the_caller_fails() -> None:
-    with pytest.raises(KeyError, match="mine"), build(make("block", h=0.5)):
-        raise KeyError("mine")
-    assert not gmsh.isInitialized()
 
 
 @pytest.mark.parametrize("name", BUILDERS)

@@ -10,12 +10,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+import friction_cases
 import numpy as np
+import problem_cases
 import pytest
 from mpi4py import MPI
-from problem_cases import INFEASIBLE as INFEASIBLE_CASES
-from problem_cases import SOLVED as SOLVED_CASES
-from problem_cases import WEDGED as WEDGED_CASES
 from sweep.case import Case, Study, clamp, study
 from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
 
@@ -24,6 +23,8 @@ from contact_locking.parameters import Parameters
 from contact_locking.results.solution import Solution
 
 pytestmark = pytest.mark.serial
+
+SOLVED_CASES = problem_cases.SOLVED | friction_cases.SOLVED
 
 
 def solution_of(data: Study) -> Solution:
@@ -38,9 +39,9 @@ def test_this_problem_is_solved(name: str) -> None:
     assert outcome.kind == SOLVED, outcome.reason
 
 
-@pytest.mark.parametrize("name", INFEASIBLE_CASES)
+@pytest.mark.parametrize("name", problem_cases.INFEASIBLE)
 def test_this_problem_has_no_solution(name: str) -> None:
-    outcome = outcome_of_case(INFEASIBLE_CASES[name])
+    outcome = outcome_of_case(problem_cases.INFEASIBLE[name])
     assert outcome.kind == INFEASIBLE, outcome.reason
 
 
@@ -79,9 +80,9 @@ def test_forces_that_grow_are_found_with_penalties_that_are_soft_enough(file: Pa
     assert outcome.kind == WEDGED, outcome.reason
 
 
-@pytest.mark.parametrize("name", WEDGED_CASES)
+@pytest.mark.parametrize("name", friction_cases.WEDGED)
 def test_this_problem_is_told_to_have_forces_that_grow_with_the_penalty(name: str) -> None:
-    outcome = outcome_of_case(WEDGED_CASES[name], checks=False)
+    outcome = outcome_of_case(friction_cases.WEDGED[name], checks=False)
     assert outcome.kind == WEDGED, outcome.reason
     assert "there seems to be no equilibrium" in outcome.reason
     assert "times the contact force of the other" in outcome.reason

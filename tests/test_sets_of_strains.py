@@ -10,31 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 from conic import StrainCone, block_problem
+from limits_of_strain import SEVERAL, material
 from mpi4py import MPI
 from problems import block, column
-from ruamel.yaml import YAML
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import certify
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
-from contact_locking.study_file import dump, from_mapping
-
-ELASTIC = {"young": 1.0, "poisson": 0.3}
-SEVERAL: list[dict[str, Any]] = [
-    {"norm": "strain", "at_most": 0.02},
-    {"norm": "deviator", "at_most": "0.016 + 0.002*x"},
-    {"norm": "volume", "at_least": "-0.008 - 0.001*y", "at_most": 0.006},
-    {"norm": "direction", "along": ["cos(x)", "sin(x)"], "at_most": 0.007},
-    {"norm": "weighted", "matrix": [[2, 0, 0.2], [0, 1, 0], ["0.1*x", 0, 1.5]], "at_most": 0.03},
-]
-
-
-def material(*limits: dict[str, Any], **more: Any) -> dict[str, Any]:
-    return {"elasticity": ELASTIC, "locking": list(limits), **more}
+from contact_locking.study_file import from_mapping
 
 
 def solved(parameters: Parameters) -> dict[str, Any]:
@@ -43,11 +29,8 @@ def solved(parameters: Parameters) -> dict[str, Any]:
     return summary
 
 
-# Against another solver ---------------------------------------------------------------------------
-
-
 def mandel(tensor: FloatArray) -> FloatArray:
-    """The row ``B`` with ``B eps = tensor : eps``, in the order of ``conic.Body.strain``."""
+    """The row ``B`` with ``B eps = tensor : eps``, in the order of ``simplices.Body.strain``."""
     dim = len(tensor)
     pairs = [(i, j) for i in range(dim) for j in range(i + 1, dim)]
     return np.array([*np.diag(tensor), *(math.sqrt(2.0) * tensor[i, j] for i, j in pairs)])
@@ -111,9 +94,6 @@ def test_random_sets_of_strains_agree_with_the_conic_solver(seed: int, dim: int,
     ours = solution.displacement.x.array
     assert reference.energy(ours) == pytest.approx(reference.energy(u), rel=1e-7)
     np.testing.assert_allclose(ours, u, atol=1e-4 * np.abs(u).max())
-
-
-# One problem in several ways ----------------------------------------------------------------------
 
 
 def test_both_solvers_find_one_solution_of_the_penalised_problem() -> None:
@@ -240,9 +220,6 @@ def test_elements_of_degree_two_keep_every_set(limit_at: str) -> None:
     assert (summary["overstrain_max"] > 1e-3) == (limit_at == "gauss")
 
 
-# What cannot be -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("limit", "factor"),
     [
@@ -295,90 +272,3 @@ def test_the_bound_of_the_error_in_n_is_above_the_measured_distance() -> None:
     errors = solved(given)["certificate"]["errors"]
     bound, measured = errors["penalty"]["energy_norm"], errors["penalty_measured"]["energy_norm"]
     assert 0.0 < measured <= bound
-
-
-BAD: dict[str, tuple[Any, str, str]] = {
-    "unknown norm": ({"norm": "shear", "at_most": 1}, "0.norm", "must be"),
-    "no limit": ({"norm": "volume"}, "0", "limits nothing"),
-    "no upper limit": ({"norm": "deviator"}, "0.at_most", "is missing"),
-    "zero": ({"norm": "deviator", "at_most": 0}, "0.at_most", "must be > 0"),
-    "zero is not inside": ({"norm": "volume", "at_least": 0.001}, "0.at_least", "must be < 0"),
-    "lower limit of a norm": (
-        {"norm": "strain", "at_most": 1, "at_least": -1},
-        "0.at_least",
-        "never negative",
-    ),
-    "no direction": ({"norm": "direction", "at_most": 1}, "0.along", "is missing"),
-    "zero direction": (
-        {"norm": "direction", "along": [0, 0], "at_most": 1},
-        "0.along",
-        "zero vector",
-    ),
-    "long direction": (
-        {"norm": "direction", "along": [0, 0, 1], "at_most": 1},
-        "0.along",
-        "2 components",
-    ),
-    "no matrix": ({"norm": "weighted", "at_most": 1}, "0.matrix", "is missing"),
-    "zero matrix": (
-        {"norm": "weighted", "matrix": [[0] * 3] * 3, "at_most": 1},
-        "0.matrix",
-        "limits nothing",
-    ),
-    "matrix of 3D": (
-        {"norm": "weighted", "matrix": np.eye(6).tolist(), "at_most": 1},
-        "0.matrix",
-        "3x3 in 2D",
-    ),
-    "direction of the volume": (
-        {"norm": "volume", "at_most": 1, "along": [1, 0]},
-        "0.along",
-        "belongs to norm: direction",
-    ),
-}
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("name", BAD)
-def test_what_is_no_set_of_strains_is_refused_with_its_key(name: str) -> None:
-    limit, key, message = BAD[name]
-    with pytest.raises(InputError) as caught:
-        from_mapping({"mesh": {"dim": 2}, "material": {"locking": [limit]}})
-    assert f"material.locking.{key}" in str(caught.value)
-    assert message in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("limit", "key"),
-    [
-        ({"norm": "deviator", "at_most": "x - 0.5"}, "at_most"),
-        ({"norm": "volume", "at_least": "0.5 - x"}, "at_least"),
-        ({"norm": "direction", "along": ["0*x", "0*x"], "at_most": 0.1}, "along"),
-        ({"norm": "direction", "along": ["1/0", 1], "at_most": 0.1}, "along.0"),
-    ],
-)
-def test_limits_that_fail_on_the_mesh_are_refused_with_their_key(
-    limit: dict[str, Any], key: str
-) -> None:
-    with pytest.raises(InputError) as caught:
-        assemble(from_mapping({"mesh": {"h": 0.3}, "material": material(limit)}), MPI.COMM_WORLD)
-    assert f"material.locking.0.{key}" in f"{caught.value.key} {caught.value}"
-
-
-@pytest.mark.serial
-def test_two_balls_and_a_ball_beside_the_short_form_are_refused() -> None:
-    ball = {"norm": "strain", "at_most": 0.1}
-    for wrong in (
-        {"locking": [ball, ball]},
-        {"locking": [ball], "locking_limit": 0.2},
-        {"regions": {"body": {"locking": [ball], "locking_limit": 0.2}}},
-    ):
-        with pytest.raises(InputError, match="locking"):
-            from_mapping({"material": wrong})
-
-
-@pytest.mark.serial
-def test_a_list_of_limits_is_written_and_read_back() -> None:
-    given = from_mapping({"material": {"locking": SEVERAL}})
-    again = from_mapping(YAML(typ="safe").load(dump(given)))
-    assert again == given

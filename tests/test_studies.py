@@ -1,26 +1,20 @@
-"""Studies: every case once, whatever happens in between, and one table of all."""
+"""Studies: every case once, one table of all, and what is refused before a case is run."""
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from study_folder import STUDY, Folder, alive, wait_for
+from study_folder import STUDY, Folder, solved
 
 from contact_locking import meshes, studies, study_file
 from contact_locking.command import cli, terminal
-from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.errors import InputError
 from contact_locking.files.lock import locked
-from contact_locking.problem import compiled_forms
 
 pytestmark = pytest.mark.serial
 
@@ -186,56 +180,6 @@ def test_two_studies_in_one_folder_are_refused(
     assert folder.started() == []
 
 
-def test_the_second_of_two_studies_waits_for_nobody_and_harms_nothing(
-    folder: Folder, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder.write("{vary: {penalty.n: [10]}}")
-    first = folder.start(FAKE_SECONDS="3")
-    wait_for(folder.running)
-    assert cli.main(["study", str(folder.file), "--output", str(folder.output)]) == 2
-    assert f"a study, process {first.pid} on" in capsys.readouterr().err
-    assert first.wait(timeout=30) == 0
-    assert folder.started() == ["10"]
-    assert [row["state"] for row in folder.table()] == ["converged"]
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="processes are tied to their parent on Linux")
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_killed_study_takes_its_cases_along_and_the_next_one_goes_on(
-    ranks: int, folder: Folder
-) -> None:
-    if ranks > 1 and shutil.which("mpirun") is None:
-        pytest.skip("mpirun is not installed")
-    folder.write("{vary: {penalty.n: [10, 20, 30]}}")
-    process = folder.start("--jobs", "2", ranks=ranks, FAKE_SECONDS="60")
-    wait_for(lambda: len(folder.running()) == 2 * ranks)
-    running = folder.running()
-    process.kill()
-    process.communicate()
-    wait_for(lambda: not any(alive(pid) for pid in running))
-    assert folder.summaries() == []
-    folder.started()
-    folder.run()
-    assert folder.started() == ["10", "20", "30"]
-
-
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupted_study_stops_its_cases_and_says_how_to_go_on(
-    end: signal.Signals, folder: Folder
-) -> None:
-    folder.write("{vary: {penalty.n: [10, 20, 30]}}")
-    process = folder.start("--jobs", "2", FAKE_SECONDS="60")
-    wait_for(lambda: len(folder.running()) == 2)
-    running = folder.running()
-    process.send_signal(end)
-    output, errors = process.communicate(timeout=30)
-    assert process.returncode == 128 + end
-    assert not any(alive(pid) for pid in running)
-    assert "0 of 3 cases are finished; the same command does the others" in output
-    assert errors == ("interrupted\n" if end == signal.SIGINT else f"stopped by {end.name}\n")
-    assert {row["state"] for row in folder.table()} == {"not run"}
-
-
 def test_the_warnings_of_a_case_are_told_counted_and_in_the_table(folder: Folder) -> None:
     folder.write("{vary: {penalty.n: [10, 9]}}")
     said = folder.run()
@@ -243,28 +187,6 @@ def test_the_warnings_of_a_case_are_told_counted_and_in_the_table(folder: Folder
     assert [row["warnings"] for row in folder.table()] == ["one; two", ""]
     rows = dict(studies.summary_rows(studies.Study.of(folder.load()), 1.0))
     assert rows["with warnings"] == "1"
-
-
-@pytest.mark.parametrize("room", [0, 3, 5])
-def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
-    room: int, folder: Folder, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder.write("{vary: {penalty.n: [10, 20]}}")
-    writes = iter(range(room))
-
-    def replace(source: str, target: Path) -> None:
-        if next(writes, None) is None:
-            raise OSError(errno.ENOSPC, "No space left on device", str(target))
-        shutil.move(source, target)
-
-    with monkeypatch.context() as context:
-        context.setattr("contact_locking.files.atomic.os.replace", replace)
-        with pytest.raises(ContactLockingError, match=r"No space left.*\n.*make room"):
-            folder.run(jobs=1)
-    assert list(folder.output.rglob(".partial-*")) == []
-    folder.run()
-    assert folder.started() == ["10", "20"]
-    assert {row["state"] for row in folder.table()} == {"converged"}
 
 
 @pytest.mark.parametrize(
@@ -303,63 +225,6 @@ def test_a_file_that_is_too_large_or_a_bomb_is_refused(
     folder.file.write_text(text)
     assert cli.main(["study", str(folder.file)]) == 2
     assert capsys.readouterr().err.startswith("error: ")
-
-
-def test_a_form_that_a_killed_process_left_unfinished_is_removed(tmp_path: Path) -> None:
-    ready, old, young = (tmp_path / f"libffcx_forms_{name}.c" for name in ("a", "b", "c"))
-    for path in (ready, old, young):
-        path.touch()
-    (tmp_path / f"{ready.name}.cached").touch()
-    lonely = tmp_path / "libffcx_forms_d.c.cached"
-    lonely.touch()
-    os.utime(old, (0, 0))
-    began = time.monotonic()
-    compiled_forms.clear(tmp_path, 0.3)
-    assert 0.2 < time.monotonic() - began < 5
-    assert ready.exists() and not any(path.exists() for path in (old, young, lonely))
-
-
-def test_a_form_that_a_process_compiles_is_left_alone(tmp_path: Path) -> None:
-    path = tmp_path / "libffcx_forms_slow.c"
-    path.write_text("a line\n")
-    os.utime(path, (0, 0))
-    with subprocess.Popen(["tail", "-f", str(path)], stdout=subprocess.PIPE) as compiler:
-        # A process that has just begun has no command line yet.
-        assert compiler.stdout is not None
-        compiler.stdout.readline()
-        compiled_forms.clear(tmp_path, 0.3)
-        assert path.exists()
-        compiler.terminate()
-    compiled_forms.clear(tmp_path, 0.3)
-    assert not path.exists()
-
-
-def solved(folder: Folder, *words: str) -> list[dict[str, str]]:
-    """The table of a study with real cases, without the times."""
-    assert cli.main(["study", str(folder.file), "--output", str(folder.output), *words]) == 0
-    rows = folder.table()
-    for row in rows:
-        del row["wall_seconds"]
-    return rows
-
-
-def test_a_study_that_was_killed_ends_as_one_that_was_not(
-    folder: Folder, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder.write("{vary: {penalty.n: [10, 1000, .inf]}}")
-    words = [sys.executable, "-m", "contact_locking", "study", str(folder.file)]
-    process = subprocess.Popen([*words, "--output", str(folder.output)], stdout=subprocess.DEVNULL)
-    wait_for(folder.summaries)
-    process.kill()
-    process.wait()
-    kept = {path: path.stat().st_mtime_ns for path in folder.summaries()}
-    assert cli.main(["check", str(folder.file), "--set", f"output.directory={folder.output}"]) == 0
-    assert f"3, {len(kept)} finished in {folder.output}" in capsys.readouterr().out
-    resumed = solved(folder)
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    shutil.rmtree(folder.output)
-    assert resumed == solved(folder, "--jobs", "2")
-    assert [row["penalty.n"] for row in resumed] == ["10", "1000", "inf"]
 
 
 def test_cases_run_on_several_ranks(folder: Folder) -> None:

@@ -1,4 +1,4 @@
-"""A direct solver of which each rank has a part: the parts, one of them, all of them together."""
+"""A direct solver of which each rank has a part: what is between the parts, and all together."""
 
 from __future__ import annotations
 
@@ -12,31 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from grid_matrix import RIGHT, SIDE, grid
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.problem.compiled import installed
 from contact_locking.solver.linear.direct import substructuring
 from contact_locking.solver.linear.direct.separator import Separator
-from contact_locking.solver.linear.direct.substructure import Substructure, is_available
+from contact_locking.solver.linear.direct.substructure import is_available
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
-SIDE = 40
 SEVERAL = MPI.COMM_WORLD.size > 1
 IN_PIECES = SEVERAL and is_available(MPI.COMM_WORLD)
 needs_cholmod = pytest.mark.skipif(
     not is_available(MPI.COMM_WORLD), reason="CHOLMOD is not installed, or has no header"
 )
-
-
-def grid(contrast: float = 1.0, side: int = SIDE) -> sp.csr_matrix:
-    """Two unknowns at each node of a square grid, coupled; stiffer to the right by a factor."""
-    line = sp.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(side, side))
-    stiffness = sp.diags(np.linspace(1.0, contrast, side) ** 0.5)
-    nodes = sp.kronsum(stiffness @ line @ stiffness, line)
-    return sp.csr_matrix(sp.kron(nodes, [[2.0, 1.0], [1.0, 3.0]]))
 
 
 @pytest.fixture
@@ -87,9 +78,6 @@ def ksp(comm: MPI.Intracomm) -> Iterator[PETSc.KSP]:
     destroy_ksp(solver)
 
 
-RIGHT = np.random.default_rng(3).standard_normal(2 * SIDE**2)
-
-
 def test_no_entry_is_between_the_interiors(
     comm: MPI.Intracomm, distributed: Callable[[sp.csr_matrix], PETSc.Mat]
 ) -> None:
@@ -108,59 +96,6 @@ def test_no_entry_is_between_the_interiors(
     sizes = [len(interior) for interior in interiors]
     assert max(sizes) <= 1.1 * whole.shape[0] / comm.size
     assert separator.divides and len(separator.shared) <= max(2.5 * SIDE * (comm.size - 1), 2)
-
-
-def test_where_cholmod_has_a_header_it_is_used(comm: MPI.Intracomm) -> None:
-    assert is_available(comm) == (installed("cholmod", "suitesparse/cholmod.h") is not None)
-
-
-@needs_cholmod
-@pytest.mark.parametrize("count", [1, 60, 288])
-def test_the_corner_of_a_factor_is_that_of_the_schur_complement(
-    count: int, comm: MPI.Intracomm
-) -> None:
-    whole = grid(1e4, 12)
-    size = whole.shape[0]
-    numbers = np.random.default_rng(1).permutation(size).astype(np.int32)
-    corner, interior = np.sort(numbers[:count]), np.sort(numbers[count:])
-    matrix = PETSc.Mat().createAIJ(
-        (size, size), csr=(whole.indptr, whole.indices, whole.data), comm=PETSc.COMM_SELF
-    )
-    piece = Substructure(matrix, interior, corner, comm)
-    assert (np.sort(piece.order[: size - count]) == interior).all()
-    for values in (whole.data, 2.0 * whole.data):
-        assert piece.factorise(values)
-    dense = 2.0 * whole.toarray()
-    inside, across = dense[np.ix_(interior, interior)], dense[np.ix_(corner, interior)]
-    expected = dense[np.ix_(corner, corner)] - across @ np.linalg.solve(inside, across.T)
-    backwards = expected[::-1, ::-1]
-    assert np.triu(piece.complement()) == pytest.approx(np.triu(backwards), rel=1e-10, abs=1e-10)
-    # Solves are in the order of elimination, and the corner backwards.
-    order = piece.order[: size - count]
-    b = RIGHT[:size]
-    force = -dense[np.ix_(corner, order)] @ np.linalg.solve(dense[np.ix_(order, order)], b[order])
-    assert piece.forward(b[order]) == pytest.approx(force[::-1], abs=1e-10)
-    x = np.linalg.solve(dense, b)
-    assert piece.backward(x[corner][::-1]) == pytest.approx(
-        np.linalg.solve(
-            dense[np.ix_(order, order)], b[order] - dense[np.ix_(order, corner)] @ x[corner]
-        ),
-        abs=1e-10,
-    )
-    matrix.destroy()
-
-
-@needs_cholmod
-def test_what_is_not_positive_definite_has_no_factor(comm: MPI.Intracomm) -> None:
-    whole = grid(side=12)
-    matrix = PETSc.Mat().createAIJ(
-        whole.shape, csr=(whole.indptr, whole.indices, whole.data), comm=PETSc.COMM_SELF
-    )
-    numbers = np.arange(whole.shape[0], dtype=np.int32)
-    piece = Substructure(matrix, numbers[:-10], numbers[-10:], comm)
-    assert not piece.factorise(-whole.data)
-    assert piece.factorise(whole.data)
-    matrix.destroy()
 
 
 @pytest.mark.parametrize("contrast", [1.0, 1e10])

@@ -11,16 +11,14 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 from problems import block
+from solved_by_cg import agree, solved
 
 from contact_locking import solving
-from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.errors import InputError
-from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options
-from contact_locking.solver.linear.projection import Projection
 from contact_locking.solver.linear.tangent_solver import TangentSolver
 
 _NEVER = 10**6
@@ -41,63 +39,12 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counts
 
 
-def _solved(n: float, linear: str, **options: str) -> Solution:
-    # A regular grid and a filter of stiff cells in all parts of it.
-    parameters = block(3, 1 / 6, mesh__structured=True, penalty__n=n, solver__linear=linear)
-    solution = solving.solve(parameters, petsc_options=options)
-    assert solution.converged, solution.summary["reason"]
-    return solution
-
-
-# Either stops at a duality gap of 1e-8 of the elastic energy, unless Newton polishes it.  The gap
-# bounds a(e, e)/2 of the error e; energies, which are linear in e, agree to 1e-7 here.
-_SAME = 2e-7
-
-
-def _agree(one: Solution, other: Solution) -> None:
-    for key in ("compliance", "elastic_energy"):
-        assert one.summary[key] == pytest.approx(other.summary[key], rel=_SAME)
-
-
-def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """A list that gets the iterations of each solve by CG."""
-    counts: list[int] = []
-    solve = TangentSolver._solve
-
-    def counted(self: TangentSolver, right: PETSc.Vec, step: PETSc.Vec) -> int:
-        counts.append(solve(self, right, step))
-        return counts[-1]
-
-    monkeypatch.setattr(TangentSolver, "_solve", counted)
-    return counts
-
-
-def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
-    """Let everything be too large for the filter, from the first tangent on, for any n."""
-    for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
-        monkeypatch.setattr(tangent_solver, name, 0)
-    monkeypatch.setitem(FILTER_LIMIT, dim, 0)
-
-
-def _count_rows(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """A list that gets the rows of each projection."""
-    counts: list[int] = []
-    create = Projection.__init__
-
-    def counted(self: Projection, rows: PETSc.Mat, *given: Any) -> None:
-        counts.append(rows.getSize()[0])
-        create(self, rows, *given)
-
-    monkeypatch.setattr(Projection, "__init__", counted)
-    return counts
-
-
 @pytest.mark.parametrize("patience", [0, 30, _NEVER], ids=["at once", "on the way", "never"])
 def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: patience})
-    by_cg = _solved(1e4, "iterative")
+    by_cg = solved(1e4, "iterative")
     tangents = by_cg.summary["iterations"]["tangents"]
     if patience == _NEVER:
         assert not filterings
@@ -106,7 +53,7 @@ def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
         assert tangents - 4 <= len(filterings) < tangents
     else:
         assert 2 <= len(filterings) < tangents - 4
-    _agree(by_cg, _solved(1e4, "direct"))
+    agree(by_cg, solved(1e4, "direct"))
 
 
 def test_one_symbolic_factorisation_serves_most_filters(
@@ -121,7 +68,7 @@ def test_one_symbolic_factorisation_serves_most_filters(
         made.append(self)
 
     monkeypatch.setattr(Filter, "__init__", kept)
-    _solved(math.inf, "iterative")
+    solved(math.inf, "iterative")
     assert 1 <= len(made) <= 2 < 5 <= len(filterings)
 
 
@@ -138,7 +85,7 @@ def test_filters_take_in_all_that_is_stiff(monkeypatch: pytest.MonkeyPatch) -> N
             filtered += 1
 
     monkeypatch.setattr(FilteredMultigrid, "refresh", seen)
-    _solved(math.inf, "iterative")
+    solved(math.inf, "iterative")
     assert filtered
 
 
@@ -146,50 +93,8 @@ def test_the_filter_takes_iterations_away(monkeypatch: pytest.MonkeyPatch) -> No
     counts = []
     for patience in (0, _NEVER):
         monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: patience})
-        counts.append(_solved(1e4, "iterative").summary["iterations"]["linear"])
+        counts.append(solved(1e4, "iterative").summary["iterations"]["linear"])
     assert 2 * counts[0] < counts[1]
-
-
-def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    _project_everything(monkeypatch, 3)
-    counts = _count_iterations(monkeypatch)
-    projected = _solved(math.inf, "iterative")
-    # At the end the stiffest cells are 1e12 times as stiff as the softest.
-    assert max(counts) <= 25
-    _agree(projected, _solved(math.inf, "direct"))
-
-
-@pytest.mark.parametrize(("n", "projects"), [(1e4, False), (math.inf, True)])
-def test_multigrid_alone_may_take_longer_where_n_bounds_the_contrast(
-    monkeypatch: pytest.MonkeyPatch, n: float, projects: bool
-) -> None:
-    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
-    monkeypatch.setitem(FILTER_LIMIT, 3, 0)
-    made = _count_rows(monkeypatch)
-    assert _solved(n, "iterative").converged
-    assert bool(made) == projects
-
-
-def test_one_sided_limits_of_the_strain_are_projected_as_well(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    _project_everything(monkeypatch, 3)
-    made = _count_rows(monkeypatch)
-    # The pull stretches the body by more than this.
-    limits = [{"norm": "volume", "at_most": 0.005}]
-    material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking": limits}
-    direct, projected = (
-        solving.solve(
-            block(3, 1 / 4, mesh__structured=True, penalty__n=math.inf, material=material,
-                  solver__linear=linear)
-        )
-        for linear in ("direct", "iterative")
-    )  # fmt: skip
-    assert projected.converged, projected.summary["reason"]
-    assert max(made) > 0
-    _agree(direct, projected)
 
 
 def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -222,29 +127,11 @@ def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.Mon
     assert max(counts) > 0
 
 
-@pytest.mark.parametrize(("dim", "divisions"), [(2, 12), (3, 4)])
-def test_projection_of_quadratic_elements_bears_any_contrast(
-    monkeypatch: pytest.MonkeyPatch, dim: int, divisions: int
-) -> None:
-    _project_everything(monkeypatch, dim)
-    counts = _count_iterations(monkeypatch)
-    direct, projected = (
-        solving.solve(
-            block(dim, 1 / divisions, mesh__structured=True, penalty__n=math.inf,
-                  discretisation__degree=2, solver__linear=linear)
-        )
-        for linear in ("direct", "iterative")
-    )  # fmt: skip
-    assert projected.converged, projected.summary["reason"]
-    assert max(counts) <= 60
-    _agree(direct, projected)
-
-
 def test_where_cg_breaks_down_the_residual_is_filtered_again_and_cg_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
-    whole = _solved(math.inf, "iterative").summary["iterations"]["tangents"]
+    whole = solved(math.inf, "iterative").summary["iterations"]["tangents"]
     apply, count = FilteredMultigrid.apply, 0
 
     def often_indefinite(
@@ -259,13 +146,13 @@ def test_where_cg_breaks_down_the_residual_is_filtered_again_and_cg_goes_on(
 
     monkeypatch.setattr(FilteredMultigrid, "apply", often_indefinite)
     # If it did not go on, the method would give up, and Newton begin anew.
-    assert _solved(math.inf, "iterative").summary["iterations"]["tangents"] <= whole + 2
+    assert solved(math.inf, "iterative").summary["iterations"]["tangents"] <= whole + 2
     assert count >= 6
 
 
 def test_inexact_solves_take_three_tangents_more_at_most_at_n_infinite() -> None:
     exact, inexact = (
-        _solved(math.inf, linear).summary["iterations"]["tangents"]
+        solved(math.inf, linear).summary["iterations"]["tangents"]
         for linear in ("direct", "iterative")
     )
     assert inexact <= exact + 3
@@ -273,22 +160,22 @@ def test_inexact_solves_take_three_tangents_more_at_most_at_n_infinite() -> None
 
 def test_users_may_factorise_instead() -> None:
     options = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
-    _agree(_solved(1e4, "iterative", **options), _solved(1e4, "direct"))
+    agree(solved(1e4, "iterative", **options), solved(1e4, "direct"))
 
 
 def test_users_may_precondition_otherwise() -> None:
-    by_gamg = _solved(1e2, "iterative", pc_type="gamg", ksp_rtol="1e-10")
-    _agree(by_gamg, _solved(1e2, "direct"))
+    by_gamg = solved(1e2, "iterative", pc_type="gamg", ksp_rtol="1e-10")
+    agree(by_gamg, solved(1e2, "direct"))
 
 
 def test_filtering_what_contact_holds_takes_iterations_away(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
-    held = _solved(math.inf, "iterative").summary["iterations"]["linear"]
+    held = solved(math.inf, "iterative").summary["iterations"]["linear"]
     nothing = np.empty(0, dtype=np.int32)
     monkeypatch.setattr(ContactNodes, "stiffer_than", lambda *_: nothing)
-    assert 1.5 * held < _solved(math.inf, "iterative").summary["iterations"]["linear"]
+    assert 1.5 * held < solved(math.inf, "iterative").summary["iterations"]["linear"]
 
 
 def test_another_linear_solver_is_an_entry_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:

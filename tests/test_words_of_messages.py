@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from test_bad_input import CASES
 from test_contact_sections import WRONG as WRONG_SECTIONS
-from test_parameters import STUDIES_WRONG, WRONG, nested
+from wrong_values import STUDIES_WRONG, WRONG, nested
 
 from contact_locking import InputError, from_mapping
 from contact_locking.parameters.wording import show

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from exchange import task
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "tests"))
-from conic import Body
+from simplices import Body
 
 job = task()
 problem = job.problem

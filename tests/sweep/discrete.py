@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from conic import Body
+from simplices import Body
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.expressions import parse

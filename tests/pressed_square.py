@@ -1,0 +1,30 @@
+"""A small block under pressures, and its fingerprint without them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from problems import block
+
+from contact_locking import Parameters
+
+# The fingerprint that the problem without pressures had before there were pressures.
+FORMER_FINGERPRINT = "b5af12d064c83503"
+BOTH_DEGREES = pytest.mark.parametrize("degree", [1, 2])
+
+
+def square(**changes: Any) -> Parameters:
+    """A small block on a foundation with friction, clamped on the right."""
+    given: dict[str, Any] = {
+        "h": 0.25,
+        "mesh__structured": True,
+        "material__locking_limit": 0.05,
+        "penalty__n": math.inf,
+        "loads": {
+            "pressures": [{"on": "top", "value": "0.04 + 0.02*x"}, {"on": "left", "value": -0.01}],
+            "displacements": [{"on": "right", "value": [0, 0]}],
+        },
+    }
+    return block(**(given | changes))

@@ -1,0 +1,155 @@
+"""Pressures as loads: their stresses and resultants, and what is refused with its key."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from pressed_square import BOTH_DEGREES, FORMER_FINGERPRINT, square
+from problems import block
+
+from contact_locking import InputError, solve, solve_steps, study_file
+from contact_locking.study_file import from_mapping
+
+
+@BOTH_DEGREES
+@pytest.mark.parametrize("dim", [2, 3])
+def test_equal_pressures_on_all_free_sides_give_the_hydrostatic_stress(
+    dim: int, degree: int
+) -> None:
+    held = ["left", "bottom"] if dim == 2 else ["left", "front", "bottom"]
+    free = ["right", "top"] if dim == 2 else ["right", "back", "top"]
+    rollers = [
+        {"on": name, "value": [0 if axis == other else None for other in range(dim)]}
+        for axis, name in enumerate(held)
+    ]
+    solution = solve(
+        block(
+            dim,
+            0.5,
+            loads={"pressures": [{"on": free, "value": 0.03}], "displacements": rollers},
+            contact=[],
+            discretisation={"degree": degree},
+            material__locking_limit=math.inf,
+        )
+    )
+    assert solution.converged
+    stress = solution.elastic_stress.x.array.reshape(-1, dim, dim)
+    assert np.abs(stress + 0.03 * np.eye(dim)).max() < 1e-9
+
+
+@BOTH_DEGREES
+def test_a_pressure_on_a_flat_side_is_the_traction_along_minus_its_normal(degree: int) -> None:
+    more = {"discretisation": {"degree": degree}, "certificate__error_bound": degree == 1}
+    held = [{"on": "right", "value": [0, 0]}]
+    tractions = [{"on": "top", "value": [0, "-0.04 - 0.02*x"]}, {"on": "left", "value": [-0.01, 0]}]
+    found = solve(square(**more))
+    wanted = solve(square(loads={"tractions": tractions, "displacements": held}, **more))
+    assert found.converged
+    largest = np.abs(wanted.displacement.x.array).max(initial=0.0)
+    difference = found.displacement.x.array - wanted.displacement.x.array
+    assert np.abs(difference).max(initial=0.0) <= 1e-9 * largest + 1e-15
+    errors = [one.summary["certificate"]["errors"] for one in (found, wanted)]
+    if degree == 1:
+        first, second = (entry["guaranteed"] for entry in errors)
+        assert first["applicable"]
+        assert first["energy_norm"] == pytest.approx(second["energy_norm"], rel=1e-6)
+
+
+def test_one_pressure_on_two_sides_of_a_corner_has_the_bound_of_two_pressures() -> None:
+    def bound(pressures: list[dict[str, Any]]) -> Any:
+        loads = {"pressures": pressures, "displacements": [{"on": "right", "value": [0, 0]}]}
+        found = solve(square(loads=loads, certificate__error_bound=True)).summary
+        return found["certificate"]["errors"]["guaranteed"]
+
+    value = "0.03 + 0.01*x*y"
+    together = bound([{"on": ["top", "left"], "value": value}])
+    apart = bound([{"on": "top", "value": value}, {"on": "left", "value": value}])
+    assert together["applicable"]
+    assert together["energy_norm"] == pytest.approx(apart["energy_norm"], rel=1e-6)
+
+
+def test_the_resultant_of_a_pressure_on_a_quarter_circle_is_exact() -> None:
+    parameters = from_mapping(
+        {
+            "mesh": {"builder": "annulus", "quarter": True, "h": 0.3},
+            "loads": {
+                "pressures": [{"on": "inner", "value": 0.02}],
+                "displacements": [
+                    {"on": "left", "value": [0, None]},
+                    {"on": "bottom", "value": [None, 0]},
+                ],
+            },
+            "contact": [],
+            "certificate": {"error_bound": True},
+        }
+    )
+    summary = solve(parameters).summary
+    geometry: Any = parameters.mesh.geometry
+    # The polygon of the facets has the end points of the arc.
+    wanted = [0.02 * geometry.inner_radius] * 2
+    assert summary["converged"]
+    assert summary["certificate"]["resultants"]["loads"] == pytest.approx(wanted, rel=1e-9)
+    assert summary["certificate"]["errors"]["guaranteed"]["applicable"]
+
+
+def test_a_pressure_follows_the_time_of_the_steps() -> None:
+    loads = {
+        "pressures": [{"on": "top", "value": "0.04*t"}],
+        "displacements": [{"on": "right", "value": [0, 0]}],
+    }
+    forces = [
+        solution.summary["certificate"]["resultants"]["loads"][1]
+        for solution in solve_steps(square(loads=loads, steps={"times": [0.5, 1.0]}))
+    ]
+    assert forces == pytest.approx([-0.02, -0.04])
+
+
+@pytest.mark.parametrize(
+    ("pressure", "key", "words"),
+    [
+        ({"on": "roof", "value": 1}, "loads.pressures.0.on", "no part of the boundary"),
+        ({"on": "top", "value": [0, 1]}, "loads.pressures.0.value", "must be a number"),
+        ({"on": "top", "value": "0.1*t"}, "loads.pressures.0.value", "has no steps"),
+        ({"on": "top", "value": "0.1*z"}, "loads.pressures.0.value", "in 2D"),
+    ],
+)
+def test_a_wrong_pressure_is_refused_with_its_key(
+    pressure: dict[str, Any], key: str, words: str
+) -> None:
+    given = {"mesh": {"builder": "block"}, "loads": {"pressures": [pressure]}}
+    with pytest.raises(InputError, match=words) as caught:
+        from_mapping(given)
+    assert key in str(caught.value)
+
+
+def test_a_pressure_that_is_not_finite_is_refused_with_its_key() -> None:
+    loads = {
+        "pressures": [{"on": "top", "value": "0.01*log(x - 0.5)"}],
+        "displacements": [{"on": "right", "value": [0, 0]}],
+    }
+    with pytest.raises(InputError) as caught:
+        solve(square(loads=loads))
+    assert caught.value.key == "loads.pressures.0.value"
+
+
+def test_tractions_and_pressures_have_one_limit_together() -> None:
+    tractions = [{"on": "top", "value": [0, 0]}] * 150
+    loads = {"tractions": tractions, "pressures": [{"on": "top", "value": 0}] * 51}
+    with pytest.raises(InputError, match="at most 200"):
+        from_mapping({"mesh": {"builder": "block"}, "loads": loads})
+
+
+def test_pressures_count_in_the_fingerprint_and_no_pressures_do_not() -> None:
+    held = {"displacements": [{"on": "right", "value": [0, 0]}]}
+    pressures: list[dict[str, Any]] = [
+        {},
+        {"pressures": []},
+        {"pressures": [{"on": "top", "value": 0.1}]},
+        {"pressures": [{"on": "top", "value": 0.2}]},
+    ]
+    names = [study_file.fingerprint(square(loads=held | more)) for more in pressures]
+    assert names[0] == names[1] == FORMER_FINGERPRINT
+    assert len(set(names)) == 3

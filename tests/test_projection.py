@@ -1,0 +1,110 @@
+"""What is too large for the filter is projected: CG bears any contrast, and quadratic elements."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from petsc4py import PETSc
+from problems import block
+from solved_by_cg import agree, solved
+
+from contact_locking import solving
+from contact_locking.costs.factorised import FILTER_LIMIT
+from contact_locking.solver.linear import tangent_solver
+from contact_locking.solver.linear.projection import Projection
+from contact_locking.solver.linear.tangent_solver import TangentSolver
+
+
+def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """A list that gets the iterations of each solve by CG."""
+    counts: list[int] = []
+    solve = TangentSolver._solve
+
+    def counted(self: TangentSolver, right: PETSc.Vec, step: PETSc.Vec) -> int:
+        counts.append(solve(self, right, step))
+        return counts[-1]
+
+    monkeypatch.setattr(TangentSolver, "_solve", counted)
+    return counts
+
+
+def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
+    """Let everything be too large for the filter, from the first tangent on, for any n."""
+    for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
+        monkeypatch.setattr(tangent_solver, name, 0)
+    monkeypatch.setitem(FILTER_LIMIT, dim, 0)
+
+
+def _count_rows(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """A list that gets the rows of each projection."""
+    counts: list[int] = []
+    create = Projection.__init__
+
+    def counted(self: Projection, rows: PETSc.Mat, *given: Any) -> None:
+        counts.append(rows.getSize()[0])
+        create(self, rows, *given)
+
+    monkeypatch.setattr(Projection, "__init__", counted)
+    return counts
+
+
+def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _project_everything(monkeypatch, 3)
+    counts = _count_iterations(monkeypatch)
+    projected = solved(math.inf, "iterative")
+    # At the end the stiffest cells are 1e12 times as stiff as the softest.
+    assert max(counts) <= 25
+    agree(projected, solved(math.inf, "direct"))
+
+
+@pytest.mark.parametrize(("n", "projects"), [(1e4, False), (math.inf, True)])
+def test_multigrid_alone_may_take_longer_where_n_bounds_the_contrast(
+    monkeypatch: pytest.MonkeyPatch, n: float, projects: bool
+) -> None:
+    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
+    monkeypatch.setitem(FILTER_LIMIT, 3, 0)
+    made = _count_rows(monkeypatch)
+    assert solved(n, "iterative").converged
+    assert bool(made) == projects
+
+
+def test_one_sided_limits_of_the_strain_are_projected_as_well(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _project_everything(monkeypatch, 3)
+    made = _count_rows(monkeypatch)
+    # The pull stretches the body by more than this.
+    limits = [{"norm": "volume", "at_most": 0.005}]
+    material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking": limits}
+    direct, projected = (
+        solving.solve(
+            block(3, 1 / 4, mesh__structured=True, penalty__n=math.inf, material=material,
+                  solver__linear=linear)
+        )
+        for linear in ("direct", "iterative")
+    )  # fmt: skip
+    assert projected.converged, projected.summary["reason"]
+    assert max(made) > 0
+    agree(direct, projected)
+
+
+@pytest.mark.parametrize(("dim", "divisions"), [(2, 12), (3, 4)])
+def test_projection_of_quadratic_elements_bears_any_contrast(
+    monkeypatch: pytest.MonkeyPatch, dim: int, divisions: int
+) -> None:
+    _project_everything(monkeypatch, dim)
+    counts = _count_iterations(monkeypatch)
+    direct, projected = (
+        solving.solve(
+            block(dim, 1 / divisions, mesh__structured=True, penalty__n=math.inf,
+                  discretisation__degree=2, solver__linear=linear)
+        )
+        for linear in ("direct", "iterative")
+    )  # fmt: skip
+    assert projected.converged, projected.summary["reason"]
+    assert max(counts) <= 60
+    agree(direct, projected)

@@ -1,0 +1,58 @@
+"""The reactions of named parts of the boundary add up, and balance the loads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pressed_square import BOTH_DEGREES, square
+
+from contact_locking import solve, solve_steps
+
+
+@BOTH_DEGREES
+def test_the_reactions_of_all_parts_add_up_to_those_of_the_certificate(degree: int) -> None:
+    # Left and top share a node, which both of them hold in both directions.
+    loads = {
+        "body_force": [0.01, -0.02],
+        "displacements": [
+            {"on": ["left", "top"], "value": [0.001, -0.002]},
+            {"on": "right", "value": [None, 0]},
+        ],
+    }
+    solution = solve(square(loads=loads, discretisation={"degree": degree}))
+    found = solution.summary["reactions"]
+    assert solution.converged
+    assert list(found) == ["left", "top", "right"]
+    assert found["right"][0] == 0.0
+    total = np.sum(list(found.values()), axis=0)
+    wanted = solution.summary["certificate"]["resultants"]["reactions"]
+    assert total == pytest.approx(wanted, rel=1e-12, abs=1e-15)
+
+
+def test_a_support_pushes_back_with_the_load_that_it_carries() -> None:
+    # Rollers below and on the left, a pressure of 0.03 above: the support below carries all of it.
+    loads = {
+        "pressures": [{"on": "top", "value": 0.03}],
+        "displacements": [
+            {"on": "left", "value": [0, None]},
+            {"on": "bottom", "value": [None, 0]},
+        ],
+    }
+    summary = solve(square(loads=loads, contact=[])).summary
+    assert summary["reactions"]["bottom"] == pytest.approx([0.0, 0.03], abs=1e-10)
+    assert summary["reactions"]["left"] == pytest.approx([0.0, 0.0], abs=1e-10)
+
+
+def test_the_history_has_the_reactions_of_each_part() -> None:
+    loads = {
+        "pressures": [{"on": "top", "value": "0.04*t"}],
+        "displacements": [
+            {"on": "left", "value": [0, None]},
+            {"on": "right", "value": [0, 0]},
+        ],
+    }
+    *_, last = solve_steps(square(loads=loads, steps={"times": [0.5, 1.0]}))
+    for axis, name in enumerate("xy"):
+        parts = [last.history.column(f"reaction_{part}_{name}") for part in ("left", "right")]
+        assert np.sum(parts, axis=0) == pytest.approx(last.history.column(f"reaction_{name}"))
+        assert parts[1][-1] == last.summary["reactions"]["right"][axis]
