@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from typing import TypeVar
+
 import numpy as np
 import numpy.typing as npt
+
+S = TypeVar("S", bound=np.generic)
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -12,3 +17,12 @@ IndexArray = npt.NDArray[np.int32]
 BoolArray = npt.NDArray[np.bool_]
 
 AXES = ("x", "y", "z")
+
+
+def flattened(values: npt.NDArray[S], kept: int = 0) -> npt.NDArray[S]:
+    """Values (n, ...) as (n, m), the last ``kept`` axes as they are.
+
+    A rank without cells has n = 0, where ``reshape(n, -1)`` leaves m open.
+    """
+    end = values.ndim - kept
+    return values.reshape(len(values), math.prod(values.shape[1:end]), *values.shape[end:])

@@ -19,7 +19,7 @@ from dolfinx import mesh as dmesh
 from scipy import sparse
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
 from contact_locking.problem import gauss_points
 
 # The ends of the edges whose middles are nodes of a cell, after its corners, in DOLFINx's order.
@@ -81,7 +81,7 @@ class PatchRecovery:
             both = np.concatenate([monomials, values], axis=2)
             terms.append(np.einsum("kqf,kqg->kfg", monomials, both))
         shape = terms[0].shape[1:]
-        flat = np.stack([term.reshape(len(values), -1) for term in terms], axis=1)
+        flat = np.stack([flattened(term) for term in terms], axis=1)
         sums = self._summed(flat, inside).reshape(-1, *shape)
         number = shape[0]
         normal, right = sums[:, :, :number], sums[:, :, number:]
@@ -101,7 +101,7 @@ class PatchRecovery:
         columns = np.arange(len(rows))
         ones = np.ones(len(rows))
         gather = sparse.csr_matrix((ones, (rows, columns)), shape=(len(nodal), len(rows)))
-        nodal[:] = gather @ values.reshape(len(rows), -1)
+        nodal[:] = gather @ values.reshape(-1, values.shape[2])
         total.x.scatter_reverse(la.InsertMode.add)
         total.x.scatter_forward()
         return nodal.copy()

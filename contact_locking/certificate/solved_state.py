@@ -144,6 +144,10 @@ class StrainPoints:
         """The values of a scalar function at the points, from its dofs."""
         return np.asarray(array[space.dofmap.list[: self._owned].reshape(-1)])
 
+    def by_cell(self, values: FloatArray) -> FloatArray:
+        """Scalars (k,) at the points as (n, points of a cell), for the n owned cells."""
+        return values.reshape(-1, self._scalar.dofmap.list.shape[1])
+
     def of(self, function: fem.Function) -> FloatArray:
         """The values of a tensor or of a scalar function at the points."""
         dofs = function.function_space.dofmap.list[: self._owned].reshape(-1)

@@ -87,7 +87,7 @@ def _acting(state: SolvedState, multipliers: Multipliers) -> Multipliers:
     acting = Multipliers.none(data, problem.domain.mesh, tuple(forces))
     for item, part, saved in zip(data.sets, acting.parts, multipliers.parts, strict=True):
         limited = (item.inverse_limit.x.array > 0.0)[:, None]
-        blocks = saved.x.array.reshape(len(limited), -1)
+        blocks = saved.x.array.reshape(-1, saved.function_space.dofmap.bs)
         part.x.array[:] = np.where(limited, blocks, 0.0).reshape(-1)
     acting.add_up(data)
     return acting

@@ -98,9 +98,9 @@ class Constraints:
 
         A node that is held along every direction, and not by components, counts as free.
         """
-        index_map = self.space.dofmap.index_map
-        mask = self._mask[: index_map.size_local * self.space.dofmap.index_map_bs]
-        return np.asarray(np.any(mask.reshape(index_map.size_local, -1) > 0.0, axis=1))
+        dofmap = self.space.dofmap
+        mask = self._mask[: dofmap.index_map.size_local * dofmap.index_map_bs]
+        return np.asarray(np.any(mask.reshape(-1, dofmap.index_map_bs) > 0.0, axis=1))
 
     def assemble_matrix(self, form: JointForm, matrix: PETSc.Mat) -> None:
         """Assemble a bilinear form, positive on the diagonal where conditions hold; collective."""

@@ -9,7 +9,7 @@ import ufl
 from dolfinx import fem
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
 from contact_locking.certificate.guaranteed.hybrid_system import (
@@ -62,10 +62,10 @@ class Body:
         self._state, self.triangles, self.element = state, triangles, element
         size = len(triangles.areas)
         points = state.points
-        self.limit = self._constant(points.limit.reshape(size, -1))
+        self.limit = self._constant(points.by_cell(points.limit))
         self.elasticity = Elasticity.of(self._constant(self._stiffness(size)))
         ratio = np.linalg.norm(points.locking_stress, axis=(1, 2)) / points.limit
-        self._zeta = averaged(ratio.reshape(size, -1).mean(axis=1), triangles)
+        self._zeta = averaged(points.by_cell(ratio).mean(axis=1), triangles)
         self._zeta[~np.isfinite(self.limit)] = 0.0
 
     def stress(self, boundary: Boundary, loads: BalancedLoads) -> FloatArray:
@@ -77,14 +77,14 @@ class Body:
         size = len(triangles.areas)
         # s = F r F^T has the divergence F div r.
         wanted = np.einsum("nij,ntlj->ntli", np.linalg.inv(triangles.maps), -loads.body)
-        wanted = wanted.reshape(size, -1)
+        wanted = flattened(wanted)
         reference = wanted @ element.lifts.reshape(wanted.shape[1], -1)
         lifted = triangles.moved(reference.reshape(size, *element.basis.shape[1:]))
         moments = wanted @ element.lift_moments.reshape(wanted.shape[1], -1)
         system = HybridSystem(triangles, element, boundary, state.settings.linear)
         compliance = self.elasticity.compliance(self._zeta)
         target = self.strains(state.problem.u, element)
-        target = target - (lifted.reshape(size, -1, 3) @ compliance).reshape(target.shape)
+        target = target - (flattened(lifted, kept=1) @ compliance).reshape(target.shape)
         found, jump = system.solve(
             compliance, target, system.moments(moments.reshape(size, *element.moments.shape[1:]))
         )
@@ -157,8 +157,7 @@ class Body:
         space = material.strain_space(domain.mesh, (3, 3))
         function = fem.Function(space)
         function.interpolate(_compat.interpolation_expression(tensor, space))
-        values = function.x.array.reshape(-1, 3, 3)[space.dofmap.list[:size].reshape(-1)]
-        return values.reshape(size, -1, 3, 3)
+        return np.asarray(function.x.array.reshape(-1, 3, 3)[space.dofmap.list[:size]])
 
     def _constant(self, values: FloatArray) -> FloatArray:
         """The value (n, ...) in each cell of values (n, points, ...); collective."""

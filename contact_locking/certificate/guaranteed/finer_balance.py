@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.arrays import BoolArray, FloatArray, flattened
 from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
 from contact_locking.certificate.guaranteed.macro_element import (
     MacroElement,
@@ -39,16 +39,15 @@ def finer_stress(
     points = macro_element(1).points
     same = lagrange(low.degree, _corner_coordinates(high.points[0], points[0]))
     raised = np.einsum("pq,ntqa->ntpa", same, stress)
-    count = len(stress)
     at = lagrange(low.degree - 1, _corner_coordinates(high.load_points[0], points[0]))
     body = fine.body - np.einsum("lk,ntkd->ntld", at, coarse.body)
     moments = np.where(held[:, :, None], 0.0, fine.moments)
     moments[:, :, : low.degree + 1] = 0.0
     back = np.linalg.inv(cells.maps)
-    wanted = (-body.reshape(count, -1, 2) @ np.swapaxes(back, 1, 2)).reshape(count, -1)
-    tractions = moments.reshape(count, -1, 2) @ np.swapaxes(back, 1, 2)
+    wanted = flattened(-flattened(body, kept=1) @ np.swapaxes(back, 1, 2))
+    tractions = flattened(moments, kept=1) @ np.swapaxes(back, 1, 2)
     tractions /= cells.determinants[:, None, None]
-    rest = tractions.reshape(count, -1) - wanted @ high.lift_moments.reshape(len(high.lifts), -1)
+    rest = flattened(tractions) - wanted @ high.lift_moments.reshape(len(high.lifts), -1)
     table = high.moments.reshape(len(high.basis), -1)
     chosen = rest @ np.linalg.pinv(table, rcond=_RANK)
     own = wanted @ high.lifts.reshape(len(high.lifts), -1)

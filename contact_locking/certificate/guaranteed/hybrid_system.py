@@ -17,7 +17,7 @@ import numpy as np
 from dolfinx import la
 from petsc4py import PETSc
 
-from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.arrays import BoolArray, FloatArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.macro_element import MacroElement
 from contact_locking.certificate.guaranteed.triangles import Triangles
@@ -95,23 +95,23 @@ class HybridSystem:
         """
         element, triangles = self.element, self.triangles
         transforms, areas = triangles.transforms, triangles.areas / 3.0
-        count, size = len(element.basis), len(areas)
+        count = len(element.basis)
         # H_K = |K|/3 sum_ab (P^T C P)_ab G_ab.
         gram = np.einsum("itpa,pq,jtqb->abij", element.basis, element.mass, element.basis)
         inner = np.swapaxes(transforms, 1, 2) @ compliance @ transforms
         inner *= areas[:, None, None]
         stiffness = (inner.reshape(-1, 9) @ gram.reshape(9, -1)).reshape(-1, count, count)
         weighted = np.einsum("itpa,pq->tqai", element.basis, element.mass)
-        pulled = target.reshape(size, -1, 3) @ (transforms * areas[:, None, None])
-        forces = pulled.reshape(size, -1) @ weighted.reshape(-1, count)
+        pulled = flattened(target, kept=1) @ (transforms * areas[:, None, None])
+        forces = flattened(pulled) @ weighted.reshape(-1, count)
         right = np.concatenate([forces[:, :, None], np.swapaxes(self._tractions, 1, 2)], axis=2)
         solved = np.linalg.solve(stiffness, right)
         local = self._tractions @ solved
-        given = self.boundary.moments.reshape(size, -1) - lifted.reshape(size, -1) - local[:, :, 0]
-        given[self._held.reshape(size, -1)] = 0.0
+        given = flattened(self.boundary.moments) - flattened(lifted) - local[:, :, 0]
+        given[flattened(self._held)] = 0.0
         multipliers = self._global(local[:, :, 1:], given)
         coefficients = solved[:, :, :1] + solved[:, :, 1:] @ multipliers[:, :, None]
-        moments = lifted.reshape(size, -1) + (self._tractions @ coefficients)[:, :, 0]
+        moments = flattened(lifted) + (self._tractions @ coefficients)[:, :, 0]
         jump = self._jump(moments)
         stress = coefficients[:, :, 0] @ element.basis.reshape(count, -1)
         return triangles.moved(stress.reshape(target.shape)), jump
@@ -138,7 +138,7 @@ class HybridSystem:
             for item in (b, x, matrix):
                 item.destroy()
         right.scatter_forward()
-        return right.array.reshape(-1, self._block)[self.triangles.facets].reshape(len(given), -1)
+        return flattened(right.array.reshape(-1, self._block)[self.triangles.facets])
 
     def _matrix(self, blocks: FloatArray) -> PETSc.Mat:
         """The matrix from its blocks (n, 3 b, 3 b) of the triangles; collective."""
@@ -148,7 +148,7 @@ class HybridSystem:
             for facet in range(3):
                 place = slice(facet * size, (facet + 1) * size)
                 values[:, place, place] += self.boundary.springs[:, facet]
-        cells, rows = np.nonzero(self._held.reshape(len(values), -1))
+        cells, rows = np.nonzero(flattened(self._held))
         values[cells, rows, rows] = 1.0
         facets = facet_map.local_to_global(self.triangles.facets.reshape(-1))
         places = facets.reshape(-1, 3).astype(PETSc.IntType)
@@ -174,9 +174,9 @@ class HybridSystem:
 
     def _jump(self, moments: FloatArray) -> float:
         """The largest sum of moments (n, 3 b) and prescribed moments, over the largest moment."""
-        comm, size = self.triangles.domain.comm, len(moments)
-        given = self.boundary.moments.reshape(size, -1)
-        rest = np.where(self._held.reshape(size, -1), 0.0, moments - given)
+        comm = self.triangles.domain.comm
+        given = flattened(self.boundary.moments)
+        rest = np.where(flattened(self._held), 0.0, moments - given)
         total = self._summed(rest).array[: self.triangles.facet_map.size_local * self._block]
         local = [np.abs(total).max(initial=0.0), np.abs(moments).max(initial=0.0)]
         jump, largest = np.max(comm.allgather(local), axis=0)

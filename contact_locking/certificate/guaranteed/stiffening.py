@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import la
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, flattened
 from contact_locking.certificate.guaranteed.triangles import Triangles
 
 # Newton's method for zeta is monotone and ends with rounding; every value in between is a bound.
@@ -41,7 +41,7 @@ class Elasticity:
     def modes(self, tensors: FloatArray) -> FloatArray:
         """Components (n, 3, m, 3) of Mandel vectors (n, 3, m, 3) along the eigenvectors."""
         shape = tensors.shape
-        return np.asarray(tensors.reshape(len(tensors), -1, 3) @ self.vectors).reshape(shape)
+        return np.asarray(flattened(tensors, kept=1) @ self.vectors).reshape(shape)
 
 
 def averaged(values: FloatArray, triangles: Triangles) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray, flattened
 from contact_locking.certificate.guaranteed.macro_element import FACETS
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
 from contact_locking.problem.domain import Domain
@@ -100,7 +100,7 @@ class Triangles:
 
     def moved(self, reference: FloatArray) -> FloatArray:
         """``F r F^T`` for reference stresses r as Mandel vectors; both are (n, 3, m, 3)."""
-        flat = reference.reshape(len(reference), -1, 3)
+        flat = flattened(reference, kept=1)
         return (flat @ np.swapaxes(self.transforms, 1, 2)).reshape(reference.shape)
 
     def _marked(self, facets: IndexArray) -> BoolArray:
