@@ -122,8 +122,9 @@ def write(
             else:
                 warnings += [problem] if problem else []
         if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
-            missing = checkpoints.unavailable() is not None
-            (warnings if missing else refused).append(f"no checkpoint was saved: {problem}")
+            can = checkpoints.unavailable() is None
+            can = can and checkpoints.has_cells_everywhere(solution.domain)
+            (refused if can else warnings).append(f"no checkpoint was saved: {problem}")
         told = [*solution.summary.get("warnings", []), *warnings, *refused]
         solution.summary["warnings"] = told
 

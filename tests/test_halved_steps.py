@@ -44,6 +44,31 @@ def test_a_step_that_does_not_converge_is_halved(monkeypatch: pytest.MonkeyPatch
     assert found[-1].summary["steps"]["solved"] == 4
 
 
+@pytest.mark.parametrize("impossible", [0.9, 0.6])
+def test_a_process_that_ends_short_of_an_impossible_time_says_so(
+    impossible: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the last solution and an impossible time a solve may fail for any reason."""
+    solve_one = Increment.solve
+
+    def solved(increment: Increment, *given: Any) -> SolverReport:
+        now = increment.problem.clock.now
+        if now > impossible:
+            return SolverReport(
+                is_infeasible=True, reason="infeasible: too far", suggestion="pull less"
+            )
+        if now > 0.3:
+            return SolverReport(reason="it is late", suggestion="be quick")
+        return solve_one(increment, *given)
+
+    monkeypatch.setattr(Increment, "solve", solved)
+    *before, last = solve_steps(sheared(1, penalty__n=1e3))
+    assert before and all(found.converged for found in before)
+    reason, suggestion = last.summary["reason"], last.summary["suggestion"]
+    assert reason.startswith("infeasible: too far; so at t = 1, and the last step")
+    assert reason.endswith("did not converge: it is late") and suggestion == "pull less"
+
+
 def test_a_step_whose_solution_fails_a_criterion_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
     """A state that the solver takes for a solution is not, if it is far from the last one."""
     solve_one, last = Increment.solve, [0.0]

@@ -1,13 +1,22 @@
 """Solved states in files, which any number of ranks can read on the same mesh."""
 
 from contact_locking.checkpoint.record import NAME, locate
-from contact_locking.checkpoint.stored import Checkpoint, expect, read, size, unavailable, write
+from contact_locking.checkpoint.stored import (
+    Checkpoint,
+    expect,
+    has_cells_everywhere,
+    read,
+    size,
+    unavailable,
+    write,
+)
 from contact_locking.checkpoint.stored_mesh import refined_mesh
 
 __all__ = [
     "NAME",
     "Checkpoint",
     "expect",
+    "has_cells_everywhere",
     "locate",
     "read",
     "refined_mesh",

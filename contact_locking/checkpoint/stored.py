@@ -25,8 +25,9 @@ from contact_locking.checkpoint.record import Record
 from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
-from contact_locking.parallel import on_root
+from contact_locking.parallel import on_every_rank, on_root
 from contact_locking.problem.assembly import Problem
+from contact_locking.problem.domain import Domain
 from contact_locking.problem.whole_mesh import gather_mesh
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import Solution
@@ -69,6 +70,11 @@ def unavailable() -> str | None:
     return None
 
 
+def has_cells_everywhere(domain: Domain) -> bool:
+    """Whether each rank has cells, which the library takes for granted; collective."""
+    return on_every_rank(domain.comm, domain.mesh.topology.index_map(domain.dim).size_local > 0)
+
+
 def size(solution: Solution) -> int:
     """The bytes that :func:`write` needs: the values, and the dofs of each cell; collective."""
     total = _NOTES
@@ -87,10 +93,12 @@ def size(solution: Solution) -> int:
 def write(solution: Solution, folder: Path) -> None:
     """Write a checkpoint into an existing folder with enough room; collective.
 
-    Raises ContactLockingError if the library is missing or a file cannot be written.
+    Raises ContactLockingError if the library is missing, a rank has no cells or a file cannot be
+    written.
     """
     _require_library()
     parameters, domain = solution.parameters, solution.domain
+    _require_cells(domain)
     _compat.prepare_communicator(domain.comm)
     try:
         for name, function in _fields(solution).items():
@@ -145,10 +153,11 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
     """The saved state of a run's folder, on the mesh of ``problem``; collective.
 
     Raises InputError if the checkpoint is missing, damaged, of another mesh or of another format,
-    and ContactLockingError if the library is missing.
+    and ContactLockingError if the library is missing or a rank has no cells.
     """
     comm, parameters = problem.domain.comm, problem.parameters
     expect(directory, comm)
+    _require_cells(problem.domain)
     record, path = on_root(comm, lambda: records.load_fields(directory))
     identity = on_root(comm, lambda: study_file.mesh_identity(parameters))
     difference = mesh_match.difference_in_size(record, problem)
@@ -237,6 +246,14 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
 def _plain(error: RuntimeError) -> str:
     """The message in one line, without the escape sequences that ADIOS2 adds for terminals."""
     return " ".join(re.sub(r"\x1b\[[\d;]*m", "", str(error)).split())
+
+
+def _require_cells(domain: Domain) -> None:
+    if not has_cells_everywhere(domain):
+        raise ContactLockingError(
+            "the mesh has so few cells that a rank has none, which checkpoints cannot have; take "
+            "fewer ranks"
+        )
 
 
 def _require_library() -> None:

@@ -65,6 +65,7 @@ def run_steps(
                 if series is not None:
                     series.add(solution)
                 film.add(solution)
+                keeps = keeps and checkpoint.has_cells_everywhere(solution.domain)
                 if keeps and solution.converged and solution.summary["restart"] is None:
                     _save(solution, target, parameters)
         except InputError as error:

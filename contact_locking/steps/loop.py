@@ -64,6 +64,8 @@ class Steps(Iterator[Solution]):
         self._timeline = Timeline(given)
         self._planned = self._timeline.left
         self._halved: tuple[str, ...] = ()
+        # A planned time with the proof that nothing is admissible then.
+        self._out_of_reach: tuple[float, SolverReport] | None = None
         self._probes: tuple[ProbeSample, ...] = ()
         self._saved = saved
         self._solutions = self._solve()
@@ -107,6 +109,8 @@ class Steps(Iterator[Solution]):
                     text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
                     self._end(solution, f"{error.key}: {text}")
                     raise InputError(text, error.key) from error
+                if report.is_infeasible and at == timeline.planned:
+                    self._out_of_reach = at, report
                 if not report.converged and self._halve(
                     f"the step to t = {at:.6g} did not converge ({report.reason})"
                 ):
@@ -122,6 +126,8 @@ class Steps(Iterator[Solution]):
                 seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
                 self._tell(solution)
+                if not (solution.converged or report.is_infeasible):
+                    self._tell_what_is_out_of_reach(solution, at)
                 yield solution
                 if not solution.converged:
                     return
@@ -182,6 +188,21 @@ class Steps(Iterator[Solution]):
         solution.history, solution.halved = History([*self.history.rows]), self._halved
         solution.summary["steps"] = totals(self.history, halved, self._planned)
         solution.summary["warnings"] += [*self._halved, *self._increment.unused_options()]
+
+    def _tell_what_is_out_of_reach(self, last: Solution, at: float) -> None:
+        """Let the last solution name the planned time at which nothing is admissible, if any.
+
+        Halved steps then end close to the largest load that can be followed, where a solve may
+        fail for reasons that say little.
+        """
+        if self._out_of_reach is None:
+            return
+        time, report = self._out_of_reach
+        last.summary["reason"] = (
+            f"{report.reason}; so at t = {time:.6g}, and the last step that was tried, to "
+            f"t = {at:.6g}, did not converge: {last.summary['reason']}"
+        )
+        last.summary["suggestion"] = report.suggestion
 
     def _seconds_left(self) -> float | None:
         """About how long the planned steps that are left will take; None before the first step."""

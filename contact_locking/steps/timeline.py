@@ -32,9 +32,14 @@ class Timeline:
     @property
     def target(self) -> float:
         """The next time to solve at."""
-        planned = self._planned[0]
+        planned = self.planned
         is_near = planned - self.done <= self._longest * (1.0 + _ROUNDING)
         return planned if is_near else self.done + self._longest
+
+    @property
+    def planned(self) -> float:
+        """The next planned time."""
+        return self._planned[0]
 
     @property
     def left(self) -> int:
