@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 T = TypeVar("T")
 
 # The disk is full, the quota of the user is used up, or the file is too large (ulimit -f).
@@ -109,11 +107,14 @@ def raise_callback_error(error: Exception) -> None:
 
     The caller judges failures of the numerical method itself, which are not raised here.
     """
+    # `--help` reports errors, too, and NumPy would take most of its time.
+    from numpy.linalg import LinAlgError
+
     raise_interrupt(error)
     cause = error.__cause__
     while cause is not None and type(cause) is type(error):
         cause = cause.__cause__
-    is_numerical = isinstance(cause, NotConverged | ArithmeticError | np.linalg.LinAlgError)
+    is_numerical = isinstance(cause, NotConverged | ArithmeticError | LinAlgError)
     if cause is not None and not is_numerical:
         raise cause from None
 

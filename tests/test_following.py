@@ -15,7 +15,7 @@ from contact_locking import solving
 from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point.bound_step import BoundStep
-from contact_locking.solver.interior_point.family import Direction
+from contact_locking.solver.interior_point.direction import Direction
 from contact_locking.solver.interior_point.iterate import Corrections, Iterate
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.tangent import Tangent

@@ -27,7 +27,8 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import on_any_rank
-from contact_locking.solver.interior_point.family import Direction, Reaction
+from contact_locking.solver.interior_point.direction import Direction
+from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning

@@ -10,7 +10,7 @@ side.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -260,33 +260,6 @@ class Family(ABC):
     def describe_excess(self) -> str:
         """Where what was seen exceeds its limit the most, "" for no limit to name; collective."""
         return ""
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A step of the displacement with the travels, and of every family that takes part."""
-
-    displacement: FloatArray
-    steps: Mapping[Family, Step]
-
-    def plus(self, other: Direction, share: float) -> Direction:
-        """The direction plus ``share`` times the other."""
-        return Direction(
-            self.displacement + share * other.displacement,
-            {family: step.plus(other.steps[family], share) for family, step in self.steps.items()},
-        )
-
-    def between(self, other: Direction, share: float) -> Direction:
-        """The direction plus ``share`` times what leads from it to the other."""
-        if share == 1.0:
-            return other
-        return Direction(
-            self.displacement + share * (other.displacement - self.displacement),
-            {
-                family: step.between(other.steps[family], share)
-                for family, step in self.steps.items()
-            },
-        )
 
 
 @dataclass(frozen=True)

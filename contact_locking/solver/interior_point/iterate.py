@@ -9,7 +9,8 @@ from mpi4py import MPI
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import ROUNDING
-from contact_locking.solver.interior_point.family import Direction, Family, Reaction
+from contact_locking.solver.interior_point.direction import Direction
+from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.tangent import Tangent
 
 # Mehrotra's second-order terms, with those of recentrings, of each family.

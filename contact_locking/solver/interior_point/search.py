@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from contact_locking.solver.interior_point.bound_step import BoundStep
-from contact_locking.solver.interior_point.family import Direction
+from contact_locking.solver.interior_point.direction import Direction
 from contact_locking.solver.interior_point.iterate import Corrections, Iterate, added
 from contact_locking.solver.interior_point.measures import Measures
 from contact_locking.solver.interior_point.moving_bound import MovingBound
