@@ -107,6 +107,14 @@ def proportional_penalised(dim: int) -> Study:
     return study({}, _pulled(dim), penalty={"n": 1e3, "epsilon": 1e-2})
 
 
+def proportional_rubbing(dim: int) -> Study:
+    """A penalised contact with Coulomb's law itself, which has no length."""
+    penalty = {"n": 1e3, "epsilon": 1e-2}
+    data = study({}, _pulled(dim), friction=0.3, smoothing=_SMOOTHING, penalty=penalty)
+    data["friction"]["regularisation"] = 0.0
+    return data
+
+
 def at_rest(dim: int) -> Study:
     return study({}, {"displacements": [clamp(dim)]}, limit=0.02, friction=0.3)
 
@@ -169,7 +177,12 @@ def pressed_builder(dim: int) -> Study:
 TURNABLE: list[Make] = [locking, penalised, half_space, sphere, regions]
 # With rollers, which have a direction of the axes.
 ALL: list[Make] = [*TURNABLE, regularised]
-PROPORTIONAL: list[Make] = [proportional, proportional_local, proportional_penalised]
+PROPORTIONAL: list[Make] = [
+    proportional,
+    proportional_local,
+    proportional_penalised,
+    proportional_rubbing,
+]
 IDLE = [
     at_rest,
     without_load,

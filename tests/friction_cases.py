@@ -21,6 +21,16 @@ SOLVED: dict[str, Case] = {
         ),
         CARRIED,
     ),
+    "a coefficient of eight under a block that is dragged": Case(
+        study(
+            block(2.0, 0.5, h=0.125, structured=True),
+            moved(0.2, -0.01),
+            poisson=0.0,
+            friction=8.0,
+            smoothing=smoothed("convolution", 0.2),
+        ),
+        CARRIED,
+    ),
     "local friction in space": Case(
         study(
             cube(0.22),

@@ -223,6 +223,19 @@ def test_a_file_without_its_end_is_refused(version: str, cut: float, tmp_path: P
     assert caught.value.key == "mesh.file"
 
 
+#: A reader that asks for more memory than the machine has.
+GREEDY = """
+import os, resource
+from contact_locking.mesh_file.gmsh_process import limit_process
+
+limit_process()
+memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+assert resource.getrlimit(resource.RLIMIT_AS)[0] <= memory
+assert resource.getrlimit(resource.RLIMIT_CPU)[0] <= 3600
+bytearray(memory + 1)
+"""
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("program", "expected"),
@@ -231,6 +244,7 @@ def test_a_file_without_its_end_is_refused(version: str, cut: float, tmp_path: P
         ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "for want of memory"),
         ("raise SystemExit(134)", "ended with exit code 134"),
         ("import nowhere", "No module named 'nowhere'"),
+        (GREEDY, "MemoryError"),
     ],
 )
 def test_a_crash_of_gmsh_is_told(

@@ -7,6 +7,8 @@ InputError the program prints the message and ends with the exit code of InputEr
 
 from __future__ import annotations
 
+import os
+import resource
 import sys
 from pathlib import Path
 
@@ -15,6 +17,18 @@ import numpy as np
 from contact_locking.errors import InputError
 from contact_locking.mesh_file.gmsh_model import extract, triangles
 from contact_locking.meshes import empty_model
+
+# No mesh takes Gmsh so many seconds of the processor.
+_LONGEST = 3600
+
+
+def limit_process() -> None:
+    """Let this process have the memory of the machine, and an hour of its processor, at most."""
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, _LONGEST)):
+        soft, hard = resource.getrlimit(kind)
+        limits = [limit for limit in (most, soft, hard) if limit != resource.RLIM_INFINITY]
+        resource.setrlimit(kind, (min(limits), hard))
 
 
 def main(source: str, target: str, origin: str, what: str) -> int:
@@ -39,4 +53,5 @@ def main(source: str, target: str, origin: str, what: str) -> int:
 
 
 if __name__ == "__main__":
+    limit_process()
     sys.exit(main(*sys.argv[1:]))

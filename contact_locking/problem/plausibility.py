@@ -21,6 +21,8 @@ _LARGE_RATIO = 200.0
 _MULTIPLE = 10.0
 # The share of violation by a penalty that causes a warning, and the share that the advice aims at.
 _NOTABLE, _AIM = 0.1, 0.01
+# A body pressed by a foundation along its length is softer than where the pressure concentrates.
+_CONCENTRATED = 0.2
 
 
 def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
@@ -154,7 +156,7 @@ def about_the_penetration(
     if epsilon == 0.0 or penetration <= _NOTABLE * displacement:
         return []
     share = penetration / displacement
-    better = _AIM * min(epsilon / share, soft)
+    better = _AIM * min(epsilon / share, _CONCENTRATED * soft)
     key, value = ("penalty.n", 1.0 / better) if follows_n else ("penalty.epsilon", better)
     return [
         f"the body enters the foundation by {100.0 * share:.0f} % of its largest displacement: "

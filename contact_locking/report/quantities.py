@@ -110,7 +110,11 @@ QUANTITIES = (
         "residual", "residual", "equilibrium residual relative to the forces", "1", plotted=False
     ),
     Quantity(
-        "duality_gap", "duality gap", "duality gap of the last solve", "energy", plotted=False
+        "duality_gap",
+        "duality gap",
+        "duality gap of the last solve, over the energy",
+        "1",
+        plotted=False,
     ),
     Quantity(
         "friction_fixed_point.contraction",
@@ -149,7 +153,7 @@ MEANINGS = {
     "friction_sign": "work that friction adds",
     "friction_bound": "change of the friction bound in one more update",
     "smoothing_constants": "change of constants by R",
-    "duality_gap": "sum of the complementarities over the energy",
+    "duality_gap": "sum of Fenchel's terms of the laws over the work",
     "energy_balance": "energy that a step creates or loses beyond its bounds, over the work",
     "alpha": "smallest eigenvalue of the elasticity",
     "c_0": "trace constant of this mesh, |v| on Γ_C ≤ c_0 ‖v‖_V, from below",
