@@ -69,6 +69,18 @@ def test_what_a_callback_raises_inside_a_linear_solve_is_no_failure_of_the_solve
     assert caught.value is error
 
 
+def test_whoever_keeps_such_an_error_can_solve_again() -> None:
+    """The error refers to functions that had objects of PETSc, which must not outlive a solve."""
+    kept = []
+    for method in ("newton", "interior_point") * 3:
+        data = SPRING | {"solver": {"method": method, "linear": "iterative"}}
+        with pytest.raises(TypeError) as caught:
+            solve(from_mapping(data), monitor=Impatient(TypeError("k")))
+        kept.append(caught.value)
+        assert solve(from_mapping(data)).converged
+    assert len(kept) == 6
+
+
 def test_arithmetic_that_fails_in_a_callback_is_left_to_the_method() -> None:
     data = SPRING | {"solver": {"linear": "iterative"}}
     solution = solve(from_mapping(data), monitor=Impatient(FloatingPointError("overflow")))
