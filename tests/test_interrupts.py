@@ -18,7 +18,12 @@ from problems import SMALL_BLOCK
 
 from contact_locking import from_mapping, solve
 from contact_locking.command import cli, commands
-from contact_locking.errors import NotConverged, interrupt_behind, raise_interrupt
+from contact_locking.errors import (
+    NotConverged,
+    interrupt_behind,
+    raise_callback_error,
+    raise_interrupt,
+)
 from contact_locking.monitor import Monitor
 from contact_locking.studies.signals import Stopped
 
@@ -82,10 +87,11 @@ def test_whoever_keeps_such_an_error_can_solve_again() -> None:
 
 
 def test_arithmetic_that_fails_in_a_callback_is_left_to_the_method() -> None:
-    data = SPRING | {"solver": {"linear": "iterative"}}
-    solution = solve(from_mapping(data), monitor=Impatient(FloatingPointError("overflow")))
-    assert not solution.converged
-    assert "linear" in solution.summary["reason"]
+    failure, defect = RuntimeError("of a library"), RuntimeError("of a library")
+    failure.__cause__, defect.__cause__ = FloatingPointError("overflow"), KeyError("k")
+    raise_callback_error(failure)
+    with pytest.raises(KeyError):
+        raise_callback_error(defect)
 
 
 def test_an_interrupt_is_found_behind_the_errors_of_libraries() -> None:

@@ -16,6 +16,7 @@ from petsc4py import PETSc
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.solver.linear.ksp import (
     LINEAR_FAILURE,
+    IterationListener,
     configure,
     default_options,
     is_direct,
@@ -149,8 +150,8 @@ class NewtonSolver:
         self._step = CriticalPointStep(self._count, self._kept, self._border, near)
         snes.setPythonContext(self._step)
         snes.ksp.setErrorIfNotConverged(True)
-        if not is_direct(settings.linear, system.dim, system.size):
-            snes.ksp.setMonitor(lambda ksp, k, norm: task.monitor.linear(k))
+        iterates = not is_direct(settings.linear, system.dim, system.size)
+        self._listeners = [IterationListener(snes.ksp, task.monitor.linear)] if iterates else []
         defaults = default_options(settings.linear, system.dim, system.size, system.comm)
         # SNES's own divergence test takes the growth of the residual norm for divergence.
         defaults |= {"snes_divergence_tolerance": -1.0}
@@ -171,6 +172,7 @@ class NewtonSolver:
         reason = None
         try:
             self._snes.solve(None, self._x)
+            self._raise_kept()
             reason = self._snes.getConvergedReason()
         except PETSc.Error as error:
             failure = self._failure(error)
@@ -198,6 +200,7 @@ class NewtonSolver:
             ksp.setOperators(self._matrix)
             self._border.refresh()
             self._border.solve(self._f, change)
+            self._raise_kept()
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from None
@@ -236,6 +239,10 @@ class NewtonSolver:
             raise self._raised from None
         return str(self._raised or LINEAR_FAILURE)
 
+    def _raise_kept(self) -> None:
+        for listener in self._listeners:
+            listener.raise_kept()
+
     def _count(self, tangents: int, iterations: int) -> None:
         self._task.report.tangents += tangents
         self._task.report.linear += iterations
@@ -246,6 +253,7 @@ class NewtonSolver:
     def _test(
         self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]
     ) -> PETSc.SNES.ConvergedReason | None:
+        self._raise_kept()
         if iteration < self._least_steps:
             self._last = np.inf
             return None

@@ -16,7 +16,7 @@ from typing import Any
 from petsc4py import PETSc
 
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
-from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp
+from contact_locking.solver.linear.ksp import IterationListener, create_ksp, destroy_ksp
 from contact_locking.solver.linear.options import PREFIX
 
 #: Adds ``F x`` to its second argument; collective.
@@ -82,7 +82,7 @@ class FollowingSolver:
         self._ksp.setInitialGuessNonzero(True)
         self._ksp.setOperators(self._sum)
         self._ksp.getPC().setPythonContext(_Preconditioner(multigrid))
-        self._ksp.setMonitor(lambda ksp, k, norm: listen(k))
+        self._listener = IterationListener(self._ksp, listen)
         self._left = matrix.createVecLeft()
 
     def solve(
@@ -100,6 +100,7 @@ class FollowingSolver:
             longest = _FIRST if cycle == 0 else most - count
             self._ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=longest)
             self._ksp.solve(right, x)
+            self._listener.raise_kept()
             count += self._ksp.getIterationNumber()
             left = self._residual(right, x)
         return count, left

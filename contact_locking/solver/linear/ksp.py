@@ -115,6 +115,33 @@ def create_ksp(
     return ksp
 
 
+class IterationListener:
+    """Passes the number of each iteration of a linear solver on, and keeps what that raises.
+
+    petsc4py may crash where an exception leaves a monitor.  So the exception waits: whoever solves
+    calls :meth:`raise_kept` after the solve.
+    """
+
+    def __init__(self, ksp: PETSc.KSP, listen: Callable[[int], None]) -> None:
+        self._listen = listen
+        self._kept: BaseException | None = None
+        ksp.setMonitor(self._hear)
+
+    def _hear(self, _: PETSc.KSP, iteration: int, norm: float) -> None:
+        if self._kept is not None:
+            return
+        try:
+            self._listen(iteration)
+        except BaseException as error:
+            self._kept = error
+
+    def raise_kept(self) -> None:
+        """Raise what listening has raised since the last call, if anything."""
+        kept, self._kept = self._kept, None
+        if kept is not None:
+            raise kept
+
+
 def destroy_ksp(ksp: PETSc.KSP) -> None:
     """Free it, and take its options out of the database; collective."""
     if ksp:

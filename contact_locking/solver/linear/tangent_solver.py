@@ -14,6 +14,7 @@ from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, 
 from contact_locking.solver.linear.following import Follow, FollowingSolver
 from contact_locking.solver.linear.ksp import (
     LINEAR_FAILURE,
+    IterationListener,
     create_ksp,
     default_options,
     destroy_ksp,
@@ -80,8 +81,7 @@ class TangentSolver:
         defaults = _ITERATIVE if name == "iterative" else default_options(name, dim, size, comm)
         self._ksp = create_ksp(comm, defaults, settings.petsc)
         self._factorises = name == "direct"
-        if not self._factorises:
-            self._ksp.setMonitor(lambda ksp, k, norm: listen(k))
+        self._listeners = [] if self._factorises else [IterationListener(self._ksp, listen)]
         self._iterations = 0
         self._unblocked = Unblocked()
         self._multigrid: FilteredMultigrid | None = None
@@ -239,6 +239,8 @@ class TangentSolver:
 
     def _solve(self, right: PETSc.Vec, step: PETSc.Vec) -> int:
         self._ksp.solve(right, step)
+        for listener in self._listeners:
+            listener.raise_kept()
         count = self._ksp.getIterationNumber()
         self._iterations += count
         return count
