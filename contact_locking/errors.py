@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
@@ -100,7 +99,6 @@ def raise_interrupt(error: BaseException) -> None:
     """Raise again what interrupted the process if ``error`` stands in its place."""
     interrupt = interrupt_behind(error)
     if interrupt is not None:
-        _release(error)
         raise interrupt from None
 
 
@@ -118,22 +116,7 @@ def raise_callback_error(error: Exception) -> None:
         cause = cause.__cause__
     is_numerical = isinstance(cause, NotConverged | ArithmeticError | LinAlgError)
     if cause is not None and not is_numerical:
-        _release(error)
         raise cause from None
-
-
-def _release(error: BaseException) -> None:
-    """Forget the variables of the functions that have ended with an error, and of its causes.
-
-    Those of a callback are objects of PETSc, which would outlive what they refer to for as long as
-    somebody keeps the error.
-    """
-    link: BaseException | None = error
-    passed: set[int] = set()
-    while link is not None and id(link) not in passed:
-        passed.add(id(link))
-        traceback.clear_frames(link.__traceback__)
-        link = link.__cause__ or link.__context__
 
 
 def is_full(error: OSError) -> bool:

@@ -122,9 +122,9 @@ def write(
             else:
                 warnings += [problem] if problem else []
         if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
-            can = checkpoints.unavailable() is None
-            can = can and checkpoints.has_cells_everywhere(solution.domain)
-            (refused if can else warnings).append(f"no checkpoint was saved: {problem}")
+            is_possible = checkpoints.unavailable() is None
+            is_possible = is_possible and checkpoints.has_cells_everywhere(solution.domain)
+            (refused if is_possible else warnings).append(f"no checkpoint was saved: {problem}")
         told = [*solution.summary.get("warnings", []), *warnings, *refused]
         solution.summary["warnings"] = told
 

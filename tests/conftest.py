@@ -5,12 +5,14 @@ from __future__ import annotations
 import gc
 import io
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
 import pytest
 from mpi4py import MPI
+from report_folder import run_folder
 from verification_table import Row, table_text
 
 from contact_locking.solver.interior_point.lorentz import Lorentz
@@ -57,6 +59,18 @@ def comm() -> MPI.Intracomm:
 def lorentz() -> Lorentz:
     """The algebra of cones, which is compiled when first made."""
     return Lorentz(MPI.COMM_SELF)
+
+
+@pytest.fixture(scope="session")
+def kept_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of a run in two dimensions."""
+    return run_folder(tmp_path_factory.mktemp("run"))
+
+
+@pytest.fixture
+def own_run(kept_run: Path, tmp_path: Path) -> Path:
+    """A copy of these results for one test."""
+    return Path(shutil.copytree(kept_run, tmp_path / "run"))
 
 
 @pytest.fixture

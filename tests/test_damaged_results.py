@@ -5,29 +5,17 @@ from __future__ import annotations
 import copy
 import json
 import re
-import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
-from report_folder import quick, rows, run_folder, study_folder
+from report_folder import quick, rows, study_folder
 
 from contact_locking import __version__, report
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 
 pytestmark = pytest.mark.serial
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The results of a run in two dimensions, from which each test has a copy."""
-    return run_folder(tmp_path_factory.mktemp("run"))
-
-
-@pytest.fixture
-def own_run(run: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(run, tmp_path / "run"))
 
 
 CONTACT_ROW = "1,2,0,0,0,0,0,0,0,0,open,0,-1,0\n"

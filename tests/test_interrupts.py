@@ -75,7 +75,7 @@ def test_what_a_callback_raises_inside_a_linear_solve_is_no_failure_of_the_solve
 
 
 def test_whoever_keeps_such_an_error_can_solve_again() -> None:
-    """The error refers to functions that had objects of PETSc, which must not outlive a solve."""
+    """petsc4py would crash after some errors that leave a monitor."""
     kept = []
     for method in ("newton", "interior_point") * 3:
         data = SPRING | {"solver": {"method": method, "linear": "iterative"}}

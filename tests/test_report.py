@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -22,17 +21,6 @@ from contact_locking.report.templates import environment
 from contact_locking.results import names as result_files
 
 pytestmark = pytest.mark.serial
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The results of a run in two dimensions, from which each test has a copy."""
-    return run_folder(tmp_path_factory.mktemp("run"))
-
-
-@pytest.fixture
-def own_run(run: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(run, tmp_path / "run"))
 
 
 def change(file: Path, **entries: Any) -> None:

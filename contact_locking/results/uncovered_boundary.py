@@ -17,10 +17,9 @@ class UncoveredEntry:
     """How deep the boundary outside of one contact's part of Gamma_C enters its foundation.
 
     ``depth`` is a length, 0 where nothing enters; ``place`` (d,) is the deepest point before the
-    body moved, and ``key`` the key of the contact in the study file.
+    body moved.
     """
 
-    key: str
     depth: float
     place: tuple[float, ...]
 
@@ -43,4 +42,4 @@ def uncovered_entry(domain: Domain, u: fem.Function, contact: Contact) -> Uncove
         deepest = int(np.argmax(depths))
         found = float(depths[deepest]), places[deepest].tolist()
     depth, place = max(domain.comm.allgather(found))
-    return UncoveredEntry(contact.key, depth, tuple(place))
+    return UncoveredEntry(depth, tuple(place))

@@ -214,7 +214,7 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
         for contact in data.contacts:
             entry = uncovered_entry(domain, u, contact)
             warnings += plausibility.about_uncovered_boundary(
-                entry.key, entry.depth, entry.place, state.largest_displacement
+                contact.key, entry.depth, entry.place, state.largest_displacement
             )
         warnings += plausibility.about_the_penetration(
             max(entering, default=0.0),
