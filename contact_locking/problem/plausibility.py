@@ -21,7 +21,8 @@ _LARGE_RATIO = 200.0
 _MULTIPLE = 10.0
 # The share of violation by a penalty that causes a warning, and the share that the advice aims at.
 _NOTABLE, _AIM = 0.1, 0.01
-# A body pressed by a foundation along its length is softer than where the pressure concentrates.
+# Pressure concentrates at edges, where the compliance of the body is this share of length over
+# Young's modulus.
 _CONCENTRATED = 0.2
 
 
