@@ -5,6 +5,8 @@ An error that only one rank raises would leave the other ranks waiting.
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -60,6 +62,29 @@ def maximum(comm: MPI.Intracomm, values: FloatArray | float, least: float = 0.0)
     A rank may have no values.
     """
     return float(comm.allreduce(float(np.max(values, initial=least)), op=MPI.MAX))
+
+
+def exceeded_by_few(comm: MPI.Intracomm, values: FloatArray, few: int, least: float) -> float:
+    """The smallest number, ``least`` > 0 or more, that no more than ``few`` values exceed.
+
+    It is found to a relative 1e-6 by bisection, so that no rank gathers the values of others.
+    Values that are no numbers count as small.  Collective.
+    """
+
+    def exceed(number: float) -> bool:
+        count: int = comm.allreduce(int(np.count_nonzero(large > number)))
+        return count > few
+
+    large = values[values > least]
+    if not exceed(least):
+        return least
+    low, high = least, min(maximum(comm, large), sys.float_info.max)
+    if exceed(high):
+        return math.inf
+    while high > (1.0 + 1e-6) * low:
+        middle = math.sqrt(low) * math.sqrt(high)
+        low, high = (middle, high) if exceed(middle) else (low, middle)
+    return high
 
 
 def on_any_rank(comm: MPI.Intracomm, marks: BoolArray | bool) -> bool:

@@ -135,6 +135,19 @@ def test_the_longest_step_between_two_steps_is_that_of_the_step_between_them(
     assert scaling.longest_step(one.pair, other.pair, share) == pytest.approx(expected, rel=1e-9)
 
 
+@settings(max_examples=50, deadline=None)
+@given(cases())
+def test_the_speed_of_each_cone_is_one_over_its_own_longest_step(
+    lorentz: Lorentz, case: Case
+) -> None:
+    def of_cone(k: int) -> float:
+        x, z, dx, dz = (np.ascontiguousarray(values[:, k : k + 1]) for values in case)
+        return 1.0 / Scaling.of(lorentz, x, z).longest_step((dx, dz), (dx, dz))
+
+    speeds = Scaling.of(lorentz, *case[:2]).speeds(case[2:])
+    assert speeds == pytest.approx([of_cone(k) for k in range(len(speeds))], rel=1e-9)
+
+
 @pytest.mark.parametrize("place", [0, 130, 199])
 def test_a_direction_that_is_no_number_allows_no_step(lorentz: Lorentz, place: int) -> None:
     x = np.repeat([[1.0], [0.0]], 200, axis=1)

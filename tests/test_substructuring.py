@@ -32,12 +32,12 @@ needs_cholmod = pytest.mark.skipif(
 
 @pytest.fixture
 def distributed(comm: MPI.Intracomm) -> Iterator[Callable[[sp.csr_matrix], PETSc.Mat]]:
-    """A matrix over the ranks, in blocks of two, of which the first rank has the most."""
+    """A matrix over the ranks, in blocks of two, of which the first rank has the most, or all."""
     made: list[PETSc.Mat] = []
 
-    def distribute(whole: sp.csr_matrix) -> PETSc.Mat:
+    def distribute(whole: sp.csr_matrix, is_shared: bool = True) -> PETSc.Mat:
         nodes = whole.shape[0] // 2
-        others = nodes // (2 * comm.size)
+        others = nodes // (2 * comm.size) if is_shared else 0
         local = 2 * (others if comm.rank else nodes - (comm.size - 1) * others)
         matrix = PETSc.Mat().create(comm)
         matrix.setSizes(((local, None), (local, None)), bsize=2)
@@ -106,6 +106,16 @@ def test_the_pieces_together_solve_with_the_matrix(
     x = solved(ksp, distributed(whole), RIGHT)
     scale = np.abs(whole) @ np.abs(x) + np.abs(RIGHT)
     assert np.max(np.abs(whole @ x - RIGHT) / scale) < 1e-13
+    if IN_PIECES:
+        assert ksp.getPC().getPythonContext().in_pieces
+
+
+def test_ranks_without_rows_factorise_a_piece_like_the_others(
+    ksp: PETSc.KSP, distributed: Callable[..., PETSc.Mat]
+) -> None:
+    whole = grid()
+    x = solved(ksp, distributed(whole, is_shared=False), RIGHT)
+    assert whole @ x == pytest.approx(RIGHT, abs=1e-11)
     if IN_PIECES:
         assert ksp.getPC().getPythonContext().in_pieces
 

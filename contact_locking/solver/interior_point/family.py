@@ -127,6 +127,10 @@ class Family(ABC):
         The step that is taken is ``step + share (other - step)``.
         """
 
+    @abstractmethod
+    def speeds(self, step: Step) -> FloatArray:
+        """The reciprocal (k,) of the longest step in each cone, 0 without a limit."""
+
     def advance(self, t: float, step: Step) -> None:
         """Take a step of length t."""
         self.x += t * step.primal

@@ -39,10 +39,13 @@ class HalfLines(Family):
         return float(self.weights @ (x * z))
 
     def longest_step_between(self, step: Step, other: Step, share: float) -> float:
-        step = step.between(other, share)
-        speed = np.max([-step.primal / self.x, -step.dual / self.z], initial=0.0)
+        speed = np.max(self.speeds(step.between(other, share)), initial=0.0)
         # NaN is no direction to go in.
         return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
+
+    def speeds(self, step: Step) -> FloatArray:
+        most = np.maximum(-step.primal / self.x, -step.dual / self.z)
+        return np.maximum(most, 0.0)
 
     def _primal_gap(self) -> FloatArray:
         """``limit + compliance z - lin(u) - x``."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.parallel import maximum
+from contact_locking.parallel import exceeded_by_few, maximum
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.direction import Direction
 from contact_locking.solver.interior_point.family import Family, Reaction
@@ -101,6 +102,17 @@ class Iterate:
     def longest_step(self, direction: Direction) -> float:
         """How far a direction leads before a cone ends; collective."""
         return self.longest_step_between(direction, direction, 0.0)
+
+    def longest_step_of_most(self, direction: Direction, share: float) -> float:
+        """How far a direction leads, 1 at most, before more than this share of all cones has ended.
+
+        Collective.
+        """
+        speeds = np.concatenate([f.speeds(direction.steps[f]) for f in self.families])
+        few = int(share * self.comm.allreduce(len(speeds)))
+        if few == 0:
+            return min(1.0, self.longest_step(direction))
+        return 1.0 / exceeded_by_few(self.comm, speeds, few, 1.0)
 
     def longest_step_between(self, direction: Direction, other: Direction, share: float) -> float:
         """How far :meth:`Direction.between` leads before a cone ends, without making it.

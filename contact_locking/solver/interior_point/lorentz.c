@@ -160,7 +160,7 @@ void lorentz_into_band(int rows, long count, double low, double high,
 
 double lorentz_speed(int rows, long count, double share, const double *restrict x,
                      const double *restrict size, const double *restrict dx,
-                     const double *restrict other)
+                     const double *restrict other, double *restrict speeds)
 {
   double most = -INFINITY;
   FOR_CHUNKS
@@ -186,6 +186,8 @@ double lorentz_speed(int rows, long count, double share, const double *restrict 
     FOR_CONES
       if (square[j] > most || isnan(square[j]))
         most = square[j];
+    if (speeds)
+      FOR_CONES ROW(speeds, 0)[j] = fmax(ROW(speeds, 0)[j], square[j]);
   }
   return most;
 }

@@ -23,9 +23,10 @@ void lorentz_into_band(int rows, long count, double low, double high, const doub
                        double *change);
 
 /* The largest 1/t with x + t (dx + share (other - dx)) on the boundary of a cone, negative or zero if
-   there is none, and no number if one of the steps is none. */
+   there is none, and no number if one of the steps is none.  Unless speeds is null, each of its
+   entries becomes at least that of its cone. */
 double lorentz_speed(int rows, long count, double share, const double *x, const double *size,
-                     const double *dx, const double *other);
+                     const double *dx, const double *other, double *speeds);
 
 /* The sum of weights (x + t dx) . (z + t dz) */
 double lorentz_total(int rows, long count, double t, const double *weights, const double *x,

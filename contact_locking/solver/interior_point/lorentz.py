@@ -136,12 +136,19 @@ class Scaling:
         """
         sides = (self.x, self.size_x), (self.z, self.size_z)
         speeds = [
-            self.lorentz.call("lorentz_speed", *one.shape, share, *side, one, another)
+            self.lorentz.call("lorentz_speed", *one.shape, share, *side, one, another, None)
             for side, one, another in zip(sides, step, other, strict=True)
         ]
         speed = np.max(speeds)
         # NaN is no direction to go in.
         return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
+
+    def speeds(self, step: Pair) -> FloatArray:
+        """The reciprocal (k,) of the longest step in each cone; none is negative."""
+        found = np.zeros(self.x.shape[1])
+        for y, size, dy in zip((self.x, self.z), (self.size_x, self.size_z), step, strict=True):
+            self.lorentz.call("lorentz_speed", *dy.shape, 0.0, y, size, dy, dy, found)
+        return found
 
     def _product(
         self, t: float, x: FloatArray, z: FloatArray, dx: FloatArray, dz: FloatArray

@@ -36,6 +36,9 @@ class LorentzCones(Family):
     def longest_step_between(self, step: Step, other: Step, share: float) -> float:
         return self._scaling.longest_step(step.pair, other.pair, share)
 
+    def speeds(self, step: Step) -> FloatArray:
+        return self._scaling.speeds(step.pair)
+
     def hold(self, stiffness: float | FloatArray) -> None:
         self.a = np.full(len(self.weights), stiffness)
         self.b, self.w = np.zeros_like(self.a), np.zeros_like(self.seen)

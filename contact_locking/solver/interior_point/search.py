@@ -41,7 +41,9 @@ class Search:
         affine = iterate.direction(0.0, self._accuracy)
         t = min(1.0, iterate.longest_step(affine))
         before = iterate.mean_product()
-        after = iterate.mean_product_after(t, affine)
+        after = iterate.mean_product_after(
+            iterate.longest_step_of_most(affine, tuning.left_behind), affine
+        )
         centring = min(1.0, max(after / before, 0.0)) ** 3
         if self._last_length >= tuning.bolder_after:
             centring *= tuning.bolder

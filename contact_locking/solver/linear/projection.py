@@ -54,10 +54,7 @@ class Projection:
         self._coupling.setDiagonal(diagonal)
         self._coupling.setOption(PETSc.Mat.Option.SPD, True)
         diagonal.destroy()
-        # A rank may have no stiff point, so that there are no pieces to factorise rank by rank.
-        package = {} if comm.size == 1 else {"pc_factor_mat_solver_type": "mumps"}
-        options = direct_options(comm)
-        self._ksp = create_ksp(comm, options, package, prefix=PREFIX + "projection_")
+        self._ksp = create_ksp(comm, direct_options(comm), prefix=PREFIX + "projection_")
         self._is_empty = rows.getSize()[0] == 0
         if not self._is_empty:
             self._ksp.setOperators(self._coupling)
