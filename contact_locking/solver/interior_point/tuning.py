@@ -94,9 +94,9 @@ class Tuning:
     #: A predictor that goes this far, in (0, 1], is trusted with Mehrotra's second-order terms in
     #: full; shorter ones in proportion, as terms of a direction that leads nowhere mislead.
     trusted_length: float = 1.0 / 3.0
-    #: The products to aim at follow from the predictor's length in all cones but for this share, in
-    #: [0, 1): at the edge of the contact the paths of a few cones turn so sharply that these end
-    #: the predictor at once.
+    #: With an iterative solver the products to aim at follow from the predictor's length in all
+    #: cones but for this share, in [0, 1).  At the edge of the contact the directions of locking
+    #: stresses turn, and a few cells end the predictor at once.
     left_behind: float = 1e-4
     #: After a step of this length, in (0, 1], the products aimed at are smaller by the factor
     #: :attr:`bolder`, in (0, 1]: what makes predictors short does not always make steps short.
