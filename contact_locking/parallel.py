@@ -67,8 +67,8 @@ def maximum(comm: MPI.Intracomm, values: FloatArray | float, least: float = 0.0)
 def exceeded_by_few(comm: MPI.Intracomm, values: FloatArray, few: int, least: float) -> float:
     """The smallest number, ``least`` > 0 or more, that no more than ``few`` values exceed.
 
-    It is found to a relative 1e-6 by bisection, so that no rank gathers the values of others.
-    Values that are no numbers count as small.  Collective.
+    For ``few`` > 0 it is found to a relative 1e-6 by bisection, so that no rank gathers the values
+    of others.  Values that are no numbers count as small.  Collective.
     """
 
     def exceed(number: float) -> bool:
@@ -76,9 +76,12 @@ def exceeded_by_few(comm: MPI.Intracomm, values: FloatArray, few: int, least: fl
         return count > few
 
     large = values[values > least]
-    if not exceed(least):
-        return least
-    low, high = least, min(maximum(comm, large), sys.float_info.max)
+    low, high = least, maximum(comm, large, least)
+    if few == 0:
+        return high
+    if not exceed(low):
+        return low
+    high = min(high, sys.float_info.max)
     if exceed(high):
         return math.inf
     while high > (1.0 + 1e-6) * low:

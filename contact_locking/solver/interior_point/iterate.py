@@ -108,12 +108,8 @@ class Iterate:
 
         Collective.
         """
-        if share == 0.0:
-            return min(1.0, self.longest_step(direction))
         speeds = np.concatenate([f.speeds(direction.steps[f]) for f in self.families])
         few = int(share * self.comm.allreduce(len(speeds)))
-        if few == 0:
-            return min(1.0, self.longest_step(direction))
         return 1.0 / exceeded_by_few(self.comm, speeds, few, 1.0)
 
     def longest_step_between(self, direction: Direction, other: Direction, share: float) -> float:

@@ -41,7 +41,11 @@ class Search:
         affine = iterate.direction(0.0, self._accuracy)
         t = min(1.0, iterate.longest_step(affine))
         before = iterate.mean_product()
-        reach = iterate.longest_step_of_most(affine, self._left_behind)
+        # On the smaller meshes, whose tangents are factorised, leaving a few cones behind costs as
+        # many tangents as it saves.
+        factorises = iterate.tangent.direct is not None
+        left_behind = tuning.left_behind
+        reach = t if factorises else iterate.longest_step_of_most(affine, left_behind)
         after = iterate.mean_product_after(reach, affine)
         centring = min(1.0, max(after / before, 0.0)) ** 3
         if self._last_length >= tuning.bolder_after:
@@ -89,15 +93,6 @@ class Search:
         shorter = min(t, self._length(balanced))
         # Such a step leaves the share 1 - shorter/t of the forces.
         return (balanced, shorter) if shorter > t * t else (direction, t)
-
-    @property
-    def _left_behind(self) -> float:
-        """The share of the cones that do not count for the products to aim at.
-
-        It is zero where tangents are factorised, which are those of smaller meshes: there a share
-        of one in ten thousand costs as many tangents as it saves.
-        """
-        return self._tuning.left_behind if self._iterate.tangent.direct is None else 0.0
 
     @property
     def _solves_jointly(self) -> bool:
