@@ -215,3 +215,19 @@ def test_cg_that_gets_nowhere_is_said_to() -> None:
     solution = solving.solve(parameters, petsc_options={"ksp_max_it": 1})
     assert not solution.converged
     assert "linear solve failed" in solution.summary["reason"]
+
+
+@pytest.mark.parametrize("linear", ["direct", "iterative"])
+def test_a_body_that_is_only_shifted_above_the_foundation_is_in_equilibrium(linear: str) -> None:
+    # The forces of the values prescribed are large, those of the solution are rounding.
+    shifted = block(
+        3,
+        0.25,
+        loads={"displacements": [{"on": "top", "value": [0.0, 0.0, -0.01]}]},
+        contact={"on": "bottom", "gap": 0.1},
+        penalty__n=math.inf,
+        solver__linear=linear,
+    )
+    solution = solving.solve(shifted)
+    assert solution.converged, solution.summary["reason"]
+    assert solution.summary["strain_norm_max"] < 1e-9

@@ -8,6 +8,9 @@ from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Task
 
+# A second solve is enough, unless rounding keeps a solve from being as sharp as it should be.
+_SHARP_SOLVES = 3
+
 
 class ElasticStart:
     """The displacement without multipliers, ``a(u, v) = (f, v)``, and a start made of it.
@@ -38,11 +41,23 @@ class ElasticStart:
         is_elastic = not (is_pushed or self._system.held_by_contact)
         is_solution = is_elastic and self._is_admissible(tuning.start_margin)
         if is_solution:
-            tangent.move(1.0, tangent.solve_step([], tuning.start_sharpness * self._tolerance))
-            self._look()
+            self._sharpen()
             is_solution = self._is_admissible(0.0)
         self.strain = self._size()
         return is_solution
+
+    def _sharpen(self) -> None:
+        """Solve until the forces are balanced to the tolerance; collective.
+
+        A solve is as sharp as the forces before it.  Those that a rough solve leaves in a body that
+        prescribed values only shift are large beside the forces of the solution.
+        """
+        tangent, accuracy = self._tangent, self._tuning.start_sharpness * self._tolerance
+        for _ in range(_SHARP_SOLVES):
+            tangent.move(1.0, tangent.solve_step([], accuracy, is_like_last=False))
+            self._look()
+            if tangent.residual_norms([])[0] <= self._tolerance * tangent.force_scale:
+                break
 
     def overstrain(self) -> float:
         """The elastic strain over the mean of the limits, 0 where there are none; collective."""
