@@ -64,6 +64,11 @@ def maximum(comm: MPI.Intracomm, values: FloatArray | float, least: float = 0.0)
     return float(comm.allreduce(float(np.max(values, initial=least)), op=MPI.MAX))
 
 
+def minimum(comm: MPI.Intracomm, values: FloatArray | float) -> float:
+    """The smallest of the values of all ranks, infinite where no rank has any; collective."""
+    return float(comm.allreduce(float(np.min(values, initial=math.inf)), op=MPI.MIN))
+
+
 def exceeded_by_few(comm: MPI.Intracomm, values: FloatArray, few: int, least: float) -> float:
     """The smallest number, ``least`` > 0 or more, that no more than ``few`` values exceed.
 

@@ -113,6 +113,24 @@ def test_displacements_that_no_field_within_the_limit_follows_are_infeasible(by:
     assert high <= 1.02 * low
 
 
+def test_an_iterative_solver_proves_a_block_of_steel_in_millimetres_infeasible() -> None:
+    # The proof balances the multipliers with springs that are 1e6 times as stiff as the steel.
+    steel = block(
+        3,
+        20.0,
+        mesh__size=[100.0, 100.0, 100.0],
+        material={"elasticity": {"young": 2.1e5, "poisson": 0.3}, "locking_limit": 0.01},
+        friction__smoothing__radius=20.0,
+        loads={"displacements": [{"on": "top", "value": [0.0, 0.0, -2.0]}]},
+        penalty__n=math.inf,
+        solver__linear="iterative",
+    )
+    summary = solving.solve(steel).summary
+    assert summary["reason"].startswith("infeasible")
+    # The mean strain along z is 0.02, and |eps| is no less.
+    assert 0.5 <= summary["admissible_load_factor"][1] <= 0.5 * (1.0 + 1e-3)
+
+
 @pytest.mark.serial
 def test_what_is_infeasible_on_one_mesh_may_be_solved_on_a_finer_one() -> None:
     def summary(h: float) -> dict[str, Any]:

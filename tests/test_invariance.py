@@ -26,6 +26,7 @@ from block_problems import (
     TURNABLE,
     Make,
     corner,
+    locking,
     pressed_builder,
     proportional_local,
 )
@@ -44,6 +45,7 @@ Reference = Callable[[Make, int], Answer]
 
 AGREEMENT = 1e-7
 BLOCKS = {2: Block.unit(2, 5), 3: Block.unit(3, 3)}
+FINER = {2: 24, 3: 7}
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 
 
@@ -102,6 +104,19 @@ def test_units_of_length_and_stress_change_the_answer_by_rounding_only(
     units = Transform.of(np.eye(dim), length, stress)
     found = answer_of(make(dim), BLOCKS[dim], tmp_path / "body.msh", units)
     reference(make, dim).require_same(found, AGREEMENT)
+
+
+@DIMS
+@pytest.mark.parametrize(("length", "stress"), [(1e-9, 1e12), (1e9, 1e-12), (1e3, 1e15)])
+def test_an_iterative_solver_knows_no_units_either(
+    dim: int, length: float, stress: float, tmp_path: Path
+) -> None:
+    # The blocks of the other tests are too small for multigrid to coarsen.
+    data = locking(dim) | {"solver": {"linear": "iterative"}}
+    grid, path = Block.unit(dim, FINER[dim]), tmp_path / "body.msh"
+    expected, units = answer_of(data, grid, path), Transform.of(np.eye(dim), length, stress)
+    expected.require_same(answer_of(data, grid, path, units), AGREEMENT)
+    assert expected.verdicts["converged"]
 
 
 @DIMS

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,10 +15,10 @@ from solved_by_cg import agree, solved
 from contact_locking import solving
 from contact_locking.errors import InputError
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
+from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.linear import tangent_solver
-from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid, StiffPart
+from contact_locking.solver.linear.filtered_multigrid import Filter, FilteredMultigrid
 from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options
-from contact_locking.solver.linear.tangent_solver import TangentSolver
 
 _NEVER = 10**6
 
@@ -98,20 +97,21 @@ def test_the_filter_takes_iterations_away(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.MonkeyPatch) -> None:
-    refresh, counts = TangentSolver.refresh, []
+    refresh, counts = Tangent.refresh, []
 
-    def compared(self: TangentSolver, split: Callable[[], StiffPart]) -> None:
-        refresh(self, split)
-        stiff = split()
+    def compared(self: Tangent) -> None:
+        refresh(self)
+        stiff = self._stiff.of(self.matrix, self._assemble)
         rows, stiffness = stiff.find_rows()
-        left = self._matrix.duplicate()
+        left = self.matrix.duplicate()
         stiff.assemble_across(left)
         counts.append(rows.getSize()[0])
         # A random displacement shows everything that is missing.
-        step, forces = self._matrix.createVecs()
-        step.array_w[:] = np.random.default_rng(1).standard_normal(step.getLocalSize())
+        step, forces = self.matrix.createVecs()
+        anything = np.random.default_rng(1).standard_normal(step.getLocalSize())
+        step.array_w[:] = self.system.constraints.free_part(anything)
         other, stretched = forces.duplicate(), rows.createVecLeft()
-        self._matrix.mult(step, forces)
+        self.matrix.mult(step, forces)
         rows.mult(step, stretched)
         stretched.array_w[:] *= stiffness
         left.mult(step, other)
@@ -121,7 +121,7 @@ def test_stiff_rows_and_what_is_left_make_up_the_tangent(monkeypatch: pytest.Mon
         for item in (rows, left, step, forces, other, stretched):
             item.destroy()
 
-    monkeypatch.setattr(TangentSolver, "refresh", compared)
+    monkeypatch.setattr(Tangent, "refresh", compared)
     # Control values of the contact couple several nodes.
     solving.solve(block(2, 1 / 4, penalty__n=math.inf, discretisation__degree=2))
     assert max(counts) > 0

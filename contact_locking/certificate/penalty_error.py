@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.convex import squared_norm
-from contact_locking.parallel import maximum, on_every_rank
+from contact_locking.parallel import maximum, minimum, on_every_rank
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.forms import ProblemData
 from contact_locking.results.derived import integral
@@ -111,7 +110,7 @@ def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
         b = item.measured(strain(w))
         a = np.zeros_like(b) if start is None else item.measured(strain(start))
         theta = min(theta, _largest_step(a, b - a, item.limit))
-    theta = float(state.comm.allreduce(theta, op=MPI.MIN))
+    theta = minimum(state.comm, theta)
     w.x.array[:] *= theta
     if start is not None:
         w.x.array[:] += (1.0 - theta) * start.x.array

@@ -275,18 +275,16 @@ def _explained(study: StudyFile) -> Iterator[None]:
 
 def _use_of_limit(solution: Solution) -> in_words.UseOfLimit | None:
     """How far the body uses its strain limit, None for a body without a limit; collective."""
-    from mpi4py import MPI
-
+    from contact_locking.parallel import maximum, minimum
     from contact_locking.results import in_words
 
     comm = solution.domain.comm
     strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array
-    least = comm.allreduce(float(limit.min(initial=math.inf)), op=MPI.MIN)
+    least = minimum(comm, limit)
     if least == math.inf:
         return None
-    most = comm.allreduce(float(limit.max(initial=0.0)), op=MPI.MAX)
-    ratio = comm.allreduce(float((strain / limit).max(initial=0.0)), op=MPI.MAX)
-    return in_words.UseOfLimit(float(ratio), varies=most > least)
+    ratio = maximum(comm, strain / limit)
+    return in_words.UseOfLimit(ratio, varies=maximum(comm, limit) > least)
 
 
 def _shown(value: Any) -> str:

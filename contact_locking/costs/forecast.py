@@ -18,6 +18,7 @@ from mpi4py import MPI
 from contact_locking.costs import probe
 from contact_locking.costs.factorised import FILTER_LIMIT, MODERATE_CONTRAST, chosen
 from contact_locking.costs.reference import REFERENCE, Reference
+from contact_locking.parallel import minimum
 from contact_locking.parameters import Parameters
 from contact_locking.plain_text import count, duration, gigabytes
 
@@ -67,7 +68,7 @@ def completed(
     A warning is added if the estimate is more than the memory of a machine of these ranks.
     """
     load = workload(parameters, facts["dimension"], facts["dofs"], comm.size)
-    slowest = comm.allreduce(probe.speed(), op=MPI.MIN)
+    slowest = minimum(comm, probe.speed())
     found = replace(estimate(load, slowest), kind=_kind(parameters, load))
     warnings = [*facts["warnings"], *_warnings(found, comm)]
     return {**facts, "estimate": found, "warnings": warnings}

@@ -20,7 +20,7 @@ from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import NO_TABLES, SMALLEST, TIME, Table, parse
 from contact_locking.laws import elasticity as law
-from contact_locking.parallel import agree
+from contact_locking.parallel import agree, minimum
 from contact_locking.parameters import Elasticity, MaterialParameters, Region
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.spaces import Element
@@ -259,5 +259,4 @@ def _eigenvalue_range(domain: Domain, eigenvalues: FloatArray, key: str) -> tupl
 
 def _minimum(domain: Domain, values: FloatArray) -> float:
     """The minimum over all ranks; NaN counts as -inf; collective."""
-    local = float(np.min(np.where(np.isnan(values), -np.inf, values), initial=np.inf))
-    return float(domain.comm.allreduce(local, op=MPI.MIN))
+    return minimum(domain.comm, np.where(np.isnan(values), -np.inf, values))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -12,7 +13,7 @@ from petsc4py import PETSc
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
-from contact_locking.parallel import maximum
+from contact_locking.parallel import maximum, minimum
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.half_section import axis_condition
 from contact_locking.problem.joint_forms import JointForm
@@ -103,8 +104,19 @@ class Constraints:
         return np.asarray(np.any(mask.reshape(-1, dofmap.index_map_bs) > 0.0, axis=1))
 
     def assemble_matrix(self, form: JointForm, matrix: PETSc.Mat) -> None:
-        """Assemble a bilinear form, positive on the diagonal where conditions hold; collective."""
+        """Assemble a bilinear form, positive on the diagonal where conditions hold; collective.
+
+        There the diagonal is its least entry at free dofs, in the same units.  Beside a 1 of the
+        identity iterative solvers would not see a body whose stiffness is 1e12.
+        """
         form.assemble_matrix(matrix, self.conditions)
+        is_free = self._mask[: matrix.getLocalSize()[0]] > 0.0
+        diagonal = matrix.getDiagonal()
+        with diagonal as entries:
+            least = minimum(self.space.mesh.comm, entries[is_free & (entries > 0.0)])
+            entries[~is_free] = least if math.isfinite(least) else 1.0
+        matrix.setDiagonal(diagonal)
+        diagonal.destroy()
         self.supports.directions.eliminate(matrix)
 
     def largest(self) -> float:

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Expression, parse
-from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.parallel import maximum, minimum, on_any_rank
 from contact_locking.parameters import Foundation, Parameters
 from contact_locking.problem.clock import Clock
 from contact_locking.problem.contact import Contact
@@ -92,9 +91,8 @@ class PushedTool:
         towards = contact.free & (self.facing < -_FACING)
         self.travel = 0.0
         room = contact.gaps - contact.split(u)[0]
-        local = float(np.min(room[towards] / -self.facing[towards], initial=np.inf))
         comm = contact.surface.domain.comm
-        nearest = comm.allreduce(local, op=MPI.MIN)
+        nearest = minimum(comm, room[towards] / -self.facing[towards])
         # Rounding must not leave a pressure.
         size = maximum(comm, np.abs(u.x.array)) + maximum(comm, np.abs(contact.gaps))
         self.travel = nearest - _ROUNDING * size - distance

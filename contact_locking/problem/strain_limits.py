@@ -9,14 +9,13 @@ from functools import partial
 import numpy as np
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.expressions import SMALLEST
 from contact_locking.laws.locking import deviator, weighted
-from contact_locking.parallel import on_any_rank
+from contact_locking.parallel import minimum, on_any_rank
 from contact_locking.parameters import MaterialParameters, StrainLimit
 from contact_locking.problem.coefficients import Points
 from contact_locking.problem.domain import Domain
@@ -128,7 +127,7 @@ class _Builder:
             limits = self._upper(limit, where, key) / (largest * scale)
         self._check(limits, f"{key}.at_most", "the limit over the norm of the matrix")
         comm, relative = self._domain.comm, singular[:, -1] / largest
-        least = float(comm.allreduce(float(relative.min(initial=1.0)), op=MPI.MIN))
+        least = min(1.0, minimum(comm, relative))
         matrix = self._field((size, size), values, where)
         return NormSet(
             key.partition(".")[2],
@@ -156,8 +155,7 @@ class _Builder:
 
     def _check(self, limits: FloatArray, key: str, what: str) -> None:
         """Raise InputError for limits that do not keep 0 inside of the set; collective."""
-        smallest = float(np.min(limits, initial=np.inf))
-        smallest = float(self._domain.comm.allreduce(smallest, op=MPI.MIN))
+        smallest = minimum(self._domain.comm, limits)
         if not smallest > 0.0:
             raise InputError(
                 f"{what} must be positive, so that the body without strain is inside of the set; "

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.parallel import minimum
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.half_lines import HalfLines
@@ -103,8 +103,7 @@ class ContactCones(HalfLines):
         So the body comes to rest there.
         """
         gap = self.nodes.gap
-        nearest = float(np.min(gap, initial=np.inf))
-        nearest = max(self.comm.allreduce(nearest, op=MPI.MIN), 0.0)
+        nearest = max(minimum(self.comm, gap), 0.0)
         return -stiffness * np.minimum(gap, nearest)
 
     def is_kept(self, margin: float, displacement: float) -> bool:

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 
 import ufl
 from dolfinx import fem
+from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.problem import compiled
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Family, Reaction
@@ -45,9 +47,9 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
 
     Tools may retreat, and so the proof leaves their contacts out.
 
-    None without a proof that ``P > R``, and where friction alone holds the body, or a tool may have
-    to, so that rho is not determined.  Infinite if R is negative: then the gap alone is in the
-    way, and to scale u_D is no way out.  Collective.
+    None without a proof that ``P > R``, as where the linear solver does not find rho, and where
+    friction alone holds the body, or a tool may have to, so that rho is not determined.  Infinite
+    if R is negative: then the gap alone is in the way, and to scale u_D is no way out.  Collective.
     """
     tangent = iterate.tangent
     system = tangent.system
@@ -67,7 +69,13 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     for family, stiffness in springs.items():
         family.hold(stiffness)
     tangent.refresh()
-    rho = tangent.balance(reactions, _ACCURACY)
+    try:
+        rho = tangent.balance(reactions, _ACCURACY)
+    except PETSc.Error as error:
+        raise_callback_error(error)
+        return None
+    except NotConverged:
+        return None
     reactions = [
         Reaction(item.family, item.values - springs[item.family] * item.family.see(rho))
         for item in reactions

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.parallel import exceeded_by_few, maximum
+from contact_locking.parallel import exceeded_by_few, maximum, minimum
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.direction import Direction
 from contact_locking.solver.interior_point.family import Family, Reaction
@@ -121,7 +120,7 @@ class Iterate:
             family.longest_step_between(direction.steps[family], other.steps[family], share)
             for family in self.families
         )
-        return float(self.comm.allreduce(local, op=MPI.MIN))
+        return minimum(self.comm, local)
 
     def advance(self, t: float, direction: Direction) -> None:
         """Take a step of length t; collective."""

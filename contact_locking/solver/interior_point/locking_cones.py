@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.parallel import minimum
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, norm
@@ -138,8 +138,7 @@ class LockingCones(LorentzCones):
     def _relative_stiffness(self, material: float) -> FloatArray:
         """How much stiffer points are than the material, and than the softest; collective."""
         stiffness = self.a + np.maximum(self.b, 0.0) * np.sum(self.w**2, axis=0)
-        least = self.comm.allreduce(float(np.min(stiffness, initial=np.inf)), op=MPI.MIN)
-        return np.asarray(stiffness / max(material, least))
+        return np.asarray(stiffness / max(material, minimum(self.comm, stiffness)))
 
     # The start, and whether anything is admissible.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.parallel import minimum
 from contact_locking.problem.system import ROUNDING
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.measures import relative_rms
@@ -87,9 +87,7 @@ class StrainHalfLines(HalfLines):
 
     def _relative_stiffness(self, material: float) -> FloatArray:
         """How much stiffer points are than the material, and than the softest; collective."""
-        least = float(np.min(self.stiffness, initial=np.inf))
-        least = self.comm.allreduce(least, op=MPI.MIN)
-        return np.asarray(self.stiffness / max(material, least))
+        return np.asarray(self.stiffness / max(material, minimum(self.comm, self.stiffness)))
 
     # The start, and whether anything is admissible.
 
