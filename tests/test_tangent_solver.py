@@ -158,6 +158,26 @@ def test_inexact_solves_take_three_tangents_more_at_most_at_n_infinite() -> None
     assert inexact <= exact + 3
 
 
+def test_the_last_tangents_are_no_harder_for_cg_than_those_before() -> None:
+    # Where equilibrium is nearly reached, what is left is far smaller than the residual of a step
+    # like the last, in stiff cells and on nodes that stick.
+    def tangents(linear: str) -> int:
+        rubbing = block(
+            2,
+            0.2,
+            mesh__structured=True,
+            material__locking_limit=0.05,
+            loads={"displacements": [{"on": "top", "value": [0.0119456, -0.01077931]}]},
+            friction__coefficient=0.65419,
+            friction__smoothing__radius=0.3,
+            penalty__n=math.inf,
+            solver__linear=linear,
+        )
+        return int(solving.solve(rubbing).summary["iterations"]["tangents"])
+
+    assert tangents("iterative") <= tangents("direct") + 3
+
+
 def test_users_may_factorise_instead() -> None:
     options = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
     agree(solved(1e4, "iterative", **options), solved(1e4, "direct"))

@@ -16,7 +16,12 @@ from typing import Any
 from petsc4py import PETSc
 
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
-from contact_locking.solver.linear.ksp import IterationListener, create_ksp, destroy_ksp
+from contact_locking.solver.linear.ksp import (
+    FROM_ANY_START,
+    IterationListener,
+    create_ksp,
+    destroy_ksp,
+)
 from contact_locking.solver.linear.options import PREFIX
 
 #: Adds ``F x`` to its second argument; collective.
@@ -28,6 +33,7 @@ _OPTIONS: dict[str, Any] = {
     "ksp_gmres_restart": 100,
     "ksp_pc_side": "right",
     "ksp_norm_type": "unpreconditioned",
+    **FROM_ANY_START,
     "pc_type": "python",
 }
 # The first iteration removes the residual of stiff cells, by far the largest part.  GMRES then

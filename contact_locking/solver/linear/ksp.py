@@ -15,6 +15,11 @@ from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
 
+#: A step like the last is a good start, but its residual, where cells are stiff, may be 1e6 times
+#: the right-hand side until the first iteration has removed this part.  PETSc would call that
+#: diverged.
+FROM_ANY_START: dict[str, Any] = {"ksp_divtol": 1e300}
+
 # By this name a KSP keeps its options.
 _OPTIONS = "inserted_options"
 

@@ -13,6 +13,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.following import Follow, FollowingSolver
 from contact_locking.solver.linear.ksp import (
+    FROM_ANY_START,
     LINEAR_FAILURE,
     IterationListener,
     create_ksp,
@@ -30,10 +31,14 @@ _ITERATIVE: dict[str, Any] = {
     "ksp_type": "cg",
     "ksp_norm_type": "unpreconditioned",
     "ksp_max_it": 2000,
+    **FROM_ANY_START,
     "pc_type": "python",
 }
-# How much a linear solve reduces its right-hand side at least: 3e-3 saves no tangents.
+# How much a linear solve aims to reduce its right-hand side at least: 3e-3 saves no tangents.
 _LOOSEST = 1e-2
+# A solve that leaves more of it has failed.  Rounding may keep a small right-hand side from getting
+# smaller, and whatever is left counts in the equilibrium residual of the next iterate.
+_FAILED = 0.2
 # No linear residual gets smaller than this.
 _ROUNDING = 1e-12
 # So many iterations with one tangent, by dimension, may be taken instead of the filter's
@@ -133,9 +138,8 @@ class TangentSolver:
         self._improve(
             multigrid, lambda most: self._by_cg(multigrid, right, step, rtol, most), is_rough
         )
-        # Whatever else is left, the next iterate's equilibrium is judged by its own residual.
         is_done = self._ksp.getConvergedReason() > 0
-        if not (is_done or self._ksp.getResidualNorm() <= _LOOSEST * size):
+        if not (is_done or self._ksp.getResidualNorm() <= _FAILED * size):
             raise NotConverged(LINEAR_FAILURE)
 
     @property
@@ -169,7 +173,7 @@ class TangentSolver:
             return count, left <= enough
 
         self._improve(multigrid, by_gmres)
-        if not left <= _LOOSEST * size:
+        if not left <= _FAILED * size:
             raise NotConverged(LINEAR_FAILURE)
 
     @property
