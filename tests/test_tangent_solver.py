@@ -38,7 +38,7 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counts
 
 
-@pytest.mark.parametrize("patience", [0, 30, _NEVER], ids=["at once", "on the way", "never"])
+@pytest.mark.parametrize("patience", [0, 40, _NEVER], ids=["at once", "on the way", "never"])
 def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
