@@ -106,8 +106,8 @@ class Constraints:
     def assemble_matrix(self, form: JointForm, matrix: PETSc.Mat) -> None:
         """Assemble a bilinear form, positive on the diagonal where conditions hold; collective.
 
-        There the diagonal is its least entry at free dofs, in the same units.  With a 1, and entries
-        of 1e12 elsewhere, multigrid would estimate its largest eigenvalue from the held dofs alone.
+        There the diagonal is its least entry at free dofs, in the same units.  With a 1 beside
+        entries of 1e12, multigrid would estimate its largest eigenvalue from the held dofs alone.
         """
         form.assemble_matrix(matrix, self.conditions)
         is_free = self._mask[: matrix.getLocalSize()[0]] > 0.0
