@@ -57,9 +57,10 @@ SEEDS = 20
 FIRST = 0
 FAMILIES =
 JOBS = 2
-sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2): results/sweep
+LINEAR = auto
+sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2 LINEAR=auto): results/sweep
 	./in-env env PYTHONPATH=tests OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --first $(FIRST) --jobs $(JOBS) \
-		--families $(FAMILIES)
+		--linear $(LINEAR) --families $(FAMILIES)
 
 verification: ## solve the problems with known answers and write docs/verification.md
 	./in-env python3 -m pytest -m "" tests/test_verification*.py tests/test_conic_reference.py \

@@ -29,6 +29,7 @@ from scipy.sparse import diags
 
 from contact_locking.problem.near_nullspace import near_nullspace
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
+from contact_locking.solver.linear.gmres import Preconditioner
 from contact_locking.solver.linear.storage import IN_BLOCKS
 
 PLACES = ("half", "scattered")
@@ -76,7 +77,7 @@ def by_package(body: Body, limit: int) -> Outcome:
 
     def prepare(pc: PETSc.PC) -> None:
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(multigrid)
+        pc.setPythonContext(Preconditioner(multigrid))
         multigrid.refresh(stiff)
 
     outcome = solved(body, matrix, prepare, multigrid.start)
@@ -95,7 +96,7 @@ def by_gamg(body: Body) -> Outcome:
 
     def prepare(pc: PETSc.PC) -> None:
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(multigrid)
+        pc.setPythonContext(Preconditioner(multigrid))
         multigrid.refresh()
 
     outcome = solved(body, matrix, prepare)

@@ -6,9 +6,9 @@
     ./in-env mpirun -n 8 python3 benchmarks/scale.py --h 1/24 --n inf --filter-limit 0
 
 The case is the unit block of the tests on a regular grid, mu = 0.3.  ``--filter-limit`` sets the
-most unknowns that the filter factorises: 0 leaves everything to the projection.  CG iterations are
-per linear solve.  Times are by the clock on the wall.  Where there are more ranks than cores, the
-counts mean something and the times do not.
+most unknowns that the filter factorises: 0 leaves everything to the projection.  GMRES
+iterations are per linear solve.  Times are by the clock on the wall.  Where there are more ranks
+than cores, the counts mean something and the times do not.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from contact_locking import solving
 from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.parameters import Parameters
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
+from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
 from contact_locking.solver.linear.projection import Projection
-from contact_locking.solver.linear.tangent_solver import TangentSolver
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
@@ -40,21 +40,22 @@ from stopwatch import WallClock
 
 
 class Tangents(WallClock):
-    """Notes for each tangent how it is preconditioned, its CG iterations and its seconds."""
+    """Notes for each tangent how it is preconditioned, its GMRES iterations and its seconds."""
 
     def __init__(self) -> None:
         super().__init__()
         #: What preconditions, seconds of its set-up and of solves, and the iterations of solves.
         self.rows: list[tuple[str, list[float], list[int]]] = []
-        self._watch(TangentSolver.refresh, TangentSolver.solve, TangentSolver.solve_following)
+        given = MultigridTangents
+        self._watch(given.refresh, given.solve, given.solve_following)
 
     def _watch(
         self,
-        refresh: Callable[[TangentSolver, Callable[[], StiffPart]], None],
+        refresh: Callable[[MultigridTangents, Callable[[], StiffPart]], None],
         solve: Callable[..., None],
         solve_following: Callable[..., None],
     ) -> None:
-        def refresh_and_note(solver: TangentSolver, split: Callable[[], StiffPart]) -> None:
+        def refresh_and_note(solver: MultigridTangents, split: Callable[[], StiffPart]) -> None:
             self.print_last()
             began = time.perf_counter()
             self.rows.append(("", [0.0, 0.0], []))
@@ -62,7 +63,7 @@ class Tangents(WallClock):
             self.rows[-1][1][0] += time.perf_counter() - began
 
         def noting(solve: Callable[..., None]) -> Callable[..., None]:
-            def solve_and_note(solver: TangentSolver, *given: Any) -> None:
+            def solve_and_note(solver: MultigridTangents, *given: Any) -> None:
                 began, before = time.perf_counter(), solver._iterations
                 solve(solver, *given)
                 _, seconds, counts = self.rows[-1]
@@ -72,9 +73,9 @@ class Tangents(WallClock):
 
             return solve_and_note
 
-        TangentSolver.refresh = refresh_and_note  # type: ignore[method-assign,assignment]
-        TangentSolver.solve = noting(solve)  # type: ignore[method-assign]
-        TangentSolver.solve_following = noting(solve_following)  # type: ignore[method-assign]
+        MultigridTangents.refresh = refresh_and_note  # type: ignore[method-assign,assignment]
+        MultigridTangents.solve = noting(solve)  # type: ignore[method-assign]
+        MultigridTangents.solve_following = noting(solve_following)  # type: ignore[method-assign]
 
     def print_last(self) -> None:
         """Print the row of the last tangent, on the first rank."""
@@ -86,10 +87,8 @@ class Tangents(WallClock):
         print(f"| {number} | {kind} | {set_up:.1f} | {solves:.1f} | {listed} |", flush=True)
 
 
-def preconditioner(multigrid: FilteredMultigrid | None) -> str:
+def preconditioner(multigrid: FilteredMultigrid) -> str:
     """What a tangent is solved with at present, and with how many rows to factorise."""
-    if multigrid is None:
-        return "direct or the user's"
     if multigrid._projection is not None:
         projection: Projection = multigrid._projection
         return f"projection, {projection._coupling.getSize()[0]}"
@@ -128,9 +127,7 @@ def main() -> None:
     solving.solve(case(Fraction(1, 3), given.n, given.degree))
     tangents = Tangents()
     if MPI.COMM_WORLD.rank == 0:
-        print(
-            "| tangent | preconditioner, rows factorised | set-up s | solves s | CG of each solve |"
-        )
+        print("| tangent | preconditioner, rows factorised | set-up s | solves s | iterations |")
         print("| --- | --- | --- | --- | --- |", flush=True)
     began = time.perf_counter()
     summary = solving.solve(case(given.h, given.n, given.degree), monitor=tangents).summary
@@ -143,7 +140,7 @@ def main() -> None:
     print(
         f"h = {given.h}, n = {given.n:g}, degree {given.degree}, {summary['dofs']} unknowns, "
         f"{len(used)} ranks on {os.cpu_count()} cores: {summary['reason']}; "
-        f"{summary['iterations']['tangents']} tangents, {sum(every)} CG iterations, "
+        f"{summary['iterations']['tangents']} tangents, {sum(every)} GMRES iterations, "
         f"{max(every, default=0)} at most in a solve; solver "
         f"{tangents.seconds:.0f} s, in all {total:.0f} s; memory "
         f"{max(used):.2f} GB in a rank, {sum(used):.1f} GB in all"

@@ -12,28 +12,29 @@ from solved_by_cg import agree, solved
 
 from contact_locking import solving
 from contact_locking.costs.factorised import FILTER_LIMIT
-from contact_locking.solver.linear import tangent_solver
+from contact_locking.solver.linear import multigrid_tangents
+from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.projection import Projection
-from contact_locking.solver.linear.tangent_solver import TangentSolver
 
 
 def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """A list that gets the iterations of each solve by CG."""
+    """A list that gets the iterations of each solve without forces that follow."""
     counts: list[int] = []
-    solve = TangentSolver._solve
+    solve = Gmres.solve
 
-    def counted(self: TangentSolver, right: PETSc.Vec, step: PETSc.Vec) -> int:
-        counts.append(solve(self, right, step))
-        return counts[-1]
+    def counted(self: Gmres, *given: Any) -> tuple[int, float]:
+        count, left = solve(self, *given)
+        counts.append(count)
+        return count, left
 
-    monkeypatch.setattr(TangentSolver, "_solve", counted)
+    monkeypatch.setattr(Gmres, "solve", counted)
     return counts
 
 
 def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
     """Let everything be too large for the filter, from the first tangent on, for any n."""
     for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
-        monkeypatch.setattr(tangent_solver, name, 0)
+        monkeypatch.setattr(multigrid_tangents, name, 0)
     monkeypatch.setitem(FILTER_LIMIT, dim, 0)
 
 
@@ -65,7 +66,7 @@ def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
 def test_multigrid_alone_may_take_longer_where_n_bounds_the_contrast(
     monkeypatch: pytest.MonkeyPatch, n: float, projects: bool
 ) -> None:
-    monkeypatch.setattr(tangent_solver, "_PATIENCE_OF_PROJECTION", 0)
+    monkeypatch.setattr(multigrid_tangents, "_PATIENCE_OF_PROJECTION", 0)
     monkeypatch.setitem(FILTER_LIMIT, 3, 0)
     made = _count_rows(monkeypatch)
     assert solved(n, "iterative").converged

@@ -212,11 +212,11 @@ def _assert_equal(one: Parameters, other: Parameters) -> None:
 
 def test_a_worker_that_hangs_is_replaced() -> None:
     worker = run.Worker(limit=0.01)
-    outcome = worker.solve(("block_2d", 0, False))
+    outcome = worker.solve(run.Task("block_2d", 0, checks=False))
     assert (outcome.kind, outcome.reason) == (BROKEN, "no answer after 0.01 s")
     assert outcome.study == case_of("block_2d", 0).study
     worker.limit = 60.0
-    assert worker.solve(("zero_load", 0, False)).kind != BROKEN
+    assert worker.solve(run.Task("zero_load", 0, checks=False)).kind != BROKEN
     worker.stop()
 
 

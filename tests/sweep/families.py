@@ -14,7 +14,14 @@ __all__ = ["FAMILIES", "MODULES", "case_of"]
 MODULES = (scales, rest, supports, frictions, materials, shapes, processes)
 
 
-def case_of(name: str, seed: int) -> Case:
-    """The case of a family for a seed: the same on every machine and in every order."""
+def case_of(name: str, seed: int, linear: str = "auto") -> Case:
+    """The case of a family for a seed: the same on every machine and in every order.
+
+    ``linear`` is the linear solver of the studies.
+    """
     random = np.random.default_rng([zlib.crc32(name.encode()), seed])
-    return FAMILIES[name](random)
+    case = FAMILIES[name](random)
+    for study in filter(None, (case.study, case.twin)):
+        if linear != "auto":
+            study.setdefault("solver", {})["linear"] = linear
+    return case

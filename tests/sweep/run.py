@@ -2,6 +2,7 @@
 
     make sweep                                        20 seeds of each family
     make sweep SEEDS=100 FAMILIES="rollers disc" JOBS=1
+    make sweep LINEAR=iterative                       with multigrid in place of a factorisation
 
 Of what is not right, each problem is left in the folder of the results as a study file that
 `contact-locking run` takes, with the reason at its head.  The exit code is 1 if there is any.
@@ -20,7 +21,7 @@ import time
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from contact_locking.files.atomic import write_text
 from sweep.solve import (
@@ -34,7 +35,15 @@ from sweep.solve import (
     Outcome,
 )
 
-Task = tuple[str, int, bool]
+
+class Task(NamedTuple):
+    """A problem to solve; ``checks`` are the further ones."""
+
+    family: str
+    seed: int
+    checks: bool
+    linear: str = "auto"
+
 
 KINDS = (SOLVED, INFEASIBLE, REFUSED, WEDGED, NOT_SOLVED, WRONG, BROKEN)
 
@@ -55,7 +64,6 @@ class Worker:
 
     def solve(self, task: Task) -> Outcome:
         """The outcome of a task, also where the process does not live to tell it."""
-        family, seed, _ = task
         start = time.perf_counter()
         reason = f"no answer after {self.limit:g} s"
         try:
@@ -69,8 +77,8 @@ class Worker:
         self.stop()
         self._start()
         seconds = time.perf_counter() - start
-        study = _study(family, seed)
-        return Outcome(family, seed, BROKEN, reason, seconds=seconds, study=study)
+        study = _study(task)
+        return Outcome(task.family, task.seed, BROKEN, reason, seconds=seconds, study=study)
 
     def stop(self) -> None:
         self._connection.close()
@@ -78,10 +86,10 @@ class Worker:
         self._process.join()
 
 
-def _study(family: str, seed: int) -> dict[str, Any]:
+def _study(task: Task) -> dict[str, Any]:
     from sweep.families import case_of
 
-    return case_of(family, seed).study
+    return case_of(task.family, task.seed, task.linear).study
 
 
 def _work(connection: Connection) -> None:
@@ -89,10 +97,10 @@ def _work(connection: Connection) -> None:
 
     while True:
         try:
-            family, seed, with_reference = connection.recv()
+            task = connection.recv()
         except EOFError:
             return
-        connection.send(outcome_of(family, seed, with_reference))
+        connection.send(outcome_of(*task))
 
 
 def sweep(tasks: Sequence[Task], jobs: int, limit: float) -> Iterator[Outcome]:
@@ -177,6 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--check-every", type=int, default=20, help="so many problems for one with further checks"
     )
+    parser.add_argument("--linear", default="auto", help="the linear solver")
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for a problem")
     parser.add_argument("--output", type=Path, default=Path("results/sweep"))
     given = parser.parse_args(arguments)
@@ -185,8 +194,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if unknown := [name for name in given.families if name not in FAMILIES]:
         parser.error(f"no family {', '.join(unknown)}; there are: {', '.join(FAMILIES)}")
     names = given.families or list(FAMILIES)
-    tasks: list[Task] = [
-        (name, seed, (seed + 7 * place) % given.check_every == 0)
+    tasks = [
+        Task(name, seed, (seed + 7 * place) % given.check_every == 0, given.linear)
         for seed in range(given.first, given.first + given.seeds)
         for place, name in enumerate(names)
     ]

@@ -59,9 +59,9 @@ class Outcome:
         return self.kind in GOOD
 
 
-def outcome_of(family: str, seed: int, checks: bool = False) -> Outcome:
+def outcome_of(family: str, seed: int, checks: bool = False, linear: str = "auto") -> Outcome:
     """Make, solve and judge the problem of a seed; no exception leaves."""
-    return outcome_of_case(case_of(family, seed), checks, family, seed)
+    return outcome_of_case(case_of(family, seed, linear), checks, family, seed)
 
 
 def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int = 0) -> Outcome:

@@ -18,10 +18,10 @@ from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.stiff_families import StiffFamilies
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
+from contact_locking.solver.linear.choice import tangent_solver
 from contact_locking.solver.linear.ksp import is_direct
 from contact_locking.solver.linear.multigrid import CoarserSpace
 from contact_locking.solver.linear.storage import IN_BLOCKS
-from contact_locking.solver.linear.tangent_solver import TangentSolver
 from contact_locking.solver.task import Task
 
 # An iterative solver leaves this share of the column of a travel.
@@ -66,7 +66,7 @@ class Tangent:
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
         contrast, listen = task.target.largest_contrast, task.monitor.linear
-        self._linear = TangentSolver(
+        self._linear = tangent_solver(
             self.matrix, system.dim, task.settings, contrast, listen, self._coarser_spaces
         )
 

@@ -107,7 +107,7 @@ class Filter:
 
 
 class FilteredMultigrid:
-    """The context of a PETSc preconditioner of type python.
+    """The preconditioner ``B`` for the values of a matrix; all of it is collective.
 
     ``matrix`` is stored in blocks (BAIJ), in which products take half the time, and has its
     near-nullspace.  ``limit`` is the most that may be filtered; more is projected.  ``coarser`` is
@@ -170,7 +170,7 @@ class FilteredMultigrid:
             self._product.aypx(-1.0, right)
             self._filter.add(1.0, self._product, x)
 
-    def apply(self, _: PETSc.PC | None, r: PETSc.Vec, z: PETSc.Vec) -> None:
+    def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` for a residual that vanishes where filtered."""
         if self._projection is not None:
             self._projection.apply(self._multigrid, r, z)
@@ -183,18 +183,18 @@ class FilteredMultigrid:
     def apply_to_any(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` for any residual; collective."""
         if self._filter is None:
-            self.apply(None, r, z)
+            self.apply(r, z)
             return
         exact, rest = self._matrix.createVecs()
         self._filter.add(1.0, r, exact)
         self._matrix.mult(exact, rest)
         rest.aypx(-1.0, r)
-        self.apply(None, rest, z)
+        self.apply(rest, z)
         z.axpy(1.0, exact)
         exact.destroy()
         rest.destroy()
 
-    def destroy(self, _: PETSc.PC | None = None) -> None:
+    def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._forget()
         if self._projection is not None:

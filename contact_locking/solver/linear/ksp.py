@@ -183,16 +183,17 @@ def _complete(pc: PETSc.PC) -> None:
         pc.setPythonContext(Substructuring())
 
 
-def preconditioner(
+def option(
+    name: str,
     defaults: Mapping[str, Any],
     overrides: Mapping[str, Any] | None = None,
     prefix: str = PREFIX,
-) -> str | None:
-    """PETSc's name of the preconditioner that defaults and the user's options lead to."""
+) -> Any:
+    """The value of an option that defaults and the user's options lead to, None without one."""
     database = PETSc.Options(prefix)
-    if database.hasName("pc_type"):
-        return str(database.getString("pc_type"))
-    return {**defaults, **(overrides or {})}.get("pc_type")
+    if database.hasName(name):
+        return database.getString(name)
+    return {**defaults, **(overrides or {})}.get(name)
 
 
 def _fitting(
@@ -202,7 +203,7 @@ def _fitting(
 
     CHOLMOD has nothing but Cholesky's factorisation, and pieces take no options.
     """
-    is_other = preconditioner(defaults, overrides, prefix) != defaults.get("pc_type")
+    is_other = option("pc_type", defaults, overrides, prefix) != defaults.get("pc_type")
     if is_other and defaults.get("pc_factor_mat_solver_type") == _SERIAL_PACKAGE:
         bare = {name: value for name, value in defaults.items() if name != _ORDERING}
         return {**bare, "pc_factor_mat_solver_type": _PARALLEL_PACKAGE}

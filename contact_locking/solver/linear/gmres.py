@@ -1,0 +1,165 @@
+"""GMRES with the filtered multigrid: for a tangent, and with forces that follow the displacement.
+
+    K x = r    and    (K + F) x = r
+
+The friction bound follows the pressure, and the pressure follows the displacement: the forces
+``F x`` that belong to it are few, on a part of the surface, and far smaller than ``K x`` unless
+friction is large.  GMRES (doi:10.1137/0907058) with the preconditioner of ``K`` therefore takes
+hardly more iterations than for ``K`` alone.
+
+``K`` is symmetric, and CG would do for it.  But a linear solve ends where the residual is small,
+GMRES makes the residual itself as small as can be, and CG the energy of the error: where cells are
+stiff along single strains, CG leaves large residuals long after the displacement is good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from petsc4py import PETSc
+
+from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
+from contact_locking.solver.linear.ksp import (
+    FROM_ANY_START,
+    IterationListener,
+    create_ksp,
+    destroy_ksp,
+    option,
+)
+from contact_locking.solver.linear.tangent_solver import Follow
+
+#: The filtered multigrid, for PETSc a preconditioner of type python.
+OWN_PRECONDITIONER: dict[str, Any] = {"pc_type": "python"}
+# For matrices without symmetry, too.
+_FOR_ANY_MATRIX = ("gmres", "fgmres", "lgmres", "gcr")
+_OPTIONS: dict[str, Any] = {
+    "ksp_type": "gmres",
+    "ksp_norm_type": "unpreconditioned",
+    "ksp_max_it": 2000,
+    **FROM_ANY_START,
+    **OWN_PRECONDITIONER,
+}
+# The preconditioner stands on the right, so that GMRES makes the residual itself small.  Each
+# vector takes as much memory as a displacement.
+_OF_GMRES: dict[str, Any] = {"ksp_pc_side": "right", "ksp_gmres_restart": 100}
+# Where the start has a larger residual than none, its first iteration removes the residual of stiff
+# cells, by far the largest part.  GMRES then begins anew: rounding in its residual is relative to
+# the residual with which it began.
+_FIRST = 1
+# GMRES runs so often at most, as rounding may leave more than the residual asked for.
+_CYCLES = 4
+# GMRES aims at this share of the residual asked for: its own estimate of the residual is a little
+# too small.
+_AIM = 0.8
+
+
+class _Sum:
+    """The context of the matrix ``K + F``; without ``follow``, ``F`` is zero."""
+
+    def __init__(self, matrix: PETSc.Mat) -> None:
+        self._matrix = matrix
+        self.follow: Follow | None = None
+
+    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y = (K + F) x``."""
+        self._matrix.mult(x, y)
+        if self.follow is not None:
+            self.follow(x, y)
+
+
+class Preconditioner:
+    """The context of the preconditioner of ``K``."""
+
+    def __init__(self, multigrid: FilteredMultigrid) -> None:
+        self.multiply = multigrid.apply
+
+    def apply(self, _: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z = B r``."""
+        self.multiply(r, z)
+
+
+class Gmres:
+    """Solves with a matrix and its filtered multigrid; all of it is collective.
+
+    ``options`` of the user override those that this has, the type of the solver included, and
+    ``listen`` is told the number of each iteration.
+    """
+
+    def __init__(
+        self,
+        matrix: PETSc.Mat,
+        multigrid: FilteredMultigrid,
+        options: Mapping[str, Any],
+        listen: Callable[[int], None],
+    ) -> None:
+        comm, self._multigrid = matrix.getComm(), multigrid
+        self._sum, self._preconditioner = _Sum(matrix), Preconditioner(multigrid)
+        self._operator = PETSc.Mat().createPython(matrix.getSizes(), self._sum, comm=comm)
+        self._operator.setUp()
+        is_gmres = option("ksp_type", _OPTIONS, options) == _OPTIONS["ksp_type"]
+        self._ksp = create_ksp(comm, _OPTIONS | (_OF_GMRES if is_gmres else {}), options)
+        self._ksp.setErrorIfNotConverged(False)
+        self._ksp.setInitialGuessNonzero(True)
+        self._ksp.setOperators(self._operator)
+        self._ksp.getPC().setPythonContext(self._preconditioner)
+        self._listener = IterationListener(self._ksp, listen)
+        self._left = matrix.createVecLeft()
+        #: The most iterations of a solve.
+        self.max_iterations: int = self._ksp.getTolerances()[3]
+
+    @property
+    def solves_following(self) -> bool:
+        """Whether :meth:`solve_following` is there: not with a user's solver for symmetry."""
+        return self._ksp.getType() in _FOR_ANY_MATRIX
+
+    def solve(
+        self, right: PETSc.Vec, x: PETSc.Vec, residual: float, most: int
+    ) -> tuple[int, float]:
+        """Improve ``x`` to a residual, or until ``most`` iterations are taken.
+
+        Returns the iterations, and the residual that is left.
+        """
+        self._sum.follow, self._preconditioner.multiply = None, self._multigrid.apply
+        return self._improve(right, x, residual, most, self._multigrid.start)
+
+    def solve_following(
+        self, follow: Follow, right: PETSc.Vec, x: PETSc.Vec, residual: float, most: int
+    ) -> tuple[int, float]:
+        """As :meth:`solve`, with the forces that ``follow`` adds."""
+        self._sum.follow, self._preconditioner.multiply = follow, self._multigrid.apply_to_any
+        return self._improve(right, x, residual, most, lambda *_: None)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        destroy_ksp(self._ksp)
+        self._operator.destroy()
+        self._left.destroy()
+
+    def _improve(
+        self,
+        right: PETSc.Vec,
+        x: PETSc.Vec,
+        residual: float,
+        most: int,
+        start: Callable[[PETSc.Vec, PETSc.Vec], None],
+    ) -> tuple[int, float]:
+        count, size = 0, right.norm()
+        for _ in range(_CYCLES):
+            start(right, x)
+            left = self._residual(right, x)
+            if left <= residual or count >= most:
+                break
+            longest = _FIRST if left > size and count == 0 else most - count
+            self._ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=longest)
+            self._ksp.solve(right, x)
+            self._listener.raise_kept()
+            count += self._ksp.getIterationNumber()
+        else:
+            left = self._residual(right, x)
+        return count, left
+
+    def _residual(self, right: PETSc.Vec, x: PETSc.Vec) -> float:
+        self._operator.mult(x, self._left)
+        self._left.aypx(-1.0, right)
+        return float(self._left.norm())
