@@ -14,15 +14,19 @@ from contact_locking.problem.domain import Domain
 
 # The most rounds of the search for a motion that friction does not stop.  In 2D a few suffice.
 _CUTS = 20
+# The share of prescribed values that rounding may take from a rigid motion.
+_STRAINED = 1e-12
 
 
-def rigid_motions(space: fem.FunctionSpace, axisymmetric: bool = False) -> FloatArray:
-    """The translations and the rotations about the origin, as values at the local dofs.
+def rigid_motions(
+    space: fem.FunctionSpace, axisymmetric: bool = False, centre: FloatArray | float = 0.0
+) -> FloatArray:
+    """The translations and the rotations about a centre, as values at the local dofs.
 
     The shape is (3, k) in 2D and (6, k) in 3D, with the k local dofs, ghosts included.  An
     axisymmetric body has one rigid motion, the translation along its axis.
     """
-    x = space.tabulate_dof_coordinates()
+    x = space.tabulate_dof_coordinates() - centre
     dim = space.mesh.topology.dim
     motions = np.zeros((dim + dim * (dim - 1) // 2, len(x), dim))
     for i in range(dim):
@@ -60,6 +64,34 @@ def free_motions(
     scale = 1.0 / np.sqrt(np.diag(domain.comm.allreduce(everything @ everything.T)))
     values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
     return scale[:, None] * vectors[:, values <= 1e-12]
+
+
+def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArray | None:
+    """The rigid motion that prescribed values make, None if they strain the body; collective.
+
+    ``values`` (k,) is a displacement with the prescribed values, and the motion (k,) has values at
+    all local dofs.  A motion that the conditions leave free is not in it.
+    """
+    space = constraints.space
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    held = constraints.held_part(np.ones(owned)).reshape(-1, space.dofmap.index_map_bs)
+    held_at = space.tabulate_dof_coordinates()[np.flatnonzero(np.any(held, axis=1))]
+    # About the centre of what is held, so that one held node asks for no rotation.
+    total = space.mesh.comm.allreduce(np.append(held_at.sum(axis=0), len(held_at)))
+    centre = total[:3] / max(total[3], 1.0)
+    motions = rigid_motions(space, centre=centre)
+    asked = [constraints.held_part(motion[:owned]) for motion in (*motions, values)]
+    local = np.linalg.qr(np.column_stack(asked), mode="r")
+    *columns, aim = np.vstack(space.mesh.comm.allgather(local)).T
+    # The least of the motions that fit turns with the body: rotations count by their displacements.
+    local_square = float(np.sum((held_at - centre) ** 2))
+    length = np.sqrt(space.mesh.comm.allreduce(local_square) / max(total[3], 1.0)) or 1.0
+    scale = np.where(np.arange(len(columns)) < space.dofmap.index_map_bs, 1.0, length)
+    scaled = np.column_stack(columns) / scale
+    found = np.linalg.lstsq(scaled, aim, rcond=1e-10)[0]
+    if np.linalg.norm(scaled @ found - aim) > _STRAINED * np.linalg.norm(aim):
+        return None
+    return np.asarray((found / scale) @ motions)
 
 
 def check_held(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contact_locking.parallel import maximum, on_every_rank
+from contact_locking.problem.rigid_motions import prescribed_motion
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -28,6 +29,7 @@ class ElasticStart:
     def solve(self) -> bool:
         """Put the elastic displacement into the system; True if it is the solution; collective."""
         tangent, tuning = self._tangent, self._tuning
+        self._move_rigidly()
         self._look()
         push = self._set_springs()
         # The springs would shake a body without loads by their rounding.
@@ -46,11 +48,21 @@ class ElasticStart:
         self.strain = self._size()
         return is_solution
 
+    def _move_rigidly(self) -> None:
+        """Move the body as the prescribed values do if they only shift and turn it; collective.
+
+        An elastic solve that is rough in what prescribed values do would strain the body.
+        """
+        u, constraints = self._system.u, self._system.constraints
+        motion = prescribed_motion(constraints, u.x.array)
+        if motion is not None and motion.any():
+            u.x.array[:] = motion
+            constraints.apply(u)
+
     def _sharpen(self) -> None:
         """Solve until the forces are balanced to the tolerance; collective.
 
-        A solve is as sharp as the forces before it.  Those that a rough solve leaves in a body that
-        prescribed values only shift are large beside the forces of the solution.
+        A solve is as sharp as the forces before it, of which a rough solve leaves a share.
         """
         tangent, accuracy = self._tangent, self._tuning.start_sharpness * self._tolerance
         for _ in range(_SHARP_SOLVES):
