@@ -23,8 +23,8 @@ _STIFFER = 1e6
 _SMALL_STRAIN = 1.0
 # What rounding may add to either side, relative to it.
 _ROUNDING = 1e-6
-# The linear solve of an iterative solver leaves this share of the imbalance.
-_ACCURACY = 1e-8
+# The linear solve of an iterative solver leaves this share of the imbalance, if rounding lets it.
+_ACCURACY = 1e-10
 
 
 def excluded_factor(iterate: Iterate, target: Target) -> float | None:
@@ -43,7 +43,9 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
 
     ``Z - k eps(rho)`` and ``p - (k/L) rho_nu`` do, but for ``a(rho, v)``, which adds at most
     ``int c |eps(rho)| (M + |eps(u)|)`` to R, c being the largest eigenvalue of A.  Where no set
-    bounds the norm of the strain 1 takes the place of M.
+    bounds the norm of the strain 1 takes the place of M.  The sum of the forces that the linear
+    solve leaves, times the largest ``|u|`` and the length of the body, adds to R, too: no field
+    with strains below 1 is taken to be farther away.
 
     Tools may retreat, and so the proof leaves their contacts out.
 
@@ -82,6 +84,9 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     ]
     power, resistance = _power(iterate, reactions), _resistance(iterate, reactions)
     resistance += _work_beyond(system, rho, _SMALL_STRAIN)
+    # What the linear solve has left may work along any displacement that is admissible.
+    farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
+    resistance += tangent.left_unbalanced() * farthest
     # An infinite resistance is that of a foundation that would have to pull.
     if not power - resistance > _ROUNDING * (abs(power) + abs(resistance)):
         return None

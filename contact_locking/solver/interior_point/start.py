@@ -56,8 +56,8 @@ class ElasticStart:
         u, constraints = self._system.u, self._system.constraints
         motion = prescribed_motion(constraints, u.x.array)
         if motion is not None and motion.any():
-            u.x.array[:] = motion
-            constraints.apply(u)
+            # The values may be a share of what the conditions prescribe.
+            u.x.array[:] = constraints.free_part(motion) + constraints.held_part(u.x.array)
 
     def _sharpen(self) -> None:
         """Solve until the forces are balanced to the tolerance; collective.

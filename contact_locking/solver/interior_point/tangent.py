@@ -20,7 +20,6 @@ from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
 from contact_locking.solver.linear.choice import tangent_solver
 from contact_locking.solver.linear.ksp import is_direct
-from contact_locking.solver.linear.multigrid import CoarserSpace
 from contact_locking.solver.linear.storage import IN_BLOCKS
 from contact_locking.solver.task import Task
 
@@ -67,7 +66,7 @@ class Tangent:
         self._load.array_w[:] = system.load
         contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = tangent_solver(
-            self.matrix, system.dim, task.settings, contrast, listen, self._coarser_spaces
+            self.matrix, system.dim, task.settings, contrast, listen, system.coarser_spaces
         )
 
     def visit(self) -> None:
@@ -182,6 +181,12 @@ class Tangent:
         self._start_right()
         return self._solve_for(reactions, 1.0, accuracy)
 
+    def left_unbalanced(self) -> float:
+        """The sum of the nodal forces that the last :meth:`balance` leaves; collective."""
+        self.matrix.mult(self._answer, self._moved)
+        self._moved.axpy(-1.0, self._right)
+        return float(self._moved.norm(PETSc.NormType.NORM_1))
+
     def respond(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
         """The displacement that answers a change of reactions; collective.
 
@@ -196,8 +201,7 @@ class Tangent:
 
     def present(self) -> FloatArray:
         """The system's displacement, for gaps that contain the travels of the tools."""
-        none = np.zeros(len(self.system.tools))
-        return np.concatenate([self.system.u.x.array[: self._owned], none])
+        return np.append(self.system.u.x.array[: self._owned], np.zeros(len(self.system.tools)))
 
     def move(self, t: float, step: FloatArray) -> None:
         """Add ``t step`` to the system's displacement and to the travels; collective."""
@@ -221,9 +225,6 @@ class Tangent:
         self._border.destroy()
         for item in (self.matrix, self.elasticity, self._near_nullspace, *self._vectors):
             item.destroy()
-
-    def _coarser_spaces(self) -> list[CoarserSpace]:
-        return [CoarserSpace(*found) for found in self.system.coarser_spaces()]
 
     def _assemble(self, matrix: PETSc.Mat) -> None:
         self.system.constraints.assemble_matrix(self._form, matrix)
@@ -253,7 +254,7 @@ class Tangent:
             return self.system.constraints.free_part(answer.array_r)
         answer.copy(self._whole)
         travels = self._border.solve(self._whole, self._right_tools)
-        return np.concatenate([self.system.constraints.free_part(self._whole.array_r), travels])
+        return np.append(self.system.constraints.free_part(self._whole.array_r), travels)
 
     def _find_residual(self, reactions: Sequence[Reaction]) -> None:
         self._start_right(self._unbalanced, -1.0)

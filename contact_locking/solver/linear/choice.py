@@ -32,7 +32,7 @@ def tangent_solver(
     settings: Settings,
     contrast: float,
     listen: Callable[[int], None],
-    find_coarser: Callable[[], Sequence[CoarserSpace]] = tuple,
+    find_coarser: Callable[[], Sequence[tuple[PETSc.Mat, PETSc.NullSpace]]],
 ) -> TangentSolver:
     """The solver by the settings; with a preconditioner of the user, PETSc's KSP alone; collective.
 
@@ -43,7 +43,7 @@ def tangent_solver(
     if name == "iterative":
         own = OWN_PRECONDITIONER["pc_type"]
         if option("pc_type", OWN_PRECONDITIONER, settings.petsc) == own:
-            coarser = find_coarser()
+            coarser = [CoarserSpace(*found) for found in find_coarser()]
             return MultigridTangents(matrix, dim, settings.petsc, contrast, listen, coarser)
         defaults = _WITH_ANOTHER
     else:
