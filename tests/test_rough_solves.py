@@ -1,0 +1,101 @@
+"""Rough linear solves at the start, where values only move the body, and in proofs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import block
+
+from contact_locking import solving
+from contact_locking.arrays import FloatArray
+from contact_locking.problem.assembly import assemble
+from contact_locking.problem.rigid_motions import prescribed_motion
+from contact_locking.solver.interior_point import farkas, method
+from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.target import Target
+
+_ANGLE = 1e-3
+
+
+@pytest.mark.parametrize(
+    "value",
+    [[0.3, 0.0], [f"-{_ANGLE}*y", f"{_ANGLE}*x"], [0.3, -0.1, 0.0]],
+    ids=["shifted", "turned", "shifted in space"],
+)
+def test_a_body_that_is_moved_rigidly_along_the_foundation_takes_one_tangent_by_gmres(
+    value: list[float | str],
+) -> None:
+    dim = len(value)
+    moved = block(
+        dim,
+        0.2,
+        loads={"displacements": [{"on": "left", "value": value}]},
+        penalty__n=math.inf,
+        solver__linear="iterative",
+    )
+    solution = solving.solve(moved)
+    assert solution.converged, solution.summary["reason"]
+    assert solution.summary["iterations"]["tangents"] == 1
+    space = solution.displacement.function_space
+    x = space.tabulate_dof_coordinates()
+    expected = np.zeros((len(x), dim))
+    if isinstance(value[0], str):
+        expected[:, 0], expected[:, 1] = -_ANGLE * x[:, 1], _ANGLE * x[:, 0]
+    else:
+        expected[:] = value
+    assert np.abs(solution.displacement.x.array - expected.reshape(-1)).max() < 1e-12
+
+
+def test_the_motion_is_that_of_the_held_part_and_none_where_values_strain_the_body() -> None:
+    def motion(*displacements: dict[str, Any]) -> FloatArray | None:
+        problem = assemble(
+            block(2, 0.25, loads={"displacements": list(displacements)}), MPI.COMM_WORLD
+        )
+        constraints = problem.constraints
+        constraints.apply(problem.u)
+        return prescribed_motion(constraints, problem.u.x.array)
+
+    left, right = ({"on": side, "value": [0.1, -0.2]} for side in ("left", "right"))
+    found = motion(left, right)
+    assert found is not None
+    np.testing.assert_allclose(found.reshape(-1, 2), np.tile([0.1, -0.2], (len(found) // 2, 1)))
+    # What rollers leave free is left as it is.
+    found = motion({"on": "top", "value": [None, -0.2]})
+    assert found is not None
+    expected = np.tile([0.0, -0.2], (len(found) // 2, 1))
+    np.testing.assert_allclose(found.reshape(-1, 2), expected, atol=1e-12)
+    assert motion(left, {"on": "right", "value": [0.1, -0.1999]}) is None
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("accuracy", [1e-1, 1e-3, 1e-10])
+def test_forces_that_a_rough_solve_leaves_weaken_a_proof_and_never_make_it_false(
+    accuracy: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(farkas, "_ACCURACY", accuracy)
+    factors: list[float | None] = []
+
+    def noted(iterate: Iterate, target: Target) -> float | None:
+        factors.append(farkas.excluded_factor(iterate, target))
+        return factors[-1]
+
+    monkeypatch.setattr(method, "excluded_factor", noted)
+    steel = block(
+        3,
+        20.0,
+        mesh__size=[100.0, 100.0, 100.0],
+        material={"elasticity": {"young": 2.1e5, "poisson": 0.3}, "locking_limit": 0.01},
+        friction__smoothing__radius=20.0,
+        loads={"displacements": [{"on": "top", "value": [0.0, 0.0, -2.0]}]},
+        penalty__n=math.inf,
+        solver__linear="iterative",
+    )
+    solving.solve(steel)
+    # The mean strain along z is 0.02 at the factor 1, and |eps| is no less.
+    proofs = [factor for factor in factors if factor is not None]
+    assert proofs
+    assert min(proofs) >= 0.5
