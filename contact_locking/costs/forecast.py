@@ -31,7 +31,7 @@ class Workload:
 
     ``unknowns`` are those of the displacement.  ``tangents`` are the matrices of all
     ``steps`` together; a static problem is one step.  ``factor`` is the number of rows that each
-    tangent factorises, by the direct solver or beside CG.  ``beside`` is what helps CG where cells
+    tangent factorises, by the direct solver or beside GMRES.  ``beside`` helps GMRES where cells
     lock: the filter, or the projection where more is locked than the filter takes, or neither where
     n bounds the contrast.
     """

@@ -47,15 +47,15 @@ class Reference:
     #: Seconds of a tangent that is factorised; the exponents are those of nested dissection.
     direct_2d: Growth = Growth(4.1e-6, 3.4e-9, 1.5)
     direct_3d: Growth = Growth(1.08e-5, 4.5e-10, 2.0)
-    #: Seconds of a tangent by CG, beside the factor of the filter, and of its set-up.
+    #: Seconds of a tangent by GMRES, beside the factor of the filter, and of its set-up.
     iterative_2d: Growth = Growth(1.2e-5)
     iterative_3d: Growth = Growth(2.5e-5)
     set_up: float = 0.3
-    #: Seconds of a tangent by CG where more is locked than the filter takes: with the projection,
-    #: and by multigrid alone where n bounds the contrast.
+    #: Seconds of a tangent by GMRES where more is locked than the filter takes: by projection, and
+    #: by multigrid alone where n bounds the contrast.
     projected_3d: Growth = Growth(0.0, 2.9e-7, 1.5)
     alone_3d: Growth = Growth(0.0, 8.7e-7, 4 / 3)
-    #: The share of the unknowns that the filter beside CG factorises, as the block has it.
+    #: The share of the unknowns that the filter beside GMRES factorises, as the block has it.
     filtered: float = 0.65
     #: The rows of the projection, which takes the place of a filter that is too large, over the
     #: unknowns.

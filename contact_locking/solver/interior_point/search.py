@@ -113,7 +113,7 @@ class Search:
         """The direction, with the steps of the friction bounds that agree with it; collective.
 
         ``present`` is the direction with given steps of the bounds, if it is known.  It is the
-        better start of a joint solve where all that is stiff is filtered or projected: CG then
+        better start of a joint solve where all that is stiff is filtered or projected: GMRES then
         finds it in few iterations, and the joint solve, which takes more for what is far from the
         friction bound, needs few from there.
         """
