@@ -41,8 +41,9 @@ _OPTIONS: dict[str, Any] = {
     **OWN_PRECONDITIONER,
 }
 # The preconditioner stands on the right, so that GMRES makes the residual itself small.  Each
-# vector takes as much memory as a displacement.
-_OF_GMRES: dict[str, Any] = {"ksp_pc_side": "right", "ksp_gmres_restart": 100}
+# iteration keeps a vector, which takes as much memory as a displacement.  Multigrid alone may take
+# so many iterations as GMRES takes before it begins anew.
+_OF_GMRES: dict[str, Any] = {"ksp_pc_side": "right", "ksp_gmres_restart": 150}
 # Where the start has a larger residual than none, its first iteration removes the residual of stiff
 # cells, by far the largest part.  GMRES then begins anew: rounding in its residual is relative to
 # the residual with which it began.
