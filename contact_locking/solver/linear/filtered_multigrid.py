@@ -131,6 +131,11 @@ class FilteredMultigrid:
         """Whether the filter or the projection takes part at present."""
         return self._filter is not None or self._projection is not None
 
+    @property
+    def filters_exactly(self) -> bool:
+        """Whether the filter takes part at present."""
+        return self._filter is not None
+
     def can_filter(self, stiff: StiffPart) -> bool:
         """Whether there are nodes to filter, or to project; collective."""
         return self._count(stiff.nodes) > 0

@@ -50,6 +50,9 @@ _OF_GMRES: dict[str, Any] = {"ksp_pc_side": "right", "ksp_gmres_restart": 150}
 _FIRST = 1
 # GMRES runs so often at most, as rounding may leave more than the residual asked for.
 _CYCLES = 4
+# With a filter it runs so long at most: rounding leaves a residual where it is filtered, which
+# stops GMRES until it is filtered again.
+_LONGEST_FILTERED = 40
 # GMRES aims at this share of the residual asked for: its own estimate of the residual is a little
 # too small.
 _AIM = 0.8
@@ -152,6 +155,8 @@ class Gmres:
             if left <= residual or count >= most:
                 break
             longest = _FIRST if left > size and count == 0 else most - count
+            if self._multigrid.filters_exactly:
+                longest = min(longest, _LONGEST_FILTERED)
             self._ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=longest)
             self._ksp.solve(right, x)
             self._listener.raise_kept()
