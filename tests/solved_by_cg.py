@@ -1,11 +1,14 @@
-"""A locked cube, solved with a linear solver and PETSc options of choice."""
+"""Blocks for iterative solvers: a locked cube with options of choice, and one that is crushed."""
 
 from __future__ import annotations
+
+import math
 
 import pytest
 from problems import block
 
 from contact_locking import solving
+from contact_locking.parameters import Parameters
 from contact_locking.results.solution import Solution
 
 
@@ -15,6 +18,20 @@ def solved(n: float, linear: str, **options: str) -> Solution:
     solution = solving.solve(parameters, petsc_options=options)
     assert solution.converged, solution.summary["reason"]
     return solution
+
+
+def crushed_steel() -> Parameters:
+    """Steel in megapascals and millimetres, of which half of what is prescribed can be followed."""
+    return block(
+        3,
+        20.0,
+        mesh__size=[100.0, 100.0, 100.0],
+        material={"elasticity": {"young": 2.1e5, "poisson": 0.3}, "locking_limit": 0.01},
+        friction__smoothing__radius=20.0,
+        loads={"displacements": [{"on": "top", "value": [0.0, 0.0, -2.0]}]},
+        penalty__n=math.inf,
+        solver__linear="iterative",
+    )
 
 
 # Either stops at a duality gap of 1e-8 of the elastic energy, unless Newton polishes it.  The gap

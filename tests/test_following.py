@@ -186,7 +186,7 @@ def test_a_joint_solve_takes_fewer_iterations_than_responses_to_the_friction_bou
 def test_the_last_step_is_balanced_from_rest_however_large_the_step_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """CG gives up where it starts a hundred thousand times farther away than rest is."""
+    """A solve may fail where it starts a hundred thousand times farther away than rest is."""
     count = 0
     balance = Iterate.balanced
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block, column, with_changes
+from solved_by_cg import crushed_steel
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
@@ -115,17 +116,7 @@ def test_displacements_that_no_field_within_the_limit_follows_are_infeasible(by:
 
 def test_an_iterative_solver_proves_a_block_of_steel_in_millimetres_infeasible() -> None:
     # The proof balances the multipliers with springs that are 1e6 times as stiff as the steel.
-    steel = block(
-        3,
-        20.0,
-        mesh__size=[100.0, 100.0, 100.0],
-        material={"elasticity": {"young": 2.1e5, "poisson": 0.3}, "locking_limit": 0.01},
-        friction__smoothing__radius=20.0,
-        loads={"displacements": [{"on": "top", "value": [0.0, 0.0, -2.0]}]},
-        penalty__n=math.inf,
-        solver__linear="iterative",
-    )
-    summary = solving.solve(steel).summary
+    summary = solving.solve(crushed_steel()).summary
     assert summary["reason"].startswith("infeasible")
     # The mean strain along z is 0.02, and |eps| is no less.
     assert 0.5 <= summary["admissible_load_factor"][1] <= 0.5 * (1.0 + 1e-3)
@@ -222,13 +213,13 @@ def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
     assert any("exceeds its limit" in warning for warning in soft.summary["warnings"])
 
 
-def test_cg_solves_at_n_infinite_on_any_number_of_ranks() -> None:
+def test_an_iterative_solver_solves_at_n_infinite_on_any_number_of_ranks() -> None:
     changes = {"penalty__n": math.inf, "solver__linear": "iterative", "mesh__structured": True}
     parameters = block(3, 1 / 12, **changes)
     assert solving.solve(parameters).converged
 
 
-def test_cg_that_gets_nowhere_is_said_to() -> None:
+def test_an_iterative_solver_that_gets_nowhere_is_said_to() -> None:
     parameters = block(3, 0.15, solver__linear="iterative")
     solution = solving.solve(parameters, petsc_options={"ksp_max_it": 1})
     assert not solution.converged

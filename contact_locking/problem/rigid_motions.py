@@ -73,20 +73,25 @@ def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArra
     all local dofs.  A motion that the conditions leave free is not in it.
     """
     space = constraints.space
-    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    held = constraints.held_part(np.ones(owned)).reshape(-1, space.dofmap.index_map_bs)
-    held_at = space.tabulate_dof_coordinates()[np.flatnonzero(np.any(held, axis=1))]
+    size = space.dofmap.index_map_bs
+    owned = space.dofmap.index_map.size_local * size
+
+    def held_part(displacement: FloatArray) -> FloatArray:
+        return constraints.held_part(displacement[:owned]).reshape(-1, size)
+
+    nodes = np.flatnonzero(np.any(held_part(np.ones(owned)), axis=1))
+    held_at = space.tabulate_dof_coordinates()[nodes]
     # About the centre of what is held, so that one held node asks for no rotation.
     total = space.mesh.comm.allreduce(np.append(held_at.sum(axis=0), len(held_at)))
     centre = total[:3] / max(total[3], 1.0)
     motions = rigid_motions(space, centre=centre)
-    asked = [constraints.held_part(motion[:owned]) for motion in (*motions, values)]
+    asked = [held_part(motion)[nodes].reshape(-1) for motion in (*motions, values)]
     local = np.linalg.qr(np.column_stack(asked), mode="r")
     *columns, aim = np.vstack(space.mesh.comm.allgather(local)).T
     # The least of the motions that fit turns with the body: rotations count by their displacements.
     local_square = float(np.sum((held_at - centre) ** 2))
     length = np.sqrt(space.mesh.comm.allreduce(local_square) / max(total[3], 1.0)) or 1.0
-    scale = np.where(np.arange(len(columns)) < space.dofmap.index_map_bs, 1.0, length)
+    scale = np.where(np.arange(len(columns)) < size, 1.0, length)
     scaled = np.column_stack(columns) / scale
     found = np.linalg.lstsq(scaled, aim, rcond=1e-10)[0]
     if np.linalg.norm(scaled @ found - aim) > _STRAINED * np.linalg.norm(aim):
