@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -115,6 +116,17 @@ def test_modules_are_short_and_named_apart() -> None:
     assert [name for name, count in named.items() if count > 1 and name != "__init__"] == []
     assert not {"utils", "helpers", "util", "helper", "misc", "common"} & named.keys()
     assert len(list(PACKAGE.glob("*.py"))) <= MOST_AT_THE_ROOT
+
+
+def test_docstrings_refer_to_modules_that_exist() -> None:
+    short = {name.rpartition(".")[2] for name in FILES}
+    referred = {
+        word
+        for path in FILES.values()
+        for word in re.findall(r":mod:`~?([^`]+)`", path.read_text(encoding="utf-8"))
+    }
+    assert len(referred) > 5
+    assert {word for word in referred if word not in FILES and word not in short} == set()
 
 
 def test_nothing_imports_the_command_line() -> None:

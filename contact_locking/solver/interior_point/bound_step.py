@@ -10,7 +10,7 @@ derivatives the step is that to the new value.  The unknowns are those of the no
 Gamma_C with friction together, so a Krylov method solves for them with one back-substitution an
 iteration, by the factorisation that the step has anyway.  An iterative solver would pay for each of
 these as for the step itself; it solves for displacement and bounds together, with the forces of the
-bounds as functions of the displacement (:mod:`contact_locking.solver.linear.following`).
+bounds as functions of the displacement (:mod:`contact_locking.solver.linear.gmres`).
 
 Unless friction is large, the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` makes steps much smaller.
 The bound that the predictor asks for is then close to what agrees with the corrector, and the
