@@ -123,7 +123,7 @@ def main() -> None:
     )
     given = parser.parse_args()
     if given.filter_limit is not None:
-        FILTER_LIMIT[3] = given.filter_limit
+        FILTER_LIMIT[3, given.degree] = given.filter_limit
     solving.solve(case(Fraction(1, 3), given.n, given.degree))
     tangents = Tangents()
     if MPI.COMM_WORLD.rank == 0:

@@ -31,9 +31,11 @@ def expected(dim: int, unknowns: int, ranks: int = 1, **changes: Any) -> Estimat
         (2, 132_098, 1, math.inf, 12.5, 0.65),
         (3, 14_739, 1, math.inf, 5.0, 0.40),
         (3, 46_875, 1, math.inf, 26.0, 0.81),
-        (3, 206_763, 2, math.inf, 189.0, 4.6),
-        (3, 352_947, 2, math.inf, 364.0, 8.0),
-        (3, 823_875, 2, 1e4, 673.0, 8.0),
+        (3, 107_811, 2, math.inf, 38.0, 2.4),
+        (3, 206_763, 2, math.inf, 88.0, 2.9),
+        (3, 206_763, 2, 1e4, 80.0, 2.5),
+        (3, 823_875, 2, math.inf, 676.0, 11.9),
+        (3, 823_875, 2, 1e4, 351.0, 9.1),
     ],
 )
 def test_the_estimate_agrees_with_what_was_measured_within_a_factor_of_1_5(

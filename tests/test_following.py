@@ -134,7 +134,7 @@ def _solved(coefficient: float = 0.3) -> Solution:
 def _project(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
         monkeypatch.setattr(multigrid_tangents, name, 0)
-    monkeypatch.setitem(FILTER_LIMIT, 3, 0)
+    monkeypatch.setitem(FILTER_LIMIT, (3, 1), 0)
 
 
 def _filter(monkeypatch: pytest.MonkeyPatch) -> None:

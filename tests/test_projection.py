@@ -35,7 +35,8 @@ def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
     """Let everything be too large for the filter, from the first tangent on, for any n."""
     for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
         monkeypatch.setattr(multigrid_tangents, name, 0)
-    monkeypatch.setitem(FILTER_LIMIT, dim, 0)
+    for degree in (1, 2):
+        monkeypatch.setitem(FILTER_LIMIT, (dim, degree), 0)
 
 
 def _count_rows(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -67,7 +68,7 @@ def test_multigrid_alone_may_take_longer_where_n_bounds_the_contrast(
     monkeypatch: pytest.MonkeyPatch, n: float, projects: bool
 ) -> None:
     monkeypatch.setattr(multigrid_tangents, "_PATIENCE_OF_PROJECTION", 0)
-    monkeypatch.setitem(FILTER_LIMIT, 3, 0)
+    monkeypatch.setitem(FILTER_LIMIT, (3, 1), 0)
     made = _count_rows(monkeypatch)
     assert solved(n, "iterative").converged
     assert bool(made) == projects

@@ -119,15 +119,19 @@ def workload(
     if parameters.adapt is not None:
         unknowns, times = max(unknowns, parameters.adapt.max_dofs), 2.0 * times
     is_direct = chosen(parameters.solver.linear, dim, unknowns) == "direct"
-    limit, filtered = FILTER_LIMIT[dim], reference.filtered * unknowns
+    limit = FILTER_LIMIT[dim, parameters.discretisation.degree]
+    filtered = reference.filtered * unknowns
     if not _limits_strain(parameters):
         # Nothing but the nodes of a side, at most.
         filtered = dim * (unknowns / dim) ** (1.0 - 1.0 / dim)
     beside: Beside = "filter"
     if not is_direct and dim == 3 and filtered > limit:
         beside = "nothing" if _bounds_contrast(parameters) else "projection"
-    is_projected = beside == "projection"
-    beside_cg = max(limit, reference.projected * unknowns) if is_projected else min(filtered, limit)
+    beside_gmres = {
+        "filter": min(filtered, limit),
+        "projection": reference.projected * unknowns,
+        "nothing": 0.0,
+    }
     steps = 1 if parameters.steps is None else len(parameters.steps.planned)
     return Workload(
         dim=dim,
@@ -135,7 +139,7 @@ def workload(
         ranks=ranks,
         is_direct=is_direct,
         beside=beside,
-        factor=unknowns if is_direct else beside_cg,
+        factor=unknowns if is_direct else beside_gmres[beside],
         tangents=times * (reference.tangents + (steps - 1) * reference.tangents_of_step),
         steps=steps,
     )
@@ -198,4 +202,5 @@ def _memory(load: Workload, reference: Reference) -> float:
     of_unknowns = (reference.memory_2d if flat else reference.memory_3d)(load.unknowns)
     factor = (reference.factor_2d if flat else reference.factor_3d)(load.factor)
     pieces = reference.in_pieces if load.ranks > 1 else 1.0
-    return load.ranks * reference.rank + of_unknowns + pieces * factor
+    kept = reference.kept_alone * load.unknowns if load.beside == "nothing" else 0.0
+    return load.ranks * reference.rank + of_unknowns + pieces * factor + kept

@@ -66,7 +66,7 @@ class Tangent:
         self._load.array_w[:] = system.load
         contrast, listen = task.target.largest_contrast, task.monitor.linear
         self._linear = tangent_solver(
-            self.matrix, system.dim, task.settings, contrast, listen, system.coarser_spaces
+            self.matrix, system.dim, degree, task.settings, contrast, listen, system.coarser_spaces
         )
 
     def visit(self) -> None:

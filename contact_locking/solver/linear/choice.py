@@ -29,6 +29,7 @@ _WITH_ANOTHER: dict[str, Any] = {
 def tangent_solver(
     matrix: PETSc.Mat,
     dim: int,
+    degree: int,
     settings: Settings,
     contrast: float,
     listen: Callable[[int], None],
@@ -44,7 +45,7 @@ def tangent_solver(
         own = OWN_PRECONDITIONER["pc_type"]
         if option("pc_type", OWN_PRECONDITIONER, settings.petsc) == own:
             coarser = [CoarserSpace(*found) for found in find_coarser()]
-            return MultigridTangents(matrix, dim, settings.petsc, contrast, listen, coarser)
+            return MultigridTangents(matrix, dim, degree, settings.petsc, contrast, listen, coarser)
         defaults = _WITH_ANOTHER
     else:
         is_direct = name == "direct"

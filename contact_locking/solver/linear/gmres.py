@@ -40,9 +40,9 @@ _OPTIONS: dict[str, Any] = {
     **FROM_ANY_START,
     **OWN_PRECONDITIONER,
 }
-# The preconditioner stands on the right, so that GMRES makes the residual itself small.  Each
-# iteration keeps a vector, which takes as much memory as a displacement.  Multigrid alone may take
-# so many iterations as GMRES takes before it begins anew.
+# The preconditioner stands on the right, so that GMRES makes the residual itself small.  Until
+# GMRES begins anew each iteration keeps a vector, which takes as much memory as a displacement.
+# Hardly any solve takes more than these.
 _OF_GMRES: dict[str, Any] = {"ksp_pc_side": "right", "ksp_gmres_restart": 150}
 # Where the start has a larger residual than none, its first iteration removes the residual of stiff
 # cells, by far the largest part.  GMRES then begins anew: rounding in its residual is relative to

@@ -27,9 +27,11 @@ _ROUNDING = 1e-12
 _PATIENCE = {2: 16, 3: 60}
 # So many iterations one solve may take by multigrid alone where the projection can take over.  With
 # the projection an iteration takes two to four times as long, and the set-up as long as a hundred
-# iterations.  Up to a moderate contrast multigrid alone is therefore allowed more of them.
+# iterations.  Up to a moderate contrast multigrid alone is therefore allowed more of them: the
+# iterations of all solves with a tangent, some two and a half times as many, then take as long as
+# with the projection.
 _PATIENCE_OF_PROJECTION = 50
-_LONGER_PATIENCE = 150
+_LONGER_PATIENCE = 300
 
 
 class MultigridTangents(TangentSolver):
@@ -38,15 +40,17 @@ class MultigridTangents(TangentSolver):
     Where a tangent takes more iterations than the filter would cost, it is filtered from there on,
     and so are all that follow.
 
-    The matrix is stored in blocks and has its near-nullspace.  ``contrast`` is how many times
-    stiffer than the material a cell can become.  ``listen`` is told the number of each Krylov
-    iteration, ``coarser`` are the coarser spaces of multigrid, and ``options`` those of the user.
+    The matrix is stored in blocks and has its near-nullspace.  ``dim`` and ``degree`` are those of
+    the elements, ``contrast`` is how many times stiffer than the material a cell can become,
+    ``listen`` is told the number of each Krylov iteration, ``coarser`` are the coarser spaces of
+    multigrid, and ``options`` those of the user.
     """
 
     def __init__(
         self,
         matrix: PETSc.Mat,
         dim: int,
+        degree: int,
         options: Mapping[str, Any],
         contrast: float,
         listen: Callable[[int], None],
@@ -54,7 +58,7 @@ class MultigridTangents(TangentSolver):
     ) -> None:
         super().__init__()
         self._dim = dim
-        self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim], coarser)
+        self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim, degree], coarser)
         self._gmres = Gmres(matrix, self._multigrid, options, listen)
         self._filters = False
         is_moderate = contrast <= MODERATE_CONTRAST
