@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from problems import block
@@ -59,11 +57,12 @@ def _iterations(parameters: Parameters, is_turned: bool = False) -> int:
 
 
 def test_affine_fields_below_take_iterations_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    given = block(2, 1 / 8, mesh__structured=True, penalty__n=math.inf,
+    # A small n leaves the filter nothing to do, and any smoother gains.
+    given = block(2, 1 / 8, mesh__structured=True, penalty__n=1.0,
                   discretisation__degree=2, solver__linear="iterative")  # fmt: skip
     below = _iterations(given)
     monkeypatch.setattr(PenalisedSystem, "coarser_spaces", lambda _: [])
-    assert 1.2 * below < _iterations(given)
+    assert 1.4 * below < _iterations(given)
 
 
 def test_conditions_along_any_direction_take_the_same_iterations() -> None:
