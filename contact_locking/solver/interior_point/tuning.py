@@ -69,7 +69,7 @@ class Tuning:
     # The linear solves.
     #: The residual that a linear solve may leave over the duality gap, in (0, 1).  Sharper solves
     #: save a tangent or two and cost more than these.
-    linear_share: float = 0.3
+    linear_share: float = 0.6
     #: The sharpest residual that a linear solve is asked for over the tolerance, in (0, 1).
     linear_sharpest: float = 0.03
     #: The largest residual that a linear solve may leave over the forces, in (0, 1).  At the
