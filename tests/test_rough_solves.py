@@ -17,6 +17,7 @@ from contact_locking.problem.assembly import assemble
 from contact_locking.problem.rigid_motions import prescribed_motion
 from contact_locking.solver.interior_point import farkas, method
 from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.target import Target
 
 _ANGLE = 1e-3
@@ -90,3 +91,25 @@ def test_forces_that_a_rough_solve_leaves_weaken_a_proof_and_never_make_it_false
     proofs = [factor for factor in factors if factor is not None]
     assert proofs
     assert min(proofs) >= 0.5
+
+
+def test_the_last_step_removes_what_linear_solves_have_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As in a console: bending makes large displacements of small forces."""
+    left: list[float] = []
+    measure = Iterate.equilibrium_residual
+
+    def noting(self: Iterate, scale: float, tolerance: float) -> float:
+        left.append(measure(self, scale, tolerance))
+        return left[-1]
+
+    monkeypatch.setattr(Iterate, "equilibrium_residual", noting)
+    pressed = block(
+        3, 1 / 4, mesh__structured=True, penalty__n=math.inf, solver__linear="iterative"
+    )
+    solution = solving.solve(pressed)
+    assert solution.converged, solution.summary["reason"]
+    # Linear solves leave 0.6 times the gap, so up to 0.6 times the tolerance.
+    sharpest = Tuning().linear_sharpest * pressed.solver.tolerance
+    assert left[-1] <= 1.1 * sharpest

@@ -84,6 +84,12 @@ class Constraints:
         self.supports.directions.project(free)
         return free
 
+    def keep_free(self, forces: PETSc.Vec) -> None:
+        """Leave the :meth:`free_part` of a vector of the matrix; collective."""
+        # PETSc keeps the norm of a vector until the array is given back.
+        with forces as values:
+            values[:] = self.free_part(np.asarray(values))
+
     def held_part(self, values: FloatArray) -> FloatArray:
         """What the conditions prescribe of local or owned values of a displacement field."""
         held = values * (1.0 - self._mask[: len(values)])

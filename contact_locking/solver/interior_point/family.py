@@ -10,7 +10,7 @@ side.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -96,9 +96,13 @@ class Family(ABC):
         return
 
     @property
-    @abstractmethod
     def reactions(self) -> FloatArray:
         """What acts on the body: the locking stress, the pressure, or ``-sigma_tau``."""
+        return self.reactions_of(self.z)
+
+    @abstractmethod
+    def reactions_of(self, z: FloatArray) -> FloatArray:
+        """The reactions of multipliers, in which they are linear."""
 
     def look(self, displacement: FloatArray) -> None:
         """Everything from now on is about this displacement; collective.
@@ -277,6 +281,14 @@ class Reaction:
     def of(cls, families: Iterable[Family]) -> list[Reaction]:
         """The present ones."""
         return [cls(family, family.reactions) for family in families]
+
+    @classmethod
+    def after(cls, t: float, steps: Mapping[Family, Step]) -> list[Reaction]:
+        """Those after a step of length t."""
+        return [
+            cls(family, family.reactions_of(family.z + t * step.dual))
+            for family, step in steps.items()
+        ]
 
     def add_to(self, forces: PETSc.Vec) -> None:
         """Add the forces; collective."""

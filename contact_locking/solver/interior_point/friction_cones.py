@@ -54,9 +54,8 @@ class FrictionCones(LorentzCones):
     def add_tool_forces(self, reactions: FloatArray, forces: FloatArray) -> None:
         self.nodes.add_tool_forces(reactions, forces)
 
-    @property
-    def reactions(self) -> FloatArray:
-        return -self.z[1 : 1 + self.nodes.dim]
+    def reactions_of(self, z: FloatArray) -> FloatArray:
+        return -z[1 : 1 + self.nodes.dim]
 
     @property
     def bound(self) -> FloatArray:

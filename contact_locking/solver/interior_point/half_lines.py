@@ -26,9 +26,8 @@ class HalfLines(Family):
     def limit(self) -> FloatArray:
         """The largest value (k,) of what is seen."""
 
-    @property
-    def reactions(self) -> FloatArray:
-        return self.z
+    def reactions_of(self, z: FloatArray) -> FloatArray:
+        return z
 
     # The iterate.
 

@@ -63,14 +63,16 @@ class Iterate:
         return self._direction_of(displacement)
 
     def balanced(self, direction: Direction, t: float, accuracy: float) -> Direction:
-        """The direction changed so that a step of length t < 1 balances the forces; collective.
+        """The direction changed so that a step of length t balances the forces; collective.
 
-        Forces are linear in displacement and multipliers, so that the step would leave the share
-        ``1 - t`` of those that are unbalanced.  Products change in second order only.
+        Forces are linear in displacement and multipliers: the step would leave the share ``1 - t``
+        of those that are unbalanced, and what an iterative solver has left.  Products change in
+        second order only.
         """
         at_rest = self._direction_of(self.tangent.nothing())
-        du = self.tangent.solve_step(Reaction.of(self.families), accuracy, is_like_last=False)
-        return direction.plus(self._direction_of(du).plus(at_rest, -1.0), (1.0 - t) / t)
+        reactions = Reaction.after(t, direction.steps)
+        du = self.tangent.step_after(t * direction.displacement, reactions, accuracy)
+        return direction.plus(self._direction_of(du).plus(at_rest, -1.0), 1.0 / t)
 
     def aims(self, target: float, corrections: Corrections) -> list[Reaction]:
         """The reactions that steps towards products of ``target`` lead to if nothing moves."""

@@ -47,9 +47,8 @@ class LockingCones(LorentzCones):
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
         self._strains.add_forces(reactions, forces)
 
-    @property
-    def reactions(self) -> FloatArray:
-        return -self.z[1:]
+    def reactions_of(self, z: FloatArray) -> FloatArray:
+        return -z[1:]
 
     # The iterate.
 

@@ -83,16 +83,18 @@ class Search:
 
         Collective.  Unbalanced forces within the tolerance may be those of bending, whose
         displacements in a slender body are large beside the forces.  To remove them takes one
-        back-substitution.
+        back-substitution, or few iterations.
         """
         left = (1.0 - t) * measures.equilibrium
+        if self._iterate.tangent.direct is None:
+            left += t * self._accuracy
         sharpest = self._tuning.linear_sharpest * self._tolerance
         if not (t > 0.0 and sharpest < left <= self._tolerance):
             return direction, t
         balanced = self._iterate.balanced(direction, t, min(self._accuracy, sharpest))
         shorter = min(t, self._length(balanced))
-        # Such a step leaves the share 1 - shorter/t of the forces.
-        return (balanced, shorter) if shorter > t * t else (direction, t)
+        is_better = (1.0 - shorter / t) * measures.equilibrium < left
+        return (balanced, shorter) if is_better else (direction, t)
 
     @property
     def _solves_jointly(self) -> bool:

@@ -66,7 +66,7 @@ class ElasticStart:
         """
         tangent, accuracy = self._tangent, self._tuning.start_sharpness * self._tolerance
         for _ in range(_SHARP_SOLVES):
-            tangent.move(1.0, tangent.solve_step([], accuracy, is_like_last=False))
+            tangent.move(1.0, tangent.step_after(tangent.nothing(), [], accuracy))
             self._look()
             if tangent.residual_norms([])[0] <= self._tolerance * tangent.force_scale:
                 break

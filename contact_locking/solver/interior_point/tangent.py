@@ -71,10 +71,9 @@ class Tangent:
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
-        displacement = self._answer
-        displacement.array_w[:] = self.system.u.x.array[: self._owned]
-        self.elasticity.mult(displacement, self._stretched)
-        self.energy = energy_of(self.system, displacement, self._stretched, self._stiffest)
+        self._answer.array_w[:] = self.system.u.x.array[: self._owned]
+        self.elasticity.mult(self._answer, self._stretched)
+        self.energy = energy_of(self.system, self._answer, self._stretched, self._stiffest)
         self.acting = float(max(self._load.norm(), self._stretched.norm()))
         self.force_scale = self.system.above_rounding(self.acting, self._tolerance)
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
@@ -93,8 +92,7 @@ class Tangent:
 
         Then that over held dofs: the reactions.  ``u`` was visited last; collective.
         """
-        self._start_right(self._unbalanced, -1.0)
-        every = self._add(reactions)
+        every = self._find_residual(reactions)
         left = float(self._right.norm())
         return left, math.sqrt(max(every**2 - left**2, 0.0))
 
@@ -107,19 +105,27 @@ class Tangent:
         return max((abs(left) / tool.force for tool, left in pairs if tool.pushes), default=0.0)
 
     def solve_step(
-        self, reactions: Sequence[Reaction], accuracy: float = 0.0, is_like_last: bool = True
+        self, reactions: Sequence[Reaction], accuracy: float, is_rough: bool = False
     ) -> FloatArray:
         """The displacement step that balances these reactions; collective.
 
         An iterative solver leaves a residual of ``accuracy``, relative to the forces, at most, and
-        starts from the step before if this one is like it.
+        starts from the step before.
         """
-        if not is_like_last:
-            self._step.set(0.0)
         self._find_residual(reactions)
         self._scale_right(-1.0)
-        self._linear.solve(self._right, self._step, accuracy * self.force_scale)
+        self._linear.solve(self._right, self._step, accuracy * self.force_scale, is_rough)
         return self._with_travels(self._step)
+
+    def step_after(
+        self, step: FloatArray, reactions: Sequence[Reaction], accuracy: float
+    ) -> FloatArray:
+        """As :meth:`solve_step`, from rest, with the elastic forces after a step; collective."""
+        self._step.array_w[:] = step[: self._owned]
+        self.elasticity.mult(self._step, self._stretched)
+        self._unbalanced.axpy(1.0, self._stretched)
+        self._step.set(0.0)
+        return self.solve_step(reactions, accuracy, is_rough=True)
 
     @property
     def filters(self) -> bool:
@@ -146,12 +152,9 @@ class Tangent:
 
         def add_following(x: PETSc.Vec, y: PETSc.Vec) -> None:
             self._moved.set(0.0)
-            travels = np.zeros(len(self.system.tools))
-            for reaction in follow(np.concatenate([x.array_r, travels])):
+            for reaction in follow(np.append(x.array_r, np.zeros(len(self.system.tools)))):
                 reaction.add_to(self._moved)
-            # PETSc keeps the norm of a vector until the array is given back.
-            with self._moved as moved:
-                moved[:] = self.system.constraints.free_part(np.asarray(moved))
+            self.system.constraints.keep_free(self._moved)
             y.axpy(1.0, self._moved)
 
         self._find_residual(reactions)
@@ -231,8 +234,7 @@ class Tangent:
 
     def _refresh_border(self) -> None:
         """Solve for the response to each travel; collective."""
-        tools = self.system.tools
-        corner = np.zeros(len(tools))
+        corner = np.zeros(len(self.system.tools))
         for number, column in enumerate(self._border.columns):
             travel = self.nothing()
             travel[self._owned + number] = 1.0
@@ -256,9 +258,9 @@ class Tangent:
         travels = self._border.solve(self._whole, self._right_tools)
         return np.append(self.system.constraints.free_part(self._whole.array_r), travels)
 
-    def _find_residual(self, reactions: Sequence[Reaction]) -> None:
+    def _find_residual(self, reactions: Sequence[Reaction]) -> float:
         self._start_right(self._unbalanced, -1.0)
-        self._add(reactions)
+        return self._add(reactions)
 
     def _start_right(self, forces: PETSc.Vec | None = None, share: float = 0.0) -> None:
         """Set the right-hand side to given forces, and to a share of the forces of the tools."""
@@ -282,9 +284,7 @@ class Tangent:
                 reaction.family.add_tool_forces(reaction.values, local)
             self._right_tools = self._right_tools + self.comm.allreduce(local)
         every = float(self._right.norm())
-        # PETSc keeps the norm of a vector until the array is given back.
-        with self._right as right:
-            right[:] = self.system.constraints.free_part(np.asarray(right))
+        self.system.constraints.keep_free(self._right)
         return every
 
     def _solve_for(

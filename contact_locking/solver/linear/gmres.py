@@ -5,7 +5,8 @@
 The friction bound follows the pressure, and the pressure follows the displacement: the forces
 ``F x`` that belong to it are few, on a part of the surface, and far smaller than ``K x`` unless
 friction is large.  GMRES (doi:10.1137/0907058) with the preconditioner of ``K`` therefore takes
-hardly more iterations than for ``K`` alone.
+hardly more iterations than for ``K`` alone.  Where the projection factorises in single precision,
+GMRES solves for the forces of stiff points as well (:mod:`saddle_point`).
 
 ``K`` is symmetric, and CG would do for it.  But a linear solve ends where the residual is small,
 GMRES makes the residual itself as small as can be, and CG the energy of the error: where cells are
@@ -27,6 +28,7 @@ from contact_locking.solver.linear.ksp import (
     destroy_ksp,
     option,
 )
+from contact_locking.solver.linear.saddle_point import SaddlePoint
 from contact_locking.solver.linear.tangent_solver import Follow
 
 #: The filtered multigrid, for PETSc a preconditioner of type python.
@@ -83,6 +85,77 @@ class Preconditioner:
         self.multiply(r, z)
 
 
+class _Krylov:
+    """PETSc's Krylov method with the contexts of a matrix and of a preconditioner; collective."""
+
+    def __init__(
+        self,
+        sizes: Any,
+        operator: Any,
+        preconditioner: Any,
+        options: Mapping[str, Any],
+        listen: Callable[[int], None],
+        comm: Any,
+    ) -> None:
+        self.operator = PETSc.Mat().createPython(sizes, operator, comm=comm)
+        self.operator.setUp()
+        is_gmres = option("ksp_type", _OPTIONS, options) == _OPTIONS["ksp_type"]
+        self.ksp = create_ksp(comm, _OPTIONS | (_OF_GMRES if is_gmres else {}), options)
+        self.ksp.setErrorIfNotConverged(False)
+        self.ksp.setInitialGuessNonzero(True)
+        self.ksp.setOperators(self.operator)
+        self.ksp.getPC().setPythonContext(preconditioner)
+        self._listener = IterationListener(self.ksp, listen)
+
+    def solve(self, right: PETSc.Vec, x: PETSc.Vec, residual: float, most: int) -> int:
+        """Improve ``x``, and return the iterations that were taken."""
+        self.ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=most)
+        self.ksp.solve(right, x)
+        self._listener.raise_kept()
+        return int(self.ksp.getIterationNumber())
+
+    def estimate(self) -> float | None:
+        """The residual that the last solve believes to have left, if it ended by that."""
+        return float(self.ksp.getResidualNorm()) if self.ksp.getConvergedReason() > 0 else None
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        destroy_ksp(self.ksp)
+        self.operator.destroy()
+
+
+class _WithForces:
+    """Solves for displacements and the forces of stiff points; all of it is collective."""
+
+    def __init__(
+        self,
+        saddle_point: SaddlePoint,
+        options: Mapping[str, Any],
+        listen: Callable[[int], None],
+        comm: Any,
+    ) -> None:
+        self.saddle_point = saddle_point
+        local = saddle_point.size, None
+        given = saddle_point, saddle_point, options, listen, comm
+        self.krylov = _Krylov((local, local), *given)
+        self._right, self._solution = self.krylov.operator.createVecs()
+
+    def correct(self, left: PETSc.Vec, x: PETSc.Vec, residual: float, most: int) -> int:
+        """Add to ``x`` the displacement of the forces ``left``; return the iterations taken."""
+        self.saddle_point.set_right(left, self._right)
+        self._solution.set(0.0)
+        count = self.krylov.solve(self._right, self._solution, residual, most)
+        self.saddle_point.add_displacement(self._solution, x)
+        return count
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.krylov.destroy()
+        self.saddle_point.free()
+        self._right.destroy()
+        self._solution.destroy()
+
+
 class Gmres:
     """Solves with a matrix and its filtered multigrid; all of it is collective.
 
@@ -97,25 +170,20 @@ class Gmres:
         options: Mapping[str, Any],
         listen: Callable[[int], None],
     ) -> None:
-        comm, self._multigrid = matrix.getComm(), multigrid
+        self._comm, self._multigrid = matrix.getComm(), multigrid
+        self._options, self._listen = options, listen
         self._sum, self._preconditioner = _Sum(matrix), Preconditioner(multigrid)
-        self._operator = PETSc.Mat().createPython(matrix.getSizes(), self._sum, comm=comm)
-        self._operator.setUp()
-        is_gmres = option("ksp_type", _OPTIONS, options) == _OPTIONS["ksp_type"]
-        self._ksp = create_ksp(comm, _OPTIONS | (_OF_GMRES if is_gmres else {}), options)
-        self._ksp.setErrorIfNotConverged(False)
-        self._ksp.setInitialGuessNonzero(True)
-        self._ksp.setOperators(self._operator)
-        self._ksp.getPC().setPythonContext(self._preconditioner)
-        self._listener = IterationListener(self._ksp, listen)
+        given = self._sum, self._preconditioner, options, listen, self._comm
+        self._krylov = _Krylov(matrix.getSizes(), *given)
+        self._with_forces: _WithForces | None = None
         self._left = matrix.createVecLeft()
         #: The most iterations of a solve.
-        self.max_iterations: int = self._ksp.getTolerances()[3]
+        self.max_iterations: int = self._krylov.ksp.getTolerances()[3]
 
     @property
     def solves_following(self) -> bool:
         """Whether :meth:`solve_following` is there: not with a user's solver for symmetry."""
-        return self._ksp.getType() in _FOR_ANY_MATRIX
+        return self._krylov.ksp.getType() in _FOR_ANY_MATRIX
 
     def solve(
         self, right: PETSc.Vec, x: PETSc.Vec, residual: float, most: int
@@ -134,10 +202,16 @@ class Gmres:
         self._sum.follow, self._preconditioner.multiply = follow, self._multigrid.apply_to_any
         return self._improve(right, x, residual, most, lambda *_: None)
 
+    def forget(self) -> None:
+        """Free the memory of the stiff points, before the matrix gets new values."""
+        if self._with_forces is not None:
+            self._with_forces.destroy()
+            self._with_forces = None
+
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        destroy_ksp(self._ksp)
-        self._operator.destroy()
+        self.forget()
+        self._krylov.destroy()
         self._left.destroy()
 
     def _improve(
@@ -148,26 +222,41 @@ class Gmres:
         most: int,
         start: Callable[[PETSc.Vec, PETSc.Vec], None],
     ) -> tuple[int, float]:
-        count, size = 0, right.norm()
+        count, size, last = 0, right.norm(), self._krylov
         for _ in range(_CYCLES):
             start(right, x)
             left = self._residual(right, x)
             if left <= residual or count >= most:
                 break
-            longest = _FIRST if left > size and count == 0 else most - count
+            longest = most - count
             if self._multigrid.filters_exactly:
                 longest = min(longest, _LONGEST_FILTERED)
-            self._ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=longest)
-            self._ksp.solve(right, x)
-            self._listener.raise_kept()
-            count += self._ksp.getIterationNumber()
+            if left > size and count == 0:
+                count += self._krylov.solve(right, x, residual, min(longest, _FIRST))
+            elif (with_forces := self._prepared()) is not None:
+                count += with_forces.correct(self._left, x, residual, longest)
+                last = with_forces.krylov
+            else:
+                count += self._krylov.solve(right, x, residual, longest)
         else:
             # Rounding keeps what GMRES has achieved from being seen.
-            is_done = self._ksp.getConvergedReason() > 0
-            left = self._ksp.getResidualNorm() if is_done else self._residual(right, x)
+            estimate = last.estimate()
+            left = self._residual(right, x) if estimate is None else estimate
         return count, left
 
+    def _prepared(self) -> _WithForces | None:
+        """The solver with the forces of stiff points, where they are projected."""
+        projection = self._multigrid.projection
+        if projection is None or not projection.in_single:
+            return None
+        if self._with_forces is None:
+            saddle_point = SaddlePoint(self._multigrid, projection)
+            given = self._options, self._listen, self._comm
+            self._with_forces = _WithForces(saddle_point, *given)
+        self._with_forces.saddle_point.follow = self._sum.follow
+        return self._with_forces
+
     def _residual(self, right: PETSc.Vec, x: PETSc.Vec) -> float:
-        self._operator.mult(x, self._left)
+        self._krylov.operator.mult(x, self._left)
         self._left.aypx(-1.0, right)
         return float(self._left.norm())

@@ -60,12 +60,14 @@ class MultigridTangents(TangentSolver):
         self._dim = dim
         self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim, degree], coarser)
         self._gmres = Gmres(matrix, self._multigrid, options, listen)
+        self._multigrid.in_single = self._gmres.solves_following
         self._filters = False
         is_moderate = contrast <= MODERATE_CONTRAST
         self._patience_of_projection = _LONGER_PATIENCE if is_moderate else _PATIENCE_OF_PROJECTION
 
     def refresh(self, split: Callable[[], StiffPart]) -> None:
         """The matrix has new values, ``split`` tells which are stiff."""
+        self._gmres.forget()
         self._stiff = split()
         self._can_filter = self._multigrid.can_filter(self._stiff)
         self._projects = self._multigrid.must_project(self._stiff)
@@ -145,5 +147,5 @@ class MultigridTangents(TangentSolver):
             self._filter()
         count, left = attempt(enough, self._gmres.max_iterations)
         self._iterations += count
-        if not left <= _FAILED * size:
+        if not left <= max(enough, _FAILED * size):
             raise NotConverged(LINEAR_FAILURE)

@@ -4,6 +4,8 @@
 
 struct substructure {
   int n, interior;
+  /* Bytes of a number. */
+  size_t size;
   cholmod_sparse matrix;
   cholmod_common common;
   cholmod_factor *factor;
@@ -17,7 +19,7 @@ int substructure_has_its_library(void)
 }
 
 /* Rows of a symmetric matrix are its columns, and CHOLMOD passes over the upper triangle. */
-static cholmod_sparse lower(int n, const int *starts, const int *columns)
+static cholmod_sparse lower(int n, const int *starts, const int *columns, int dtype)
 {
   cholmod_sparse a;
   memset(&a, 0, sizeof a);
@@ -28,7 +30,7 @@ static cholmod_sparse lower(int n, const int *starts, const int *columns)
   a.stype = -1;
   a.itype = CHOLMOD_INT;
   a.xtype = CHOLMOD_PATTERN;
-  a.dtype = CHOLMOD_DOUBLE;
+  a.dtype = dtype;
   a.sorted = a.packed = 1;
   return a;
 }
@@ -77,7 +79,7 @@ void substructure_free(substructure *s)
 }
 
 substructure *substructure_new(int n, const int *starts, const int *columns, int interior,
-                               int *order)
+                               int is_single, int *order)
 {
   substructure *s = calloc(1, sizeof *s);
   if (!s)
@@ -88,7 +90,8 @@ substructure *substructure_new(int n, const int *starts, const int *columns, int
   common->supernodal = CHOLMOD_SUPERNODAL;
   s->n = n;
   s->interior = interior;
-  s->matrix = lower(n, starts, columns);
+  s->size = is_single ? sizeof(float) : sizeof(double);
+  s->matrix = lower(n, starts, columns, is_single ? CHOLMOD_SINGLE : CHOLMOD_DOUBLE);
   int failed = find_order(&s->matrix, interior, order, common);
   if (!failed) {
     /* A postorder could bring the corner forward. */
@@ -105,7 +108,7 @@ substructure *substructure_new(int n, const int *starts, const int *columns, int
   return s;
 }
 
-int substructure_factorise(substructure *s, const double *values, double *corner)
+int substructure_factorise(substructure *s, const void *values, void *corner)
 {
   s->matrix.x = (void *)values;
   s->matrix.xtype = CHOLMOD_REAL;
@@ -113,21 +116,23 @@ int substructure_factorise(substructure *s, const double *values, double *corner
   if (!cholmod_factorize(&s->matrix, factor, &s->common) || factor->minor < (size_t)s->n)
     return 1;
   const int n = s->n, interior = s->interior;
-  const size_t m = n - interior;
+  const size_t m = n - interior, size = s->size;
   const int *super = factor->super, *starts = factor->pi, *at = factor->px, *rows = factor->s;
-  memset(corner, 0, m * m * sizeof *corner);
+  memset(corner, 0, m * m * size);
   for (size_t k = 0; k < factor->nsuper; k++) {
     const int first = super[k], height = starts[k + 1] - starts[k];
     for (int j = first < interior ? interior : first; j < super[k + 1]; j++) {
-      const double *column = (const double *)factor->x + at[k] + (size_t)(j - first) * height;
-      for (int i = j - first; i < height; i++)
-        corner[(n - 1 - j) * m + (n - 1 - rows[starts[k] + i])] = column[i];
+      const char *column = (const char *)factor->x + (at[k] + (size_t)(j - first) * height) * size;
+      for (int i = j - first; i < height; i++) {
+        const size_t place = (n - 1 - j) * m + (n - 1 - rows[starts[k] + i]);
+        memcpy((char *)corner + place * size, column + i * size, size);
+      }
     }
   }
   return 0;
 }
 
-static int solve(substructure *s, int system, double *b)
+static int solve(substructure *s, int system, void *b)
 {
   cholmod_dense right;
   memset(&right, 0, sizeof right);
@@ -135,20 +140,20 @@ static int solve(substructure *s, int system, double *b)
   right.ncol = 1;
   right.x = b;
   right.xtype = CHOLMOD_REAL;
-  right.dtype = CHOLMOD_DOUBLE;
+  right.dtype = s->matrix.dtype;
   if (!cholmod_solve2(system, s->factor, &right, NULL, &s->solution, NULL, &s->y, &s->e,
             &s->common))
     return 1;
-  memcpy(b, s->solution->x, s->n * sizeof *b);
+  memcpy(b, s->solution->x, s->n * s->size);
   return 0;
 }
 
-int substructure_forward(substructure *s, double *b)
+int substructure_forward(substructure *s, void *b)
 {
   return solve(s, CHOLMOD_L, b);
 }
 
-int substructure_backward(substructure *s, double *b)
+int substructure_backward(substructure *s, void *b)
 {
   return solve(s, CHOLMOD_Lt, b);
 }

@@ -11,13 +11,13 @@ int substructure_has_its_library(void);
    there is no memory.  order (n) holds the numbers of the interior, then those of the corner; the
    former are put in the order in which they are eliminated. */
 substructure *substructure_new(int n, const int *starts, const int *columns, int interior,
-                               int *order);
+                               int is_single, int *order);
 void substructure_free(substructure *s);
 
 /* Factorises; corner (m, m), by columns, gets the corner of L with its rows and columns in reverse
    order, which makes it upper triangular. */
-int substructure_factorise(substructure *s, const double *values, double *corner);
+int substructure_factorise(substructure *s, const void *values, void *corner);
 
 /* L^-1 b, and L^-T b, in place. */
-int substructure_forward(substructure *s, double *b);
-int substructure_backward(substructure *s, double *b);
+int substructure_forward(substructure *s, void *b);
+int substructure_backward(substructure *s, void *b);

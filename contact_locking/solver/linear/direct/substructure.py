@@ -10,12 +10,15 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.linalg import blas, lapack
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from contact_locking.arrays import FloatArray
 from contact_locking.problem import compiled
 
 Numbers = npt.NDArray[np.integer]
+#: In which the factor is stored, and its solves are done.
+Precision = type[np.float64] | type[np.float32]
+Reals = npt.NDArray[np.floating[Any]]
 
 
 class Substructure:
@@ -27,7 +30,12 @@ class Substructure:
     """
 
     def __init__(
-        self, matrix: PETSc.Mat, interior: Numbers, corner: Numbers, comm: MPI.Intracomm
+        self,
+        matrix: PETSc.Mat,
+        interior: Numbers,
+        corner: Numbers,
+        comm: MPI.Intracomm,
+        precision: Precision = np.float64,
     ) -> None:
         self._library, self._ffi = _library(comm)
         starts, columns, _ = matrix.getValuesCSR()
@@ -35,46 +43,50 @@ class Substructure:
         # CHOLMOD keeps no copy of the pattern.
         self._pattern = [self._ints(starts), self._ints(columns)]
         sizes = len(self.order), *self._pattern, len(interior)
-        made = self._library.substructure_new(*sizes, self._ints(self.order))
+        is_single = precision is np.float32
+        made = self._library.substructure_new(*sizes, is_single, self._ints(self.order))
         self.has_memory = bool(made)
         self._made = self._ffi.gc(made, self._library.substructure_free) if made else made
-        self._corner = np.empty((len(corner), len(corner)), order="F")
-        self._vector = np.empty(len(self.order))
+        self._corner = np.empty((len(corner), len(corner)), precision, order="F")
+        self._vector = np.empty(len(self.order), precision)
+        (self._trmv,) = get_blas_funcs(("trmv",), dtype=precision)
+        (self._lauum,) = get_lapack_funcs(("lauum",), dtype=precision)
         self._inside = self._vector[: len(interior)]
         self._reversed = self._vector[len(interior) :][::-1]
 
     def factorise(self, values: FloatArray) -> bool:
         """Whether a matrix with these values is positive definite, and L exists."""
-        corner = self._ffi.from_buffer("double[]", self._corner.reshape(-1, order="F"))
-        return not self._library.substructure_factorise(self._made, self._doubles(values), corner)
+        corner = self._numbers(self._corner.reshape(-1, order="F"))
+        given = self._numbers(values.astype(self._vector.dtype, copy=False))
+        return not self._library.substructure_factorise(self._made, given, corner)
 
-    def complement(self) -> FloatArray:
+    def complement(self) -> Reals:
         """``U U^T``, its upper triangle: the Schur complement of the interior."""
-        product, _ = lapack.dlauum(self._corner)
+        product, _ = self._lauum(self._corner)
         return np.asarray(product)
 
-    def forward(self, interior: FloatArray) -> FloatArray:
+    def forward(self, interior: FloatArray) -> Reals:
         """``-A_GI A_I^-1 b`` for a right-hand side b inside; to be followed by ``backward``."""
         self._vector[:] = 0.0
         self._inside[:] = interior
         self._solve(self._library.substructure_forward)
-        return np.asarray(blas.dtrmv(self._corner, self._reversed))
+        return np.asarray(self._trmv(self._corner, self._reversed))
 
-    def backward(self, corner: FloatArray) -> FloatArray:
+    def backward(self, corner: Reals) -> Reals:
         """The solution inside for the solution in the corner."""
-        self._reversed[:] = blas.dtrmv(self._corner, corner, trans=1)
+        self._reversed[:] = self._trmv(self._corner, corner, trans=1)
         self._solve(self._library.substructure_backward)
         return self._inside
 
     def _solve(self, triangle: Callable[[Any, Any], int]) -> None:
-        if triangle(self._made, self._doubles(self._vector)):
+        if triangle(self._made, self._numbers(self._vector)):
             raise MemoryError("CHOLMOD has no workspace for a solve")
 
     def _ints(self, array: npt.NDArray[Any]) -> Any:
         return self._ffi.from_buffer("int[]", np.ascontiguousarray(array, dtype=np.int32))
 
-    def _doubles(self, array: FloatArray) -> Any:
-        return self._ffi.from_buffer("double[]", array)
+    def _numbers(self, array: Reals) -> Any:
+        return self._ffi.from_buffer(array)
 
 
 def is_available(comm: MPI.Intracomm) -> bool:
