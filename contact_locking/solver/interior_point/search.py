@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from contact_locking.errors import NotConverged
 from contact_locking.solver.interior_point.bound_step import BoundStep
 from contact_locking.solver.interior_point.direction import Direction
 from contact_locking.solver.interior_point.iterate import Corrections, Iterate, added
@@ -91,7 +92,11 @@ class Search:
         sharpest = self._tuning.linear_sharpest * self._tolerance
         if not (t > 0.0 and sharpest < left <= self._tolerance):
             return direction, t
-        balanced = self._iterate.balanced(direction, t, min(self._accuracy, sharpest))
+        try:
+            balanced = self._iterate.balanced(direction, t, min(self._accuracy, sharpest))
+        except NotConverged:
+            # An iterative solver removes nothing of what is rounding in large reactions.
+            return direction, t
         shorter = min(t, self._length(balanced))
         is_better = (1.0 - shorter / t) * measures.equilibrium < left
         return (balanced, shorter) if is_better else (direction, t)
