@@ -97,7 +97,7 @@ def test_forces_that_a_rough_solve_leaves_weaken_a_proof_and_never_make_it_false
 def test_the_last_step_removes_what_linear_solves_have_left(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """As in a console: bending makes large displacements of small forces."""
+    """What a tolerance of the forces lets pass may bend a slender body far."""
     left: list[float] = []
     measure = Iterate.equilibrium_residual
 

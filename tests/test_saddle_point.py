@@ -98,7 +98,7 @@ class _Chain:
         return StiffPart(every, _refuse, _refuse, find_rows, assemble_across)
 
     def rub(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Friction of 0.3 times the pressure, with the sign that needs care."""
+        """Add friction of 0.3 times the pressure: it follows the displacement, without symmetry."""
         place = _TOUCHING * _SIZE
         if self.span[0] <= place < self.span[1]:
             pressure = self.stiffness * x.array_r[place - self.span[0]]

@@ -120,7 +120,7 @@ class Tangent:
     def step_after(
         self, step: FloatArray, reactions: Sequence[Reaction], accuracy: float
     ) -> FloatArray:
-        """As :meth:`solve_step`, from rest, with the elastic forces after a step; collective."""
+        """As :meth:`solve_step`, from rest; the forces are now those after ``step``; collective."""
         self._step.array_w[:] = step[: self._owned]
         self.elasticity.mult(self._step, self._stretched)
         self._unbalanced.axpy(1.0, self._stretched)

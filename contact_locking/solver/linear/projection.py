@@ -84,10 +84,14 @@ class Projection:
         self.diagonal = diagonal.array_r.copy()
         diagonal.destroy()
         self._change, self._right = rows.createVecs()
-        self._first, self._second = self._right.duplicate(), self._right.duplicate()
+        self._forces, self._forces_change = self._right.duplicate(), self._right.duplicate()
+        self._nothing = self._right.duplicate()
+        self._nothing.set(0.0)
+        #: How many unknowns a node has.
         self.block_size = soft.getBlockSize()
         #: Whether nothing is stiff.
         self.is_empty = rows.getSize()[0] == 0
+        # The factor of T, and behind it CG with the factor where that is in single precision.
         self._solvers: list[PETSc.KSP] = []
         #: Whether T is factorised in single precision.
         self.in_single = False
@@ -101,10 +105,7 @@ class Projection:
         if self.is_empty:
             soft.apply(r, z)
             return
-        nothing = self._right.duplicate()
-        nothing.set(0.0)
-        self._invert(self.solve_precisely, soft, r, nothing, z, self._first)
-        nothing.destroy()
+        self._invert(self._solve_precisely, soft, r, self._nothing, z, self._forces)
 
     def invert(
         self, soft: Multigrid, r: PETSc.Vec, s: PETSc.Vec, z: PETSc.Vec, forces: PETSc.Vec
@@ -115,24 +116,14 @@ class Projection:
         """
         self._invert(self._solvers[0].solve, soft, r, s, z, forces)
 
-    def solve_precisely(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
-        """``T^-1 b``, as precise as the stiffness needs."""
-        precise = self._solvers[-1]
-        precise.solve(right, solution)
-        self.is_bad |= self.in_single and precise.getIterationNumber() > _BAD
-
     def disagreement(self, z: PETSc.Vec, forces: PETSc.Vec, s: PETSc.Vec) -> None:
         """``s = C z - B^-1 f``: how far forces are from those of a displacement."""
         self.rows.mult(z, s)
         s.array_w[:] -= self.compliance * forces.array_r
 
     def reconcile(self, z: PETSc.Vec, forces: PETSc.Vec) -> None:
-        """Change z, and forces f, so that the forces are those of the displacement."""
-        self.disagreement(z, forces, self._right)
-        self.solve_precisely(self._right, self._second)
-        self.scaled.multTranspose(self._second, self._change)
-        z.axpy(-1.0, self._change)
-        forces.axpy(1.0, self._second)
+        """Change z and forces f so that ``C z = B^-1 f``, as precisely as the stiffness needs."""
+        self._reconcile(self._solve_precisely, self._nothing, z, forces)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
@@ -144,8 +135,9 @@ class Projection:
             self._coupling,
             self._change,
             self._right,
-            self._first,
-            self._second,
+            self._forces,
+            self._forces_change,
+            self._nothing,
         ):
             item.destroy()
 
@@ -158,7 +150,7 @@ class Projection:
         z: PETSc.Vec,
         forces: PETSc.Vec,
     ) -> None:
-        change, right, second = self._change, self._right, self._second
+        change, right = self._change, self._right
         self.scaled.mult(r, right)
         right.axpy(-1.0, s)
         solve(right, forces)
@@ -167,12 +159,29 @@ class Projection:
         change.aypx(-1.0, r)
         soft.apply(change, z)
         # z = Q z + K^T T^-1 B^-1 T^-1 K r
+        self._reconcile(solve, s, z, forces)
+
+    def _reconcile(
+        self,
+        solve: Callable[[PETSc.Vec, PETSc.Vec], None],
+        s: PETSc.Vec,
+        z: PETSc.Vec,
+        forces: PETSc.Vec,
+    ) -> None:
+        """Change z and forces f so that ``C z - B^-1 f`` is s."""
+        change, right, forces_change = self._change, self._right, self._forces_change
         self.disagreement(z, forces, right)
         right.axpy(-1.0, s)
-        solve(right, second)
-        self.scaled.multTranspose(second, change)
+        solve(right, forces_change)
+        self.scaled.multTranspose(forces_change, change)
         z.axpy(-1.0, change)
-        forces.axpy(1.0, second)
+        forces.axpy(1.0, forces_change)
+
+    def _solve_precisely(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """``T^-1 b``, as precise as the stiffness needs."""
+        precise = self._solvers[-1]
+        precise.solve(right, solution)
+        self.is_bad |= self.in_single and precise.getIterationNumber() > _BAD
 
     def _factorise(self, in_single: bool) -> None:
         """The factor of T, and CG with the factor if that is in single precision."""
@@ -188,7 +197,7 @@ class Projection:
         try:
             factor.setUp()
         except PETSc.Error:
-            # Rounding has made T indefinite.
+            # Rounding may have made T indefinite; double precision fails as well for other reasons.
             self.is_bad = True
             destroy_ksp(factor)
             self._factorise(in_single=False)

@@ -7,7 +7,7 @@ With ``A = A_0 + C^T B C`` (:mod:`projection`), ``(A + F) z = r`` is
 
 in which the stiffness B stands as a compliance: an error of ``C z`` no longer counts B times.  The
 preconditioner, which makes forces and displacement agree with each other, may therefore be as
-inexact as a factor in single precision, and GMRES takes as many iterations as for ``A``.  Behind
+inexact as a factor in single precision, and GMRES takes as many iterations as for ``A``.  After
 GMRES the displacement is made to agree with the forces in full precision, once for each solve.
 """
 
@@ -41,7 +41,7 @@ class SaddlePoint:
         self._scale = np.where(norms > 0.0, norms, 1.0) / projection.diagonal
         #: The forces F, if there are any.
         self.follow: Follow | None = None
-        #: How many unknowns this rank has, and the displacement among them.
+        #: How many unknowns this rank has, displacements and forces.
         self.size = self._z.getLocalSize() + self._forces.getLocalSize()
 
     def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -70,7 +70,7 @@ class SaddlePoint:
         self._join(forces, self._s, right)
 
     def add_displacement(self, solution: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Add the displacement of a solution to ``x``, such that its forces are those of it."""
+        """Add the displacement of a solution, made to agree with the solution's forces, to x."""
         self._split(solution, self._z, self._forces)
         self._projection.reconcile(self._z, self._forces)
         x.axpy(1.0, self._z)
