@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 from problems import block
 
-from contact_locking import solving
+from contact_locking import solving, study_file
+from contact_locking.errors import NotConverged
+from contact_locking.parameters import Parameters
 from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point import method
 from contact_locking.solver.interior_point.bound_step import BoundStep
@@ -59,3 +62,27 @@ def test_the_end_of_a_solve_foresees_nothing(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(BoundStep, "foresee", noting)
     solution, _ = _solved(monkeypatch, 0.3, Tuning().foreseen_above)
     assert 0 < len(seen) < solution.summary["iterations"]["tangents"] - 2
+
+
+@pytest.mark.parametrize("n", [2500.0, 7500.0])
+def test_short_steps_set_the_bound_where_it_is_nearly_right(
+    n: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If they kept it, they would vanish with the bound at 1e-7 of what it should be."""
+    failures: list[NotConverged] = []
+    solve = method.InteriorPoint.solve
+
+    def noting(self: method.InteriorPoint) -> object:
+        try:
+            return solve(self)
+        except NotConverged as failure:
+            failures.append(failure)
+            raise
+
+    monkeypatch.setattr(method.InteriorPoint, "solve", noting)
+    wedged = study_file.load(Path(__file__).parent / "wedged/verge_10026.yml").parameters
+    data = wedged.model_dump()
+    data["penalty"].update(n=n, epsilon=1.0 / n)
+    data["friction"]["regularisation"] = 1.0 / n
+    assert solving.solve(Parameters.model_validate(data)).converged
+    assert not failures

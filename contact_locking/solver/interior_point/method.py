@@ -251,12 +251,12 @@ class InteriorPoint:
             return False
         iterate.advance(t, direction)
         if self._moving:
-            self._follow()
+            self._follow(t)
             report.friction += 1
         return True
 
-    def _follow(self) -> None:
-        """Note how far the step left the friction bounds from ``mu |R p|``; collective.
+    def _follow(self, t: float) -> None:
+        """Note how far a step of length t left the friction bounds from ``mu |R p|``; collective.
 
         Where it came hardly closer the bounds are set to that: the linearisation fails where slips
         stop, start or turn round.
@@ -271,7 +271,9 @@ class InteriorPoint:
         size = max(joint_norm(contacts, wanted), least)
         before = self._friction_change
         self._friction_change = joint_norm(contacts, left) / size if size > 0.0 else 0.0
-        close_enough = max(tuning.bound_closer * before, tuning.bound_close)
+        close_enough = tuning.bound_closer * before
+        if t >= tuning.bound_led:
+            close_enough = max(close_enough, tuning.bound_close)
         came_closer = self._friction_change <= close_enough
         for contact, values in zip(contacts, used, strict=True):
             contact.bounds = values

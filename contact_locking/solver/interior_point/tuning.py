@@ -131,8 +131,10 @@ class Tuning:
     #: A step has brought the bound closer to ``mu |R p|`` if it leaves this share of the distance
     #: at most, in (0, 1).
     bound_closer: float = 0.5
-    #: A distance of this share of the bound, > 0, is close however it changed.
+    #: A distance of this share of the bound, > 0, is close however it changed, unless the step was
+    #: shorter than :attr:`bound_led`, in (0, 1): such steps would keep the distance for ever.
     bound_close: float = 1e-6
+    bound_led: float = 0.1
 
     # Recentring, by Gondzio's correctors.
     #: The most recentrings for each tangent, >= 0.
