@@ -23,7 +23,7 @@ class Reference:
 
     Measured on one core of a Xeon (AVX-512, 2 cores) with DOLFINx 0.9, OpenBLAS and CHOLMOD: the
     block of the tests at n = .inf with h = 1/64 to 1/256 in 2D and 1/12 to 1/24 in 3D, and with
-    h = 1/32, 1/40 and 1/64 in 3D for iterative solves (docs/benchmarks.md); numbers of tangents and
+    h = 1/32 to 1/64 in 3D for iterative solves (docs/benchmarks.md); numbers of tangents and
     times of small solves are those of the demos.  docs/guides/large.md compares the estimate with
     what other solves took.
     """
@@ -53,8 +53,8 @@ class Reference:
     set_up: float = 0.3
     #: Seconds of a tangent by GMRES where more is locked than the filter takes: by projection, and
     #: by multigrid alone where n bounds the contrast.
-    projected_3d: Growth = Growth(0.0, 1.2e-7, 1.5)
-    alone_3d: Growth = Growth(0.0, 6.0e-7, 4 / 3)
+    projected_3d: Growth = Growth(0.0, 7.6e-8, 1.5)
+    alone_3d: Growth = Growth(0.0, 2.6e-6, 1.2)
     #: The share of the unknowns that the filter beside GMRES factorises, as the block has it.
     filtered: float = 0.65
     #: The rows of the projection, which takes the place of a filter that is too large, over the
