@@ -93,7 +93,8 @@ class Moment:
 
     ``displacement`` holds local values, ``forces`` the external forces at the owned dofs.
     ``contacts`` has what acts at each contact.  ``stored`` is the stored energy, and ``work`` the
-    work that defects are relative to.
+    work that defects are relative to.  ``negligible`` is the norm of forces that the tolerance of
+    the solver does not tell from rounding.
     """
 
     displacement: FloatArray
@@ -101,6 +102,7 @@ class Moment:
     contacts: tuple[Touch, ...]
     stored: float
     work: float
+    negligible: float
 
     @classmethod
     def of(cls, state: SolvedState) -> Moment:
@@ -111,6 +113,7 @@ class Moment:
             contacts=tuple(Touch.of(fields) for fields in state.contacts),
             stored=_stored(state),
             work=state.work,
+            negligible=state.system.force_rounding() / state.settings.tolerance,
         )
 
     @classmethod
@@ -128,7 +131,7 @@ class Moment:
             forces = nodal_forces(forms.own_forces(rest, v, data))[: len(forces)]
             stored = integral(state.problem.domain, data.own_energy(rest))
         contacts = tuple(Touch.at_rest(fields) for fields in state.contacts)
-        return cls(rest.x.array.copy(), forces, contacts, stored, 0.0)
+        return cls(rest.x.array.copy(), forces, contacts, stored, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -197,9 +200,9 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     highest = work - earlier - quadratic + resisted - dissipated
     outside = max(quadratic - numerical, numerical - highest, 0.0)
     size = max(after.work, before.work, state.sum(np.abs(after.forces * moved)))
-    # A body that moves without being strained has forces of rounding.
-    rounding = state.system.force_rounding() / state.settings.tolerance
-    size = max(size, rounding * float(np.sqrt(state.sum(moved**2))))
+    # A body that moves without being strained, or back from there, has forces of rounding.
+    negligible = max(before.negligible, after.negligible)
+    size = max(size, negligible * float(np.sqrt(state.sum(moved**2))))
     for fields, _, acting in places:
         if fields.contact.moves:
             size = max(size, state.sum(np.abs(acting.weights * _dragged(acting, fields))))
