@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from contact_locking.errors import NotConverged
@@ -33,6 +34,7 @@ class Search:
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
         self._last_length, self._bounds_contract = 0.0, False
+        self._last_change, self._sharper = math.inf, 1.0
 
     def step(self, measures: Measures) -> tuple[Direction, float]:
         """The step to take and its length; collective."""
@@ -181,10 +183,19 @@ class Search:
         return min(1.0, self._tuning.to_boundary * longest)
 
     def _linear_accuracy(self, measures: Measures) -> float:
-        """A linear solve may leave a share of what the iteration has not yet achieved."""
+        """A linear solve may leave a share of what the iteration has not yet achieved.
+
+        Where the gap is small enough and the friction bounds come no closer, sharper solves are
+        what they wait for: in a slender body small forces make large pressures.
+        """
         tuning = self._tuning
+        is_at_the_end = measures.gap <= tuning.gap_tolerance
+        if is_at_the_end and measures.friction > tuning.bound_closer * self._last_change:
+            self._sharper *= tuning.linear_sharper
+        self._last_change = measures.friction
         sharpest = tuning.linear_sharpest * self._tolerance
-        return min(max(tuning.linear_share * measures.gap, sharpest), tuning.linear_loosest)
+        accuracy = min(max(tuning.linear_share * measures.gap, sharpest), tuning.linear_loosest)
+        return self._sharper * accuracy
 
     def _limited(self, centring: float, measures: Measures) -> float:
         """Keep the complementarity from running ahead of equilibrium, and from vanishing.
