@@ -77,7 +77,7 @@ def test_a_solve_that_does_more_of_the_same_takes_longer() -> None:
     large, pressed = (
         expected(3, 10**6, material__locking_limit=limit) for limit in (0.02, math.inf)
     )
-    assert pressed.seconds < 0.3 * large.seconds
+    assert pressed.seconds < 0.5 * large.seconds
 
 
 @pytest.mark.serial
