@@ -34,11 +34,13 @@ class Search:
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
         self._last_length, self._bounds_contract = 0.0, False
+        self._friction_tolerance = settings.friction_tolerance
         self._last_change, self._sharper = math.inf, 1.0
 
     def step(self, measures: Measures) -> tuple[Direction, float]:
         """The step to take and its length; collective."""
         iterate, tuning = self._iterate, self._tuning
+        self._sharpen(measures)
         self._accuracy = self._linear_accuracy(measures)
         # 4. The predictor, and from its length the products to aim at.
         affine = iterate.direction(0.0, self._accuracy)
@@ -182,17 +184,21 @@ class Search:
         # 8. Towards the boundary.
         return min(1.0, self._tuning.to_boundary * longest)
 
-    def _linear_accuracy(self, measures: Measures) -> float:
-        """A linear solve may leave a share of what the iteration has not yet achieved.
+    def _sharpen(self, measures: Measures) -> None:
+        """Ask for sharper linear solves where only these keep the friction bounds from converging.
 
-        Where the gap is small enough and the friction bounds come no closer, sharper solves are
-        what they wait for: in a slender body small forces make large pressures.
+        In a slender body small forces make large pressures.
         """
-        tuning = self._tuning
-        is_at_the_end = measures.gap <= tuning.gap_tolerance
-        if is_at_the_end and measures.friction > tuning.bound_closer * self._last_change:
-            self._sharper *= tuning.linear_sharper
+        tuning, before = self._tuning, self._last_change
         self._last_change = measures.friction
+        is_left = measures.friction > self._friction_tolerance
+        came_closer = measures.friction <= tuning.bound_closer * before
+        if measures.gap <= tuning.gap_tolerance and is_left and not came_closer:
+            self._sharper *= tuning.linear_sharper
+
+    def _linear_accuracy(self, measures: Measures) -> float:
+        """A linear solve may leave a share of what the iteration has not yet achieved."""
+        tuning = self._tuning
         sharpest = tuning.linear_sharpest * self._tolerance
         accuracy = min(max(tuning.linear_share * measures.gap, sharpest), tuning.linear_loosest)
         return self._sharper * accuracy

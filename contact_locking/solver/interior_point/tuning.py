@@ -73,8 +73,8 @@ class Tuning:
     #: The sharpest residual that a linear solve is asked for over the tolerance, in (0, 1), as long
     #: as :attr:`linear_sharper` does not ask for more.
     linear_sharpest: float = 0.03
-    #: Where the gap is below its tolerance and a step has not brought the friction bounds closer,
-    #: linear solves are sharper by this factor, in (0, 1), from then on.
+    #: Where the gap is below its tolerance, the friction bounds are not, and a step has not brought
+    #: them closer, linear solves are sharper by this factor, in (0, 1), from then on.
     linear_sharper: float = 0.1
     #: The largest residual that a linear solve may leave over the forces, in (0, 1).  At the
     #: beginning the equilibrium residual is a hundred times as large as the forces; solves that
