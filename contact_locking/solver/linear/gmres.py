@@ -36,15 +36,18 @@ OWN_PRECONDITIONER: dict[str, Any] = {"pc_type": "python"}
 # For matrices without symmetry, too.
 _FOR_ANY_MATRIX = ("gmres", "fgmres", "lgmres", "gcr")
 _OPTIONS: dict[str, Any] = {
-    "ksp_type": "gmres",
     "ksp_norm_type": "unpreconditioned",
     "ksp_max_it": 2000,
     **FROM_ANY_START,
     **OWN_PRECONDITIONER,
 }
-# The preconditioner stands on the right, so that GMRES makes the residual itself small.  Until
-# GMRES begins anew each iteration keeps a vector, which takes as much memory as a displacement.
-# Hardly any solve takes more than these.
+# GMRES keeps a vector of each iteration, and at its end applies the preconditioner once more.
+# Flexible GMRES keeps what the preconditioner has made of each vector as well.  With a filter or a
+# projection, which take few iterations that are dear, that saves a tenth of the time; multigrid
+# alone is cheap beside the memory of its many iterations.
+_GMRES, _FLEXIBLE = PETSc.KSP.Type.GMRES, PETSc.KSP.Type.FGMRES
+# The preconditioner stands on the right, so that GMRES makes the residual itself small.  After so
+# many iterations, which hardly any solve takes, it begins anew.
 _OF_GMRES: dict[str, Any] = {"ksp_pc_side": "right", "ksp_gmres_restart": 150}
 # Where the start has a larger residual than none, its first iteration removes the residual of stiff
 # cells, by far the largest part.  GMRES then begins anew: rounding in its residual is relative to
@@ -86,7 +89,10 @@ class Preconditioner:
 
 
 class _Krylov:
-    """PETSc's Krylov method with the contexts of a matrix and of a preconditioner; collective."""
+    """PETSc's Krylov method with the contexts of a matrix and of a preconditioner; collective.
+
+    ``kind`` is its type, unless the user wants another.
+    """
 
     def __init__(
         self,
@@ -96,11 +102,17 @@ class _Krylov:
         options: Mapping[str, Any],
         listen: Callable[[int], None],
         comm: Any,
+        kind: str,
     ) -> None:
+        self.kind = kind
         self.operator = PETSc.Mat().createPython(sizes, operator, comm=comm)
         self.operator.setUp()
-        is_gmres = option("ksp_type", _OPTIONS, options) == _OPTIONS["ksp_type"]
+        wanted = option("ksp_type", {}, options)
+        is_gmres = wanted in (None, _GMRES, _FLEXIBLE)
         self.ksp = create_ksp(comm, _OPTIONS | (_OF_GMRES if is_gmres else {}), options)
+        if wanted is None:
+            self.ksp.setType(kind)
+            self.ksp.setFromOptions()
         self.ksp.setErrorIfNotConverged(False)
         self.ksp.setInitialGuessNonzero(True)
         self.ksp.setOperators(self.operator)
@@ -137,7 +149,7 @@ class _WithForces:
         self.saddle_point = saddle_point
         local = saddle_point.size, None
         given = saddle_point, saddle_point, options, listen, comm
-        self.krylov = _Krylov((local, local), *given)
+        self.krylov = _Krylov((local, local), *given, _FLEXIBLE)
         self._right, self._solution = self.krylov.operator.createVecs()
 
     def correct(self, left: PETSc.Vec, x: PETSc.Vec, residual: float, most: int) -> int:
@@ -173,8 +185,8 @@ class Gmres:
         self._comm, self._multigrid = matrix.getComm(), multigrid
         self._options, self._listen = options, listen
         self._sum, self._preconditioner = _Sum(matrix), Preconditioner(multigrid)
-        given = self._sum, self._preconditioner, options, listen, self._comm
-        self._krylov = _Krylov(matrix.getSizes(), *given)
+        self._given = matrix.getSizes(), self._sum, self._preconditioner, options, listen
+        self._krylov = _Krylov(*self._given, self._comm, _GMRES)
         self._with_forces: _WithForces | None = None
         self._left = matrix.createVecLeft()
         #: The most iterations of a solve.
@@ -222,6 +234,7 @@ class Gmres:
         most: int,
         start: Callable[[PETSc.Vec, PETSc.Vec], None],
     ) -> tuple[int, float]:
+        self._choose()
         count, size, last = 0, right.norm(), self._krylov
         for _ in range(_CYCLES):
             start(right, x)
@@ -243,6 +256,13 @@ class Gmres:
             estimate = last.estimate()
             left = self._residual(right, x) if estimate is None else estimate
         return count, left
+
+    def _choose(self) -> None:
+        """Take flexible GMRES with what is dear to apply; the other one's memory is freed."""
+        kind = _FLEXIBLE if self._multigrid.filters else _GMRES
+        if kind != self._krylov.kind:
+            self._krylov.destroy()
+            self._krylov = _Krylov(*self._given, self._comm, kind)
 
     def _prepared(self) -> _WithForces | None:
         """The solver with the forces of stiff points, where they are projected."""
