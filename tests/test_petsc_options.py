@@ -191,6 +191,27 @@ def test_what_had_no_effect_is_a_warning(comm: MPI.Intracomm) -> None:
     assert "ksp_type" not in warning
 
 
+def test_options_of_the_default_multigrid_have_an_effect(comm: MPI.Intracomm) -> None:
+    before, found = left(), []
+    for petsc in ({}, {"multigrid_mg_levels_ksp_max_it": 5}):
+        given = block(3, 0.25, penalty__n=1e3, solver__linear="iterative", solver__petsc=petsc)
+        summary = solve(given, comm).summary
+        assert not [text for text in summary["warnings"] if "has not used" in text]
+        found.append(summary["iterations"]["linear"])
+    assert found[1] < found[0]
+    assert left() == before
+
+
+@pytest.mark.parametrize("name", ["ksp_type", "multigrid_pc_type"])
+def test_a_value_that_the_iterative_solver_refuses_leaves_the_database_clean(
+    name: str, comm: MPI.Intracomm
+) -> None:
+    before = left()
+    with pytest.raises(PETSc.Error):
+        solve(block(solver__linear="iterative", solver__petsc={name: "nonsense"}), comm)
+    assert left() == before
+
+
 def test_options_that_have_an_effect_are_no_warning(comm: MPI.Intracomm) -> None:
     petsc = {"ksp_type": "gmres", "pc_type": "gamg", "mg_levels_ksp_max_it": 4, "snes_max_it": 90}
     parameters = block(h=0.25, solver__method="newton", penalty__n=10.0, solver__petsc=petsc)

@@ -17,6 +17,7 @@ from contact_locking.solver.linear import multigrid_tangents
 from contact_locking.solver.linear.direct import substructuring
 from contact_locking.solver.linear.direct.substructure import is_available
 from contact_locking.solver.linear.gmres import Gmres
+from contact_locking.solver.linear.multigrid import Multigrid
 from contact_locking.solver.linear.projection import Projection
 
 
@@ -102,6 +103,29 @@ def test_multigrid_alone_may_take_longer_where_n_bounds_the_contrast(
     made = _count_rows(monkeypatch)
     assert solved(n, "iterative").converged
     assert bool(made) == projects
+
+
+def test_multigrid_smooths_more_before_the_projection_takes_over(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(multigrid_tangents, "_PATIENCE_OF_PROJECTION", 20)
+    monkeypatch.setitem(FILTER_LIMIT, (3, 1), 0)
+    made = _count_rows(monkeypatch)
+    projections_before: list[int] = []
+    smooth_more = Multigrid.smooth_more
+
+    def noting(self: Multigrid) -> None:
+        projections_before.append(len(made))
+        smooth_more(self)
+        levels = self._pc.getMGLevels()
+        steps = [self._pc.getMGSmoother(i).getTolerances()[3] for i in range(1, levels)]
+        assert set(steps) == {4}
+
+    monkeypatch.setattr(Multigrid, "smooth_more", noting)
+    projected = solved(math.inf, "iterative")
+    assert set(projections_before) == {0}
+    assert made
+    agree(projected, solved(math.inf, "direct"))
 
 
 def test_one_sided_limits_of_the_strain_are_projected_as_well(

@@ -183,6 +183,10 @@ class FilteredMultigrid:
             self._forget()
             self._projection = Projection(*stiff.find_rows(), by_entry, self.in_single)
 
+    def smooth_more(self) -> None:
+        """Let multigrid take more steps of its smoother; to be called after :meth:`refresh`."""
+        self._multigrid.smooth_more()
+
     def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""
         if self._filter is not None:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from petsc4py import PETSc
 
-from contact_locking.solver.linear.ksp import configure, multigrid_options
+from contact_locking.solver.linear.ksp import configure, multigrid_options, option
 from contact_locking.solver.linear.options import PREFIX
 
 _PREFIX = PREFIX + "multigrid_"
@@ -16,6 +16,8 @@ _ALGEBRAIC: dict[str, Any] = {"pc_gamg_reuse_interpolation": True}
 # Relaxation sees the matrix in blocks, Galerkin products its copy without them.
 _FINEST: dict[str, Any] = {"pc_use_amat": True}
 _COARSE = "mg_coarse_"
+_SMOOTHER_STEPS = "mg_levels_ksp_max_it"
+_WITH_LEVELS = PETSc.PC.Type.GAMG, PETSc.PC.Type.MG
 
 
 class CoarserSpace(NamedTuple):
@@ -51,7 +53,10 @@ class Multigrid:
             self._pc.setType(PETSc.PC.Type.MG)
             self._pc.setMGLevels(2)
             self._pc.setMGInterpolation(1, self._coarser[0].prolongation)
+        self._more_steps = 2 * algebraic[_SMOOTHER_STEPS]
+        is_free = option(_SMOOTHER_STEPS, {}, prefix=_PREFIX) is None
         self._options = configure([self._pc], options, prefix=_PREFIX)
+        self._may_smooth_more = is_free and self._pc.getType() in _WITH_LEVELS
         if self._pc.getType() != PETSc.PC.Type.MG:
             self._coarser = []
 
@@ -68,6 +73,16 @@ class Multigrid:
             self._product.setOption(PETSc.Mat.Option.SPD, True)
             self._pc.getMGCoarseSolve().setOperators(self._product)
         self._pc.setUp()
+
+    def smooth_more(self) -> None:
+        """Take twice the steps of the smoother, unless the user has chosen their number.
+
+        In the spaces above algebraic multigrid, if there are any, and else on all its levels.  To
+        be called after each set-up.
+        """
+        if self._may_smooth_more:
+            for level in range(1, self._pc.getMGLevels()):
+                self._pc.getMGSmoother(level).setTolerances(max_it=self._more_steps)
 
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = G r``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from petsc4py import PETSc
@@ -13,6 +14,7 @@ from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, 
 from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.linear.multigrid import CoarserSpace
+from contact_locking.solver.linear.options import InsertedOptions
 from contact_locking.solver.linear.tangent_solver import Follow, TangentSolver
 
 # How much a linear solve aims to reduce its right-hand side at least: 3e-3 saves no tangents.
@@ -32,6 +34,10 @@ _PATIENCE = {2: 16, 3: 60}
 # with the projection.
 _PATIENCE_OF_PROJECTION = 50
 _LONGER_PATIENCE = 300
+# From one tangent to the next the iterations of the hardest solve grow by about half.  Where they
+# took this share of the patience, the next tangent's solves get more steps of the smoother, and the
+# tangents after that are projected from their first solve on.
+_NEARLY_IMPATIENT = 0.7
 
 
 class MultigridTangents(TangentSolver):
@@ -58,10 +64,17 @@ class MultigridTangents(TangentSolver):
     ) -> None:
         super().__init__()
         self._dim = dim
-        self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim, degree], coarser)
-        self._gmres = Gmres(matrix, self._multigrid, options, listen)
+        # Before anybody's defaults, so that they win.
+        self._user_options = InsertedOptions({}, options)
+        with ExitStack() as made:
+            # PETSc raises for values that it does not know, and nothing may stay in its database.
+            made.callback(self._user_options.remove)
+            self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim, degree], coarser)
+            made.callback(self._multigrid.destroy)
+            self._gmres = Gmres(matrix, self._multigrid, options, listen)
+            made.pop_all()
         self._multigrid.in_single = self._gmres.solves_following
-        self._filters = False
+        self._filters, self._smooths_more, self._hardest = False, False, 0
         is_moderate = contrast <= MODERATE_CONTRAST
         self._patience_of_projection = _LONGER_PATIENCE if is_moderate else _PATIENCE_OF_PROJECTION
 
@@ -73,10 +86,15 @@ class MultigridTangents(TangentSolver):
         self._projects = self._multigrid.must_project(self._stiff)
         patience = self._patience_of_projection if self._projects else _PATIENCE[self._dim]
         self._patience = min(patience, self._gmres.max_iterations)
+        if self._projects and self._hardest > _NEARLY_IMPATIENT * self._patience:
+            self._filters, self._smooths_more = self._smooths_more, True
+        self._hardest = 0
         if self._filters and self._can_filter:
             self._filter()
         else:
             self._multigrid.refresh()
+            if self._smooths_more:
+                self._multigrid.smooth_more()
 
     def solve(
         self, right: PETSc.Vec, step: PETSc.Vec, residual: float, is_rough: bool = False
@@ -116,6 +134,7 @@ class MultigridTangents(TangentSolver):
         """Free the PETSc objects."""
         self._gmres.destroy()
         self._multigrid.destroy()
+        self._user_options.remove()
 
     def _filter(self) -> None:
         self._multigrid.refresh(self._stiff)
@@ -140,6 +159,7 @@ class MultigridTangents(TangentSolver):
         if self._can_filter and not self._multigrid.filters:
             count, left = attempt(enough, self._patience)
             self._iterations += count
+            self._hardest = max(self._hardest, count)
             if not (is_rough or self._projects):
                 self._patience = max(self._patience - count, 0)
             if left <= enough:
