@@ -27,6 +27,27 @@ def _block(loads: dict[str, Any], gap: float = 0.0, friction: float = 0.5, **mes
     }
 
 
+_LET_GO = _block(
+    {
+        "tractions": [{"on": "right", "value": [1e-3, 0.0]}],
+        "supports": [{"on": "left", "along": [1.0, -0.2]}],
+    },
+    friction=0.0,
+) | {
+    "contact": [
+        {"on": "bottom"},
+        {
+            "on": "top",
+            "foundation": {
+                "half_space": {"point": [0, 1], "normal": [0, -1]},
+                "force": [0, "-(0.01*sin(pi*t))"],
+            },
+        },
+    ],
+    "penalty": {"n": 100.0},
+}
+
+
 def _pulled(pull: float, pressure: float, unit: float) -> dict[str, Any]:
     """A traction along the foundation, its moment balanced by those of the sides."""
     values = {"top": [pull, -pressure], "right": [0.0, pull], "left": [0.0, -pull]}
@@ -70,6 +91,21 @@ def test_a_body_that_its_support_leads_off_the_foundation_is_refused(
     assert "translation along x and y" in last.summary["reason"]
 
 
+@pytest.mark.parametrize("linear", ["direct", "iterative"])
+def test_a_body_that_its_tool_lets_go_of_is_refused_however_far_the_tool_follows(
+    linear: str,
+) -> None:
+    """The rollers lead the body up as soon as the tool does not press any more."""
+    data = _LET_GO | {
+        "steps": {"times": [0.5, 1.0], "least": 0.25},
+        "solver": {"linear": linear},
+    }
+    *_, before, last = solving.solve_steps(Parameters.model_validate(data))
+    assert before.converged, before.summary["reason"]
+    assert not last.converged
+    assert "contact cannot hold the body" in last.summary["reason"]
+
+
 @pytest.mark.parametrize("unit", [1e-20, 1.0])
 def test_a_pull_below_the_friction_is_held(unit: float) -> None:
     found = _solution(_block(_pulled(0.003, 0.00915, unit)))
@@ -109,6 +145,20 @@ def test_a_fall_through_a_gap_that_closes_is_kept() -> None:
     # No foundation is there to stop a fall of a hundred times the gap.
     _, kept = _anchored(_block(loads, gap=1e-3), falls)
     assert np.abs(kept).max() < 1e-10
+
+
+def test_a_tool_that_follows_the_body_asks_for_no_displacement() -> None:
+    """With the last force of the process the tool only touches the body, which runs away."""
+    data = _LET_GO | {"steps": {"times": [0.5, 1.0]}}
+    problem = assemble(Parameters.model_validate(data), MPI.COMM_WORLD)
+    system = Increment(problem, Monitor()).system
+    (tool,) = system.tools
+    problem.u.interpolate(lambda x: np.array([2e5 + 0.0 * x[0], 1e6 + 0.0 * x[0]]))
+    tool.advance(1.0)
+    assert not tool.pushes
+    system.tools.settle(problem.u)
+    assert tool.travel < -1e5
+    assert np.abs(system.anchored).max() < 1e-6
 
 
 # The prescribed displacement has a rounding of 1e-16 of itself, and its strains at the tolerance of

@@ -22,7 +22,8 @@ class LooseMotion:
     Where friction cannot hold the body, a solver moves it on and on, until the rounding in a huge
     displacement is larger than the loads.  Forces must not count as balanced then.  But rounding in
     a displacement counts where the data ask for this displacement: prescribed values, gaps that
-    have to close, earlier steps, and foundations and tools that move.
+    have to close, earlier steps, and foundations that move.  The travel of a tool is no datum: it
+    follows the body.
 
     ``motions`` (f, n) are the free rigid motions at the local dofs, ghosts included.
     """
@@ -54,9 +55,12 @@ class LooseMotion:
             at_nodes = (-1, contact.surface.domain.dim)
             moved, stands = (v.reshape(at_nodes)[contact.surface.blocks] for v in (motion, u))
             distance = max(distance, self._largest(moved))
+            if contact.is_pushed:
+                # The tool follows the body, and gaps and slips are relative to its travel.
+                continue
             gaps, along = contact.gaps, contact.split_nodal(stands)[0]
             closed = np.isfinite(gaps) & (np.abs(along - gaps) <= _CLOSED * np.abs(gaps))
-            made += [gaps[closed], contact.memory.tangential, contact.travel]
+            made += [gaps[closed], contact.memory.tangential]
         length = sum(self._largest(values) for values in made)
         share = min(1.0, length / distance) if distance > 0.0 else 1.0
         return np.asarray(u - (1.0 - share) * motion)

@@ -113,7 +113,7 @@ def _solve_process(case: Case, problem: Problem, outcome: Outcome, checks: bool)
         outcome.kind = WEDGED if is_told else NOT_SOLVED
         if told.startswith("infeasible"):
             outcome.kind = INFEASIBLE
-        elif "friction cannot hold" in told and cannot_balance(case.study, found[-1].time):
+        elif "cannot hold the body" in told and cannot_balance(case.study, found[-1].time):
             outcome.kind = REFUSED
         return
     wrong = stepwise.complaint(found)

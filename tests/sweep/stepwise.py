@@ -16,6 +16,8 @@ from .case import Study
 _ALIKE, _NOTHING = 1e-5, 1e-20
 # Balance of forces, and limits of displacements and tractions, relative to the largest.
 _FORCE, _EXCESS = 1e-6, 1e-6
+# A body does not move farther than so many of its widths, and gaps of foundations that stand.
+_RUNAWAY = 1e3
 _EPS = float(np.finfo(float).eps)
 
 
@@ -37,6 +39,12 @@ def _wrong(solution: Solution) -> list[str]:
     reach = float(np.abs(u).max(initial=0.0))
     if not np.isfinite(solution.displacement.x.array).all():
         return ["the displacement is not finite"]
+    gaps = [
+        item.gap[np.isfinite(item.gap)] for item in solution.contacts if not item.contact.is_pushed
+    ]
+    width = float(solution.parameters.mesh.geometry.size[0])
+    if reach > _RUNAWAY * max([width, *(float(np.abs(gap).max(initial=0.0)) for gap in gaps)]):
+        return [f"the body has run away by {reach:.1e}"]
     exact = solution.summary["penalty"]["epsilon"] == 0.0
     for fields in solution.contacts:
         free, peak = fields.free, float(np.abs(fields.pressure).max(initial=0.0))
