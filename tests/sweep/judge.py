@@ -27,6 +27,9 @@ EXCESS = 1e-6
 # The allowed rounding of a sum, in units of the last digit of its terms.
 DIGITS = 200.0
 _EPS = float(np.finfo(float).eps)
+# Where contact alone holds the body, a displacement that is larger than all lengths of the data by
+# this factor has run away, until the rounding in it is larger than the loads.
+_FLIGHT = 1e3
 
 Found = dict[str, float]
 
@@ -39,11 +42,21 @@ def violations(parameters: Parameters, discrete: Discrete, state: State) -> Foun
         np.abs(state.u - discrete.prescribed)[~discrete.free].max(initial=0.0),
         1e-13 * np.abs(discrete.prescribed).max(initial=0.0),
     )
+    if _loose(discrete):
+        found["flight"] = _ratio(np.abs(state.u).max(initial=0.0), _FLIGHT * _reach(discrete))
     found |= _locking(discrete, state, scales)
     if discrete.contact is not None:
         found |= _contact(discrete, state, scales)
         found |= _friction(parameters, discrete, state, scales)
     return found
+
+
+def _reach(discrete: Discrete) -> float:
+    """The size of the body, of prescribed displacements and of gaps together."""
+    lengths = [np.ptp(discrete.geometry.x, axis=0), np.abs(discrete.prescribed)]
+    if discrete.contact is not None:
+        lengths.append(np.abs(discrete.contact.gap[np.isfinite(discrete.contact.gap)]))
+    return float(sum(values.max(initial=0.0) for values in lengths))
 
 
 def complaint(found: Found) -> str:
