@@ -37,7 +37,7 @@ _LONGER_PATIENCE = 300
 # From one tangent to the next the iterations of the hardest solve grow by about half.  Where they
 # took this share of the patience, the next tangent's solves get more steps of the smoother, and the
 # tangents after that are projected from their first solve on.
-_NEARLY_IMPATIENT = 0.7
+_NEARLY_IMPATIENT = 0.6
 
 
 class MultigridTangents(TangentSolver):
