@@ -131,6 +131,18 @@ def test_multigrid_smooths_more_before_the_projection_takes_over(
     agree(projected, solved(math.inf, "direct"))
 
 
+def test_the_projection_stays_once_it_has_taken_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The first solve that takes more than one iteration is ended by the projection.
+    monkeypatch.setattr(multigrid_tangents, "_PATIENCE_OF_PROJECTION", 1)
+    monkeypatch.setitem(FILTER_LIMIT, (3, 1), 0)
+    made = _count_rows(monkeypatch)
+    monkeypatch.setattr(Multigrid, "smooth_more", lambda _: pytest.fail("multigrid alone again"))
+    found = solved(math.inf, "iterative")
+    assert found.converged
+    # All but the first tangents, in which nothing is stiff.
+    assert len(made) >= found.summary["iterations"]["tangents"] - 2
+
+
 def test_one_sided_limits_of_the_strain_are_projected_as_well(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -34,9 +34,9 @@ _PATIENCE = {2: 16, 3: 60}
 # with the projection.
 _PATIENCE_OF_PROJECTION = 50
 _LONGER_PATIENCE = 300
-# From one tangent to the next the iterations of the hardest solve grow by about half.  Where they
-# took this share of the patience, the next tangent's solves get more steps of the smoother, and the
-# tangents after that are projected from their first solve on.
+# From one tangent to the next the iterations of the hardest solve grow by about half.  If they
+# exceed this share of the patience, the next tangent would end it.  So the next tangent gets more
+# steps of the smoother or, if it has them already, the projection from its first solve on.
 _NEARLY_IMPATIENT = 0.6
 
 
@@ -86,8 +86,10 @@ class MultigridTangents(TangentSolver):
         self._projects = self._multigrid.must_project(self._stiff)
         patience = self._patience_of_projection if self._projects else _PATIENCE[self._dim]
         self._patience = min(patience, self._gmres.max_iterations)
-        if self._projects and self._hardest > _NEARLY_IMPATIENT * self._patience:
-            self._filters, self._smooths_more = self._smooths_more, True
+        is_nearly_impatient = self._hardest > _NEARLY_IMPATIENT * self._patience
+        if self._projects and not self._filters and is_nearly_impatient:
+            self._filters = self._smooths_more
+            self._smooths_more = True
         self._hardest = 0
         if self._filters and self._can_filter:
             self._filter()
@@ -159,7 +161,8 @@ class MultigridTangents(TangentSolver):
         if self._can_filter and not self._multigrid.filters:
             count, left = attempt(enough, self._patience)
             self._iterations += count
-            self._hardest = max(self._hardest, count)
+            if not is_rough:
+                self._hardest = max(self._hardest, count)
             if not (is_rough or self._projects):
                 self._patience = max(self._patience - count, 0)
             if left <= enough:
