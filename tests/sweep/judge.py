@@ -9,7 +9,7 @@ unit, and each has a floor of what rounding in the displacement makes of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,8 +27,8 @@ EXCESS = 1e-6
 # The allowed rounding of a sum, in units of the last digit of its terms.
 DIGITS = 200.0
 _EPS = float(np.finfo(float).eps)
-# Where contact alone holds the body, a displacement that is larger than all lengths of the data by
-# this factor has run away, until the rounding in it is larger than the loads.
+# A displacement that is larger than the largest length of the data by this factor has run away,
+# until the rounding in it was larger than the loads.
 _FLIGHT = 1e3
 
 Found = dict[str, float]
@@ -42,8 +42,8 @@ def violations(parameters: Parameters, discrete: Discrete, state: State) -> Foun
         np.abs(state.u - discrete.prescribed)[~discrete.free].max(initial=0.0),
         1e-13 * np.abs(discrete.prescribed).max(initial=0.0),
     )
-    if _loose(discrete):
-        found["flight"] = _ratio(np.abs(state.u).max(initial=0.0), _FLIGHT * _reach(discrete))
+    if scales.is_loose:
+        found["flight"] = flight(state.u, _lengths(discrete))
     found |= _locking(discrete, state, scales)
     if discrete.contact is not None:
         found |= _contact(discrete, state, scales)
@@ -51,12 +51,17 @@ def violations(parameters: Parameters, discrete: Discrete, state: State) -> Foun
     return found
 
 
-def _reach(discrete: Discrete) -> float:
-    """The size of the body, of prescribed displacements and of gaps together."""
-    lengths = [np.ptp(discrete.geometry.x, axis=0), np.abs(discrete.prescribed)]
-    if discrete.contact is not None:
-        lengths.append(np.abs(discrete.contact.gap[np.isfinite(discrete.contact.gap)]))
-    return float(sum(values.max(initial=0.0) for values in lengths))
+def flight(u: FloatArray, lengths: Sequence[FloatArray]) -> float:
+    """How far displacements are beyond the lengths of the data, above 1 for a body in flight."""
+    finite = (np.abs(values[np.isfinite(values)]) for values in lengths)
+    reach = max(float(values.max(initial=0.0)) for values in finite)
+    return _ratio(float(np.abs(u).max(initial=0.0)), _FLIGHT * reach)
+
+
+def _lengths(discrete: Discrete) -> list[FloatArray]:
+    """The size of the body, prescribed displacements and gaps."""
+    gaps = [] if discrete.contact is None else [discrete.contact.gap]
+    return [np.ptp(discrete.geometry.x, axis=0), discrete.prescribed, *gaps]
 
 
 def complaint(found: Found) -> str:
@@ -95,7 +100,8 @@ class _Scales:
         ]
         self.energy = max(energies)
         self.energy_floor = DIGITS * _EPS * float(absolute @ (parts + self.tractions))
-        self._solve = _inverse(discrete, K)
+        self.is_loose = _loose(discrete)
+        self._solve = _inverse(discrete, K, self.is_loose)
         self.free = discrete.free
 
     def norm(self, force: FloatArray) -> float:
@@ -104,10 +110,12 @@ class _Scales:
         return math.sqrt(max(float(part @ self._solve(part)), 0.0))
 
 
-def _inverse(discrete: Discrete, K: sp.csr_matrix) -> Callable[[FloatArray], FloatArray]:
+def _inverse(
+    discrete: Discrete, K: sp.csr_matrix, is_loose: bool
+) -> Callable[[FloatArray], FloatArray]:
     """A solve with K over the free dofs, scaled; what contact alone holds is made stiff there."""
     diagonal = np.zeros(K.shape[0])
-    if discrete.contact is not None and _loose(discrete):
+    if discrete.contact is not None and is_loose:
         x = discrete.geometry.x
         stiffness = float(np.median(discrete.law[:, 0, 0])) / float(np.ptp(x, axis=0).max())
         for axis in range(discrete.dim):

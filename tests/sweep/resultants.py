@@ -8,6 +8,8 @@ that knows neither displacement nor material.  Only R is the program's.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from mpi4py import MPI
 from scipy.optimize import linprog
@@ -21,6 +23,8 @@ from .case import Study
 
 # The share of the loads that must be left unbalanced for certain.
 _CERTAIN = 1e-3
+# A force that is a smaller share of the largest is zero.
+_ROUNDING = 1e-12
 
 
 def cannot_balance(study: Study, time: float) -> bool:
@@ -32,9 +36,11 @@ def cannot_balance(study: Study, time: float) -> bool:
     mesh, loads, contacts = study["mesh"], study["loads"], study["contact"]
     if "tractions" not in loads or not set(loads) <= {"tractions", "supports"}:
         return False
-    pressing = [i for i, contact in enumerate(contacts) if not _is_let_go(contact, time)]
+    parameters = Parameters.model_validate(study)
+    pressing = [i for i, item in enumerate(contacts) if not _is_let_go(item, time, parameters)]
     if len(pressing) != 1 or contacts[pressing[0]]["on"] != "bottom" or mesh.get("axisymmetric"):
         return False
+    (place,) = pressing
     width, height = mesh["size"]
     supported = _supported(loads.get("supports", []))
     sides = {
@@ -45,13 +51,13 @@ def cannot_balance(study: Study, time: float) -> bool:
     size = 0.0
     for traction in loads["tractions"]:
         length, centre = sides[traction["on"]]
-        value = [float(parse(str(part), ("t",)).numpy(t=time)) for part in traction["value"]]
-        force = _resultants(np.array([value]) * length, centre[None, :] / height)[:, 0]
+        value = _vector(traction["value"], time)[None, :]
+        force = _resultants(value * length, centre[None, :] / height)[:, 0]
         load, size = load + force, size + float(np.abs(force).max())
-    contact = assemble(Parameters.model_validate(study), MPI.COMM_SELF).contacts[pressing[0]]
+    contact = assemble(parameters, MPI.COMM_SELF).contacts[place]
     points = contact.surface.points[:, :2]
     count = len(points)
-    normals = _normals(contacts[pressing[0]], points)
+    normals = _normals(contacts[place], points)
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
     smoothing = np.column_stack([contact.friction.smoothing.apply(row) for row in np.eye(count)])
     # The unknowns: forces along the normals (which press the body the other way) and along the
@@ -81,16 +87,18 @@ def cannot_balance(study: Study, time: float) -> bool:
     return bool(found.status == 0 and found.fun > _CERTAIN)
 
 
-def _is_let_go(contact: Study, time: float) -> bool:
+def _is_let_go(contact: Study, time: float, parameters: Parameters) -> bool:
     """Whether the foundation is a tool without a force, but for the rounding of a sine."""
     force = contact.get("foundation", {}).get("force")
-    if force is None:
+    if force is None or parameters.steps is None:
         return False
-    values = [
-        np.abs([float(parse(str(part), ("t",)).numpy(t=at)) for part in force]).max()
-        for at in (time, 0.47 * time)
-    ]
-    return bool(values[0] <= 1e-12 * values[1])
+    largest = max(np.abs(_vector(force, planned)).max() for planned in parameters.steps.planned)
+    return bool(np.abs(_vector(force, time)).max() <= _ROUNDING * largest)
+
+
+def _vector(components: Sequence[str | float], time: float) -> FloatArray:
+    """Expressions of t at a time."""
+    return np.array([float(parse(str(part), ("t",)).numpy(t=time)) for part in components])
 
 
 def _resultants(forces: FloatArray, places: FloatArray) -> FloatArray:

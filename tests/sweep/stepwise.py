@@ -9,6 +9,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.results.solution import Solution
 
+from . import judge
 from .case import Study
 
 # Agreement in other units, relative to the largest energy of the process, and the energies that
@@ -16,8 +17,6 @@ from .case import Study
 _ALIKE, _NOTHING = 1e-5, 1e-20
 # Balance of forces, and limits of displacements and tractions, relative to the largest.
 _FORCE, _EXCESS = 1e-6, 1e-6
-# A body does not move farther than so many of its widths, and gaps of foundations that stand.
-_RUNAWAY = 1e3
 _EPS = float(np.finfo(float).eps)
 
 
@@ -39,11 +38,9 @@ def _wrong(solution: Solution) -> list[str]:
     reach = float(np.abs(u).max(initial=0.0))
     if not np.isfinite(solution.displacement.x.array).all():
         return ["the displacement is not finite"]
-    gaps = [
-        item.gap[np.isfinite(item.gap)] for item in solution.contacts if not item.contact.is_pushed
-    ]
-    width = float(solution.parameters.mesh.geometry.size[0])
-    if reach > _RUNAWAY * max([width, *(float(np.abs(gap).max(initial=0.0)) for gap in gaps)]):
+    # The gap of a tool is as large as the way on which the tool has followed the body.
+    gaps = [item.gap for item in solution.contacts if not item.contact.is_pushed]
+    if judge.flight(u, [np.array(solution.parameters.mesh.geometry.size), *gaps]) > 1.0:
         return [f"the body has run away by {reach:.1e}"]
     exact = solution.summary["penalty"]["epsilon"] == 0.0
     for fields in solution.contacts:

@@ -42,9 +42,9 @@ _OPTIONS: dict[str, Any] = {
     **OWN_PRECONDITIONER,
 }
 # GMRES keeps a vector of each iteration, and at its end applies the preconditioner once more.
-# Flexible GMRES keeps what the preconditioner has made of each vector as well.  With a filter or a
-# projection, which take few iterations that are dear, that saves a tenth of the time; multigrid
-# alone is cheap beside the memory of its many iterations.
+# Flexible GMRES keeps the preconditioned vectors, too, and needs no further application.  With a
+# filter or a projection, whose iterations are few and expensive, that saves time.  Multigrid alone
+# takes many cheap iterations, for which the memory would be the higher price.
 _GMRES, _FLEXIBLE = PETSc.KSP.Type.GMRES, PETSc.KSP.Type.FGMRES
 # The preconditioner stands on the right, so that GMRES makes the residual itself small.  After so
 # many iterations, which hardly any solve takes, it begins anew.
@@ -185,8 +185,9 @@ class Gmres:
         self._comm, self._multigrid = matrix.getComm(), multigrid
         self._options, self._listen = options, listen
         self._sum, self._preconditioner = _Sum(matrix), Preconditioner(multigrid)
-        self._given = matrix.getSizes(), self._sum, self._preconditioner, options, listen
-        self._krylov = _Krylov(*self._given, self._comm, _GMRES)
+        contexts = self._sum, self._preconditioner
+        self._given = matrix.getSizes(), *contexts, options, listen, self._comm
+        self._krylov = _Krylov(*self._given, _GMRES)
         self._with_forces: _WithForces | None = None
         self._left = matrix.createVecLeft()
         #: The most iterations of a solve.
@@ -258,11 +259,11 @@ class Gmres:
         return count, left
 
     def _choose(self) -> None:
-        """Take flexible GMRES with what is dear to apply; the other one's memory is freed."""
+        """Take flexible GMRES for what is expensive to apply, and free the other's memory."""
         kind = _FLEXIBLE if self._multigrid.filters else _GMRES
         if kind != self._krylov.kind:
             self._krylov.destroy()
-            self._krylov = _Krylov(*self._given, self._comm, kind)
+            self._krylov = _Krylov(*self._given, kind)
 
     def _prepared(self) -> _WithForces | None:
         """The solver with the forces of stiff points, where they are projected."""
