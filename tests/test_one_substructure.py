@@ -9,7 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.problem.compiled import installed
-from contact_locking.solver.linear.direct.substructure import Substructure, is_available
+from contact_locking.solver.linear.direct.substructure import Precision, Substructure, is_available
 
 needs_cholmod = pytest.mark.skipif(
     not is_available(MPI.COMM_WORLD), reason="CHOLMOD is not installed, or has no header"
@@ -21,18 +21,19 @@ def test_where_cholmod_has_a_header_it_is_used(comm: MPI.Intracomm) -> None:
 
 
 @needs_cholmod
-@pytest.mark.parametrize("count", [1, 60, 288])
+@pytest.mark.parametrize(("precision", "error"), [(np.float64, 1e-10), (np.float32, 1e-4)])
+@pytest.mark.parametrize("count", [1, 60, 285, 286, 287, 288])
 def test_the_corner_of_a_factor_is_that_of_the_schur_complement(
-    count: int, comm: MPI.Intracomm
+    count: int, precision: Precision, error: float, comm: MPI.Intracomm
 ) -> None:
-    whole = grid(1e4, 12)
+    whole = grid(1e4 if precision is np.float64 else 10.0, 12)
     size = whole.shape[0]
     numbers = np.random.default_rng(1).permutation(size).astype(np.int32)
     corner, interior = np.sort(numbers[:count]), np.sort(numbers[count:])
     matrix = PETSc.Mat().createAIJ(
         (size, size), csr=(whole.indptr, whole.indices, whole.data), comm=PETSc.COMM_SELF
     )
-    piece = Substructure(matrix, interior, corner, comm)
+    piece = Substructure(matrix, interior, corner, comm, precision)
     assert (np.sort(piece.order[: size - count]) == interior).all()
     for values in (whole.data, 2.0 * whole.data):
         assert piece.factorise(values)
@@ -40,18 +41,18 @@ def test_the_corner_of_a_factor_is_that_of_the_schur_complement(
     inside, across = dense[np.ix_(interior, interior)], dense[np.ix_(corner, interior)]
     expected = dense[np.ix_(corner, corner)] - across @ np.linalg.solve(inside, across.T)
     backwards = expected[::-1, ::-1]
-    assert np.triu(piece.complement()) == pytest.approx(np.triu(backwards), rel=1e-10, abs=1e-10)
+    assert np.triu(piece.complement()) == pytest.approx(np.triu(backwards), rel=error, abs=error)
     # Solves are in the order of elimination, and the corner backwards.
     order = piece.order[: size - count]
     b = RIGHT[:size]
     force = -dense[np.ix_(corner, order)] @ np.linalg.solve(dense[np.ix_(order, order)], b[order])
-    assert piece.forward(b[order]) == pytest.approx(force[::-1], abs=1e-10)
+    assert piece.forward(b[order]) == pytest.approx(force[::-1], abs=error)
     x = np.linalg.solve(dense, b)
     assert piece.backward(x[corner][::-1]) == pytest.approx(
         np.linalg.solve(
             dense[np.ix_(order, order)], b[order] - dense[np.ix_(order, corner)] @ x[corner]
         ),
-        abs=1e-10,
+        abs=error,
     )
     matrix.destroy()
 

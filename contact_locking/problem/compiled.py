@@ -22,8 +22,8 @@ from mpi4py import MPI
 from contact_locking.problem import compiled_forms, kept_forms
 
 _ARGUMENTS = "cffi_extra_compile_args"
-# GCC vectorises square roots only if they need not set errno.
-_FOR_LIBRARIES = ("-std=c17", "-fno-math-errno")
+# GCC vectorises square roots only if they need not set errno, and sums only where a pragma lets it.
+_FOR_LIBRARIES = ("-std=c17", "-fno-math-errno", "-fopenmp-simd")
 
 
 class Installed(NamedTuple):
@@ -57,13 +57,20 @@ def library(
 
 
 def library_of(
-    package: str | None, name: str, comm: MPI.Intracomm, uses: Installed | None = None
+    package: str | None,
+    name: str,
+    comm: MPI.Intracomm,
+    uses: Installed | None = None,
+    types: str = "",
 ) -> tuple[Any, Any]:
-    """`library` of the files ``name.h`` and ``name.c`` in the folder of a package; collective."""
+    """`library` of the files ``name.h`` and ``name.c`` in the folder of a package; collective.
+
+    ``types`` declares types that the files leave open.
+    """
     assert package is not None
     folder = resources.files(package)
     header, source = (folder.joinpath(f"{name}.{kind}").read_text("utf-8") for kind in "hc")
-    return library(name, header, source, comm, uses)
+    return library(name, types + header, source, comm, uses)
 
 
 def installed(name: str, header: str) -> Installed | None:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
+from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
 from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
+
+_Numbers = npt.NDArray[np.integer]
 
 _PREFIX = PREFIX + "separator_"
 
@@ -28,11 +32,9 @@ class Separator:
         # Scotch takes longer on several ranks, and has another result on each.
         parts = comm.bcast(_partition(counts, neighbours, comm.size) if comm.rank == 0 else None)
         nodes = np.repeat(np.arange(len(counts)), counts)
-        ends = parts[nodes], parts[neighbours]
-        # One side of every cut edge is enough: that of the lower part, or that of the higher.
-        sides = (np.unique(nodes[cut]) for cut in (ends[0] < ends[1], ends[0] > ends[1]))
+        is_cut = parts[nodes] < parts[neighbours]
         separates = np.zeros(len(counts), dtype=bool)
-        separates[min(sides, key=len)] = True
+        separates[least_cover(nodes[is_cut], neighbours[is_cut])] = True
         # A graph that is in parts already would need none.
         separates[0] |= not separates.any()
         # PETSc may have nothing that partitions.
@@ -46,6 +48,31 @@ class Separator:
         self.interior = _unknowns(is_interior, size)
         self.mine = _unknowns(is_mine[separates], size)
         self.touched = _unknowns(touches[separates], size)
+
+
+def least_cover(lower: IndexArray, higher: IndexArray) -> IndexArray:
+    """The fewest nodes that contain an end of each edge, from ``lower`` to ``higher``, (edges,).
+
+    They are as many as the edges of a largest matching (Koenig's theorem).  A node that is at the
+    lower end of some edges and at the higher end of others counts as two nodes.
+    """
+    (lows, low), (highs, high) = (np.unique(ends, return_inverse=True) for ends in (lower, higher))
+    shape = len(lows), len(highs)
+    edges = _links(low, high, shape)
+    partner = maximum_bipartite_matching(edges, perm_type="column")
+    is_alone = partner < 0
+    matched = np.flatnonzero(~is_alone)
+    # From the lower nodes without a partner along edges, and back along the matching.
+    back = _links(partner[matched], matched, shape[::-1])
+    start = sp.csr_matrix(is_alone[None, :].astype(np.int8))
+    paths = sp.bmat([[None, edges, None], [back, None, None], [start, None, [[0]]]], "csr")
+    reached = np.zeros(sum(shape) + 1, dtype=bool)
+    reached[breadth_first_order(paths, sum(shape), return_predecessors=False)] = True
+    return np.concatenate([lows[~reached[: len(lows)]], highs[reached[len(lows) : -1]]])
+
+
+def _links(rows: _Numbers, columns: _Numbers, shape: tuple[int, int]) -> sp.csr_matrix:
+    return sp.csr_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=shape)
 
 
 def _unknowns(chosen: BoolArray, size: int) -> IndexArray:

@@ -2,16 +2,25 @@
 #include <string.h>
 #include <suitesparse/cholmod.h>
 
+/* Solves take so many columns of a panel together, and pass once over the rows below them. */
+#define TOGETHER 4
+
 struct substructure {
   int n, interior;
-  /* Bytes of a number. */
-  size_t size;
   cholmod_sparse matrix;
   cholmod_common common;
   cholmod_factor *factor;
-  /* Workspace of the solves, which CHOLMOD allocates once. */
-  cholmod_dense *solution, *y, *e;
+  /* Workspace of the solves: the rows of one panel. */
+  real *part;
 };
+
+/* Columns of L_I and L_GI that CHOLMOD stores together, by columns: the unknown first and those
+   that follow.  The rows begin with the same unknowns. */
+typedef struct panel {
+  int first, width, height;
+  const int *rows;
+  const real *values;
+} panel;
 
 int substructure_has_its_library(void)
 {
@@ -19,7 +28,7 @@ int substructure_has_its_library(void)
 }
 
 /* Rows of a symmetric matrix are its columns, and CHOLMOD passes over the upper triangle. */
-static cholmod_sparse lower(int n, const int *starts, const int *columns, int dtype)
+static cholmod_sparse lower(int n, const int *starts, const int *columns)
 {
   cholmod_sparse a;
   memset(&a, 0, sizeof a);
@@ -30,7 +39,7 @@ static cholmod_sparse lower(int n, const int *starts, const int *columns, int dt
   a.stype = -1;
   a.itype = CHOLMOD_INT;
   a.xtype = CHOLMOD_PATTERN;
-  a.dtype = dtype;
+  a.dtype = sizeof(real) == sizeof(float) ? CHOLMOD_SINGLE : CHOLMOD_DOUBLE;
   a.sorted = a.packed = 1;
   return a;
 }
@@ -69,17 +78,14 @@ static int find_order(cholmod_sparse *matrix, int interior, int *order, cholmod_
 
 void substructure_free(substructure *s)
 {
-  cholmod_common *common = &s->common;
-  cholmod_free_factor(&s->factor, common);
-  cholmod_free_dense(&s->solution, common);
-  cholmod_free_dense(&s->y, common);
-  cholmod_free_dense(&s->e, common);
-  cholmod_finish(common);
+  cholmod_free_factor(&s->factor, &s->common);
+  cholmod_finish(&s->common);
+  free(s->part);
   free(s);
 }
 
 substructure *substructure_new(int n, const int *starts, const int *columns, int interior,
-                               int is_single, int *order)
+                               int *order)
 {
   substructure *s = calloc(1, sizeof *s);
   if (!s)
@@ -90,9 +96,9 @@ substructure *substructure_new(int n, const int *starts, const int *columns, int
   common->supernodal = CHOLMOD_SUPERNODAL;
   s->n = n;
   s->interior = interior;
-  s->size = is_single ? sizeof(float) : sizeof(double);
-  s->matrix = lower(n, starts, columns, is_single ? CHOLMOD_SINGLE : CHOLMOD_DOUBLE);
-  int failed = find_order(&s->matrix, interior, order, common);
+  s->matrix = lower(n, starts, columns);
+  s->part = malloc(n * sizeof *s->part);
+  int failed = !s->part || find_order(&s->matrix, interior, order, common);
   if (!failed) {
     /* A postorder could bring the corner forward. */
     common->nmethods = 1;
@@ -108,7 +114,7 @@ substructure *substructure_new(int n, const int *starts, const int *columns, int
   return s;
 }
 
-int substructure_factorise(substructure *s, const void *values, void *corner)
+int substructure_factorise(substructure *s, const real *values, real *corner)
 {
   s->matrix.x = (void *)values;
   s->matrix.xtype = CHOLMOD_REAL;
@@ -116,44 +122,112 @@ int substructure_factorise(substructure *s, const void *values, void *corner)
   if (!cholmod_factorize(&s->matrix, factor, &s->common) || factor->minor < (size_t)s->n)
     return 1;
   const int n = s->n, interior = s->interior;
-  const size_t m = n - interior, size = s->size;
+  const size_t m = n - interior;
   const int *super = factor->super, *starts = factor->pi, *at = factor->px, *rows = factor->s;
-  memset(corner, 0, m * m * size);
+  memset(corner, 0, m * m * sizeof *corner);
   for (size_t k = 0; k < factor->nsuper; k++) {
     const int first = super[k], height = starts[k + 1] - starts[k];
     for (int j = first < interior ? interior : first; j < super[k + 1]; j++) {
-      const char *column = (const char *)factor->x + (at[k] + (size_t)(j - first) * height) * size;
-      for (int i = j - first; i < height; i++) {
-        const size_t place = (n - 1 - j) * m + (n - 1 - rows[starts[k] + i]);
-        memcpy((char *)corner + place * size, column + i * size, size);
-      }
+      const real *column = (const real *)factor->x + at[k] + (size_t)(j - first) * height;
+      for (int i = j - first; i < height; i++)
+        corner[(n - 1 - j) * m + (n - 1 - rows[starts[k] + i])] = column[i];
     }
   }
   return 0;
 }
 
-static int solve(substructure *s, int system, void *b)
+/* CHOLMOD's own solves include L_G, which the corner has to do without, and copy more. */
+static panel panel_of(const substructure *s, size_t k)
 {
-  cholmod_dense right;
-  memset(&right, 0, sizeof right);
-  right.nrow = right.nzmax = right.d = s->n;
-  right.ncol = 1;
-  right.x = b;
-  right.xtype = CHOLMOD_REAL;
-  right.dtype = s->matrix.dtype;
-  if (!cholmod_solve2(system, s->factor, &right, NULL, &s->solution, NULL, &s->y, &s->e,
-            &s->common))
-    return 1;
-  memcpy(b, s->solution->x, s->n * s->size);
-  return 0;
+  const cholmod_factor *factor = s->factor;
+  const int *super = factor->super, *starts = factor->pi, *at = factor->px;
+  const int end = super[k + 1] < s->interior ? super[k + 1] : s->interior;
+  return (panel){super[k], end - super[k], starts[k + 1] - starts[k],
+                 (const int *)factor->s + starts[k], (const real *)factor->x + at[k]};
 }
 
-int substructure_forward(substructure *s, void *b)
+static int is_of_corner(const substructure *s, size_t k)
 {
-  return solve(s, CHOLMOD_L, b);
+  return ((const int *)s->factor->super)[k] >= s->interior;
 }
 
-int substructure_backward(substructure *s, void *b)
+/* How many of the columns that are left to take together. */
+static int together(int left)
 {
-  return solve(s, CHOLMOD_Lt, b);
+  return left < TOGETHER ? 1 : TOGETHER;
+}
+
+void substructure_forward(substructure *s, real *b)
+{
+  for (size_t k = 0; k < s->factor->nsuper && !is_of_corner(s, k); k++) {
+    const panel p = panel_of(s, k);
+    const size_t height = p.height;
+    real *restrict part = s->part;
+    memcpy(part, b + p.first, p.width * sizeof *b);
+    memset(part + p.width, 0, (height - p.width) * sizeof *b);
+    for (int j = 0, count; j < p.width; j += count) {
+      count = together(p.width - j);
+      const real *restrict a = p.values + j * height;
+      for (int c = j; c < j + count; c++) {
+        const real *column = p.values + c * height;
+        part[c] /= column[c];
+        for (int i = c + 1; i < j + count; i++)
+          part[i] -= column[i] * part[c];
+      }
+      const real x = part[j];
+      if (count == 1) {
+        for (int i = j + 1; i < p.height; i++)
+          part[i] -= a[i] * x;
+        continue;
+      }
+      const real x1 = part[j + 1], x2 = part[j + 2], x3 = part[j + 3];
+      const real *restrict a1 = a + height, *restrict a2 = a1 + height, *restrict a3 = a2 + height;
+      for (int i = j + TOGETHER; i < p.height; i++)
+        part[i] -= a[i] * x + a1[i] * x1 + a2[i] * x2 + a3[i] * x3;
+    }
+    memcpy(b + p.first, part, p.width * sizeof *b);
+    for (int i = p.width; i < p.height; i++)
+      b[p.rows[i]] += part[i];
+  }
+}
+
+void substructure_backward(substructure *s, real *b)
+{
+  for (size_t k = s->factor->nsuper; k-- > 0;) {
+    if (is_of_corner(s, k))
+      continue;
+    const panel p = panel_of(s, k);
+    const size_t height = p.height;
+    real *restrict part = s->part;
+    for (int i = 0; i < p.height; i++)
+      part[i] = b[p.rows[i]];
+    for (int end = p.width, j; end > 0; end = j) {
+      j = end - together(end);
+      const real *restrict a = p.values + j * height;
+      real sum = 0, sum1 = 0, sum2 = 0, sum3 = 0;
+      if (end - j == 1) {
+#pragma omp simd reduction(+ : sum)
+        for (int i = end; i < p.height; i++)
+          sum += a[i] * part[i];
+      } else {
+        const real *restrict a1 = a + height, *restrict a2 = a1 + height, *restrict a3 = a2 + height;
+#pragma omp simd reduction(+ : sum, sum1, sum2, sum3)
+        for (int i = end; i < p.height; i++) {
+          sum += a[i] * part[i];
+          sum1 += a1[i] * part[i];
+          sum2 += a2[i] * part[i];
+          sum3 += a3[i] * part[i];
+        }
+      }
+      const real sums[TOGETHER] = {sum, sum1, sum2, sum3};
+      for (int c = end - 1; c >= j; c--) {
+        const real *column = p.values + c * height;
+        part[c] -= sums[c - j];
+        for (int i = c + 1; i < end; i++)
+          part[c] -= column[i] * part[i];
+        part[c] /= column[c];
+      }
+    }
+    memcpy(b + p.first, part, p.width * sizeof *b);
+  }
 }

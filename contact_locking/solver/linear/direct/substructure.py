@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.linalg import get_blas_funcs, get_lapack_funcs
+from scipy.linalg import get_lapack_funcs
 
 from contact_locking.arrays import FloatArray
 from contact_locking.problem import compiled
@@ -37,19 +36,17 @@ class Substructure:
         comm: MPI.Intracomm,
         precision: Precision = np.float64,
     ) -> None:
-        self._library, self._ffi = _library(comm)
+        self._library, self._ffi = _library(comm, precision)
         starts, columns, _ = matrix.getValuesCSR()
         self.order = np.concatenate([interior, corner]).astype(np.int32)
         # CHOLMOD keeps no copy of the pattern.
         self._pattern = [self._ints(starts), self._ints(columns)]
         sizes = len(self.order), *self._pattern, len(interior)
-        is_single = precision is np.float32
-        made = self._library.substructure_new(*sizes, is_single, self._ints(self.order))
+        made = self._library.substructure_new(*sizes, self._ints(self.order))
         self.has_memory = bool(made)
         self._made = self._ffi.gc(made, self._library.substructure_free) if made else made
         self._corner = np.empty((len(corner), len(corner)), precision, order="F")
         self._vector = np.empty(len(self.order), precision)
-        (self._trmv,) = get_blas_funcs(("trmv",), dtype=precision)
         (self._lauum,) = get_lapack_funcs(("lauum",), dtype=precision)
         self._inside = self._vector[: len(interior)]
         self._reversed = self._vector[len(interior) :][::-1]
@@ -69,24 +66,20 @@ class Substructure:
         """``-A_GI A_I^-1 b`` for a right-hand side b inside; to be followed by ``backward``."""
         self._vector[:] = 0.0
         self._inside[:] = interior
-        self._solve(self._library.substructure_forward)
-        return np.asarray(self._trmv(self._corner, self._reversed))
+        self._library.substructure_forward(self._made, self._numbers(self._vector))
+        return self._reversed.copy()
 
     def backward(self, corner: Reals) -> Reals:
         """The solution inside for the solution in the corner."""
-        self._reversed[:] = self._trmv(self._corner, corner, trans=1)
-        self._solve(self._library.substructure_backward)
+        self._reversed[:] = corner
+        self._library.substructure_backward(self._made, self._numbers(self._vector))
         return self._inside
-
-    def _solve(self, triangle: Callable[[Any, Any], int]) -> None:
-        if triangle(self._made, self._numbers(self._vector)):
-            raise MemoryError("CHOLMOD has no workspace for a solve")
 
     def _ints(self, array: npt.NDArray[Any]) -> Any:
         return self._ffi.from_buffer("int[]", np.ascontiguousarray(array, dtype=np.int32))
 
     def _numbers(self, array: Reals) -> Any:
-        return self._ffi.from_buffer(array)
+        return self._ffi.from_buffer("real[]", array)
 
 
 def is_available(comm: MPI.Intracomm) -> bool:
@@ -94,7 +87,7 @@ def is_available(comm: MPI.Intracomm) -> bool:
     if not comm.allreduce(_cholmod() is not None, op=MPI.LAND):
         return False
     try:
-        library, _ = _library(comm)
+        library, _ = _library(comm, np.float64)
     except RuntimeError:
         # It did not compile, which DOLFINx tells all ranks.
         return False
@@ -106,5 +99,7 @@ def _cholmod() -> compiled.Installed | None:
     return compiled.installed("cholmod", "suitesparse/cholmod.h")
 
 
-def _library(comm: MPI.Intracomm) -> tuple[Any, Any]:
-    return compiled.library_of(__package__, "substructure", comm, _cholmod())
+def _library(comm: MPI.Intracomm, precision: Precision) -> tuple[Any, Any]:
+    real = "float" if precision is np.float32 else "double"
+    types = f"typedef {real} real;\n"
+    return compiled.library_of(__package__, "substructure", comm, _cholmod(), types)
