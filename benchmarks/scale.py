@@ -29,7 +29,7 @@ from mpi4py import MPI
 from contact_locking import solving
 from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.parameters import Parameters
-from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
+from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
 from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
 from contact_locking.solver.linear.projection import Projection
 
@@ -51,15 +51,15 @@ class Tangents(WallClock):
 
     def _watch(
         self,
-        refresh: Callable[[MultigridTangents, Callable[[], StiffPart]], None],
+        refresh: Callable[..., None],
         solve: Callable[..., None],
         solve_following: Callable[..., None],
     ) -> None:
-        def refresh_and_note(solver: MultigridTangents, split: Callable[[], StiffPart]) -> None:
+        def refresh_and_note(solver: MultigridTangents, *given: Any) -> None:
             self.print_last()
             began = time.perf_counter()
             self.rows.append(("", [0.0, 0.0], []))
-            refresh(solver, split)
+            refresh(solver, *given)
             self.rows[-1][1][0] += time.perf_counter() - began
 
         def noting(solve: Callable[..., None]) -> Callable[..., None]:

@@ -82,8 +82,7 @@ class Tangent:
         """Assemble the tangent for the present blocks of all families; collective."""
         for family in self.families:
             family.write_block()
-        self._assemble(self.matrix)
-        self._linear.refresh(lambda: self._stiff.of(self.matrix, self._assemble))
+        self._linear.refresh(self._assemble, lambda: self._stiff.of(self.matrix, self._assemble))
         self._refresh_border()
         self._step.set(0.0)
 
@@ -186,7 +185,7 @@ class Tangent:
 
     def left_unbalanced(self) -> float:
         """The sum of the nodal forces that the last :meth:`balance` leaves; collective."""
-        self.matrix.mult(self._answer, self._moved)
+        self._linear.multiply(self._answer, self._moved)
         self._moved.axpy(-1.0, self._right)
         return float(self._moved.norm(PETSc.NormType.NORM_1))
 

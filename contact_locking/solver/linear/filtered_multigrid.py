@@ -187,6 +187,14 @@ class FilteredMultigrid:
         """Let multigrid take more steps of its smoother; to be called after :meth:`refresh`."""
         self._multigrid.smooth_more()
 
+    def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y = A x``, for which the matrix needs no values where the projection takes part."""
+        if self._projection is None:
+            self._matrix.mult(x, y)
+            return
+        self._smoothed.mult(x, y)
+        self._projection.add_stiff(x, y)
+
     def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""
         if self._filter is not None:

@@ -66,13 +66,13 @@ _AIM = 0.8
 class _Sum:
     """The context of the matrix ``K + F``; without ``follow``, ``F`` is zero."""
 
-    def __init__(self, matrix: PETSc.Mat) -> None:
-        self._matrix = matrix
+    def __init__(self, multigrid: FilteredMultigrid) -> None:
+        self._multigrid = multigrid
         self.follow: Follow | None = None
 
     def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """``y = (K + F) x``."""
-        self._matrix.mult(x, y)
+        self._multigrid.multiply(x, y)
         if self.follow is not None:
             self.follow(x, y)
 
@@ -184,7 +184,7 @@ class Gmres:
     ) -> None:
         self._comm, self._multigrid = matrix.getComm(), multigrid
         self._options, self._listen = options, listen
-        self._sum, self._preconditioner = _Sum(matrix), Preconditioner(multigrid)
+        self._sum, self._preconditioner = _Sum(multigrid), Preconditioner(multigrid)
         contexts = self._sum, self._preconditioner
         self._given = matrix.getSizes(), *contexts, options, listen, self._comm
         self._krylov = _Krylov(*self._given, _GMRES)

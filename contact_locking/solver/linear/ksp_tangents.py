@@ -10,7 +10,7 @@ from petsc4py import PETSc
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
 from contact_locking.solver.linear.ksp import IterationListener, create_ksp, destroy_ksp
 from contact_locking.solver.linear.storage import Unblocked
-from contact_locking.solver.linear.tangent_solver import TangentSolver
+from contact_locking.solver.linear.tangent_solver import Assemble, TangentSolver
 
 
 class KspTangents(TangentSolver):
@@ -28,14 +28,15 @@ class KspTangents(TangentSolver):
         is_direct: bool,
         listen: Callable[[int], None],
     ) -> None:
-        super().__init__()
-        self._matrix, self._is_direct = matrix, is_direct
+        super().__init__(matrix)
+        self._is_direct = is_direct
         self._ksp = create_ksp(matrix.getComm(), defaults, overrides)
         self._listeners = [] if is_direct else [IterationListener(self._ksp, listen)]
         self._unblocked = Unblocked()
 
-    def refresh(self, split: Callable[[], StiffPart]) -> None:
-        """The matrix has new values."""
+    def refresh(self, assemble: Assemble, split: Callable[[], StiffPart]) -> None:
+        """The tangent has new values."""
+        assemble(self._matrix)
         self._ksp.setOperators(self._unblocked.of(self._matrix))
 
     def solve(

@@ -15,7 +15,7 @@ from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.linear.multigrid import CoarserSpace
 from contact_locking.solver.linear.options import InsertedOptions
-from contact_locking.solver.linear.tangent_solver import Follow, TangentSolver
+from contact_locking.solver.linear.tangent_solver import Assemble, Follow, TangentSolver
 
 # How much a linear solve aims to reduce its right-hand side at least: 3e-3 saves no tangents.
 _LOOSEST = 1e-2
@@ -62,7 +62,7 @@ class MultigridTangents(TangentSolver):
         listen: Callable[[int], None],
         coarser: Sequence[CoarserSpace] = (),
     ) -> None:
-        super().__init__()
+        super().__init__(matrix)
         self._dim = dim
         # Before anybody's defaults, so that they win.
         self._user_options = InsertedOptions({}, options)
@@ -78,8 +78,8 @@ class MultigridTangents(TangentSolver):
         is_moderate = contrast <= MODERATE_CONTRAST
         self._patience_of_projection = _LONGER_PATIENCE if is_moderate else _PATIENCE_OF_PROJECTION
 
-    def refresh(self, split: Callable[[], StiffPart]) -> None:
-        """The matrix has new values, ``split`` tells which are stiff."""
+    def refresh(self, assemble: Assemble, split: Callable[[], StiffPart]) -> None:
+        """The tangent has new values; its matrix gets none where it is projected."""
         self._gmres.forget()
         self._stiff = split()
         self._can_filter = self._multigrid.can_filter(self._stiff)
@@ -91,12 +91,19 @@ class MultigridTangents(TangentSolver):
             self._filters = self._smooths_more
             self._smooths_more = True
         self._hardest = 0
-        if self._filters and self._can_filter:
+        filters = self._filters and self._can_filter
+        if not (filters and self._projects):
+            assemble(self._matrix)
+        if filters:
             self._filter()
         else:
             self._multigrid.refresh()
             if self._smooths_more:
                 self._multigrid.smooth_more()
+
+    def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y = A x``."""
+        self._multigrid.multiply(x, y)
 
     def solve(
         self, right: PETSc.Vec, step: PETSc.Vec, residual: float, is_rough: bool = False

@@ -125,6 +125,12 @@ class Projection:
         """Change z and forces f so that ``C z = B^-1 f``, as precisely as the stiffness needs."""
         self._reconcile(self._solve_precisely, self._nothing, z, forces)
 
+    def add_stiff(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y += C^T B C x``."""
+        self.rows.mult(x, self._right)
+        self._right.array_w[:] /= self.compliance
+        self.rows.multTransposeAdd(self._right, y, y)
+
     def destroy(self) -> None:
         """Free the PETSc objects."""
         for solver in reversed(self._solvers):

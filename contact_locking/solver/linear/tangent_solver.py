@@ -11,17 +11,30 @@ from contact_locking.solver.linear.filtered_multigrid import StiffPart
 
 #: Adds the forces that follow a displacement to its second argument; collective.
 Follow = Callable[[PETSc.Vec, PETSc.Vec], None]
+#: Gives a matrix the values of the tangent; collective.
+Assemble = Callable[[PETSc.Mat], None]
 
 
 class TangentSolver(abc.ABC):
-    """Solves with a matrix whose values change; all of it is collective."""
+    """Solves with a tangent whose values change; all of it is collective.
 
-    def __init__(self) -> None:
-        self._iterations = 0
+    ``matrix`` is for its values.
+    """
+
+    def __init__(self, matrix: PETSc.Mat) -> None:
+        self._matrix, self._iterations = matrix, 0
 
     @abc.abstractmethod
-    def refresh(self, split: Callable[[], StiffPart]) -> None:
-        """The matrix has new values, ``split`` tells which are stiff."""
+    def refresh(self, assemble: Assemble, split: Callable[[], StiffPart]) -> None:
+        """The tangent has new values.
+
+        ``assemble`` gives them to the matrix if the solver needs them there, and ``split`` tells
+        which are stiff.
+        """
+
+    def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y = A x``."""
+        self._matrix.mult(x, y)
 
     @abc.abstractmethod
     def solve(
