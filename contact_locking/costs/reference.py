@@ -49,11 +49,11 @@ class Reference:
     direct_3d: Growth = Growth(1.08e-5, 4.5e-10, 2.0)
     #: Seconds of a tangent by GMRES, beside the factor of the filter, and of its set-up.
     iterative_2d: Growth = Growth(1.2e-5)
-    iterative_3d: Growth = Growth(2.5e-5)
+    iterative_3d: Growth = Growth(1.2e-5)
     set_up: float = 0.3
     #: Seconds of a tangent by GMRES where more is locked than the filter takes: by projection, and
     #: by multigrid alone where n bounds the contrast.
-    projected_3d: Growth = Growth(0.0, 7.6e-8, 1.5)
+    projected_3d: Growth = Growth(0.0, 6.3e-8, 1.5)
     alone_3d: Growth = Growth(0.0, 2.6e-6, 1.2)
     #: The share of the unknowns that the filter beside GMRES factorises, as the block has it.
     filtered: float = 0.65

@@ -150,12 +150,12 @@ class _WithForces:
         local = saddle_point.size, None
         given = saddle_point, saddle_point, options, listen, comm
         self.krylov = _Krylov((local, local), *given, _FLEXIBLE)
+        self.krylov.ksp.setInitialGuessNonzero(False)
         self._right, self._solution = self.krylov.operator.createVecs()
 
     def correct(self, left: PETSc.Vec, x: PETSc.Vec, residual: float, most: int) -> int:
         """Add to ``x`` the displacement of the forces ``left``; return the iterations taken."""
         self.saddle_point.set_right(left, self._right)
-        self._solution.set(0.0)
         count = self.krylov.solve(self._right, self._solution, residual, most)
         self.saddle_point.add_displacement(self._solution, x)
         return count

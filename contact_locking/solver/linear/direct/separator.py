@@ -32,6 +32,7 @@ class Separator:
         # Scotch takes longer on several ranks, and has another result on each.
         parts = comm.bcast(_partition(counts, neighbours, comm.size) if comm.rank == 0 else None)
         nodes = np.repeat(np.arange(len(counts)), counts)
+        # The ends of edges in the lower and in the higher of two parts.
         is_cut = parts[nodes] < parts[neighbours]
         separates = np.zeros(len(counts), dtype=bool)
         separates[least_cover(nodes[is_cut], neighbours[is_cut])] = True
@@ -51,10 +52,10 @@ class Separator:
 
 
 def least_cover(lower: IndexArray, higher: IndexArray) -> IndexArray:
-    """The fewest nodes that contain an end of each edge, from ``lower`` to ``higher``, (edges,).
+    """The fewest nodes that contain an end of each edge; the edges have the ends given, (k,).
 
-    They are as many as the edges of a largest matching (Koenig's theorem).  A node that is at the
-    lower end of some edges and at the higher end of others counts as two nodes.
+    They are as many as the edges of a largest matching (Koenig's theorem).  A node that is the
+    lower end of some edges and the higher end of others counts as two nodes.
     """
     (lows, low), (highs, high) = (np.unique(ends, return_inverse=True) for ends in (lower, higher))
     shape = len(lows), len(highs)
