@@ -136,7 +136,7 @@ int substructure_factorise(substructure *s, const real *values, real *corner)
   return 0;
 }
 
-/* CHOLMOD's own solves include L_G, which the corner has to do without, and copy more. */
+/* Panel k without columns of the corner. */
 static panel panel_of(const substructure *s, size_t k)
 {
   const cholmod_factor *factor = s->factor;
@@ -157,6 +157,8 @@ static int together(int left)
   return left < TOGETHER ? 1 : TOGETHER;
 }
 
+/* The solves with L_I are loops of our own: those of CHOLMOD solve with L_G as well, which would have
+   to be undone, and take longer for one right-hand side. */
 void substructure_forward(substructure *s, real *b)
 {
   for (size_t k = 0; k < s->factor->nsuper && !is_of_corner(s, k); k++) {
