@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -13,12 +14,15 @@ from solved_by_cg import agree, solved
 
 from contact_locking import solving
 from contact_locking.costs.factorised import FILTER_LIMIT
+from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.linear import multigrid_tangents
 from contact_locking.solver.linear.direct import substructuring
 from contact_locking.solver.linear.direct.substructure import is_available
 from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.multigrid import Multigrid
+from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
 from contact_locking.solver.linear.projection import Projection
+from contact_locking.solver.linear.tangent_solver import Assemble
 
 
 def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -141,6 +145,48 @@ def test_the_projection_stays_once_it_has_taken_over(monkeypatch: pytest.MonkeyP
     assert found.converged
     # All but the first tangents, in which nothing is stiff.
     assert len(made) >= found.summary["iterations"]["tangents"] - 2
+
+
+def test_a_projected_tangent_is_multiplied_by_its_parts_and_not_assembled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _project_everything(monkeypatch, 3)
+    whole: list[PETSc.Mat] = []
+    counts: dict[bool, list[int]] = {False: [], True: []}
+    refresh_solver, refresh = MultigridTangents.refresh, Tangent.refresh
+
+    def refresh_unassembled(self: MultigridTangents, assemble: Assemble, *given: Any) -> None:
+        made: list[PETSc.Mat] = []
+        assemble(self._matrix)
+        whole.append(self._matrix.copy())
+        # Who assembles no matrix must not take what is in it.
+        self._matrix.zeroEntries()
+
+        def assemble_and_note(matrix: PETSc.Mat) -> None:
+            assemble(matrix)
+            made.append(matrix)
+
+        refresh_solver(self, assemble_and_note, *given)
+        counts[self.filters].append(len(made))
+
+    def compared(self: Tangent) -> None:
+        refresh(self)
+        x, expected = whole[-1].createVecs()
+        found = expected.duplicate()
+        anything = np.random.default_rng(1).standard_normal(x.getLocalSize())
+        x.array_w[:] = self.system.constraints.free_part(anything)
+        whole[-1].mult(x, expected)
+        self._linear.multiply(x, found)
+        found.axpy(-1.0, expected)
+        assert found.norm() <= 1e-12 * expected.norm()
+        for item in (whole.pop(), x, expected, found):
+            item.destroy()
+
+    monkeypatch.setattr(MultigridTangents, "refresh", refresh_unassembled)
+    monkeypatch.setattr(Tangent, "refresh", compared)
+    solved(math.inf, "iterative")
+    assert set(counts[False]) == {1}
+    assert len(counts[True]) > 5 and set(counts[True]) == {0}
 
 
 def test_one_sided_limits_of_the_strain_are_projected_as_well(

@@ -188,7 +188,10 @@ class FilteredMultigrid:
         self._multigrid.smooth_more()
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """``y = A x``, for which the matrix needs no values where the projection takes part."""
+        """``y = A x`` for an x that is zero where displacements are prescribed.
+
+        Where the projection takes part the matrix needs no values.
+        """
         if self._projection is None:
             self._matrix.mult(x, y)
             return

@@ -102,7 +102,7 @@ class MultigridTangents(TangentSolver):
                 self._multigrid.smooth_more()
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """``y = A x``."""
+        """That of :class:`FilteredMultigrid`."""
         self._multigrid.multiply(x, y)
 
     def solve(

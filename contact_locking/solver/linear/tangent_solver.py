@@ -33,7 +33,7 @@ class TangentSolver(abc.ABC):
         """
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """``y = A x``."""
+        """``y = A x`` for an x that is zero where displacements are prescribed."""
         self._matrix.mult(x, y)
 
     @abc.abstractmethod
