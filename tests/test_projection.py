@@ -189,6 +189,32 @@ def test_a_projected_tangent_is_multiplied_by_its_parts_and_not_assembled(
     assert len(counts[True]) > 5 and set(counts[True]) == {0}
 
 
+def test_a_support_along_an_oblique_direction_is_projected_as_well(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The friction bound does not see what a solve leaves along the support, times 1e15."""
+    _project_everything(monkeypatch, 2)
+    pressed = {"point": [0.0, 0.0261], "normal": [0.0, -1.0]}
+    solution = solving.solve(
+        block(
+            2,
+            0.00602133333333,
+            mesh__size=[0.036128, 0.0261],
+            mesh__structured=True,
+            material={"elasticity": {"young": 1e6, "poisson": 0.45}, "locking_limit": math.inf},
+            loads={"supports": [{"on": "left", "along": [1.0, 0.33155], "value": 0.0}]},
+            contact=[
+                {"on": "bottom", "gap": 0.0},
+                {"on": "top", "foundation": {"half_space": pressed, "motion": [-4.6e-7, -2.76e-6]}},
+            ],
+            friction={"coefficient": 0.8, "smoothing": {"kernel": "helmholtz", "radius": 0.006}},
+            penalty__n=math.inf,
+            solver__linear="iterative",
+        )
+    )
+    assert solution.converged, solution.summary["reason"]
+
+
 def test_one_sided_limits_of_the_strain_are_projected_as_well(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

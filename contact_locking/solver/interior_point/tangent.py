@@ -30,9 +30,8 @@ _BORDER_ACCURACY = 1e-10
 class Tangent:
     """``a(du, v)`` plus ``int D lin(du) . lin(v)`` of every family, and the forces it balances.
 
-    Displacements are arrays of owned values, and behind them the travels of the tools, which border
-    the tangent: all ranks have all travels.  What is asked for at the system's displacement,
-    :meth:`visit` evaluates.
+    Displacements are arrays of owned values, then the travels of the tools, which all ranks have;
+    these border the tangent.  :meth:`visit` evaluates what the system's displacement asks for.
     """
 
     def __init__(self, task: Task, families: Sequence[Family], tuning: Tuning) -> None:
@@ -151,7 +150,9 @@ class Tangent:
 
         def add_following(x: PETSc.Vec, y: PETSc.Vec) -> None:
             self._moved.set(0.0)
-            for reaction in follow(np.append(x.array_r, np.zeros(len(self.system.tools)))):
+            # A solve leaves a little where displacements are prescribed, and contact is stiff.
+            free = self.system.constraints.free_part(x.array_r)
+            for reaction in follow(np.append(free, np.zeros(len(self.system.tools)))):
                 reaction.add_to(self._moved)
             self.system.constraints.keep_free(self._moved)
             y.axpy(1.0, self._moved)
