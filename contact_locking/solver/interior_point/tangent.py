@@ -150,7 +150,7 @@ class Tangent:
 
         def add_following(x: PETSc.Vec, y: PETSc.Vec) -> None:
             self._moved.set(0.0)
-            # A solve leaves a little where displacements are prescribed, and contact is stiff.
+            # Contact multiplies by its stiffness what a solve leaves of prescribed displacements.
             free = self.system.constraints.free_part(x.array_r)
             for reaction in follow(np.append(free, np.zeros(len(self.system.tools)))):
                 reaction.add_to(self._moved)
