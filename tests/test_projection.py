@@ -159,7 +159,7 @@ def test_a_projected_tangent_is_multiplied_by_its_parts_and_not_assembled(
         made: list[PETSc.Mat] = []
         assemble(self._matrix)
         whole.append(self._matrix.copy())
-        # Who assembles no matrix must not take what is in it.
+        # A solver that does not assemble its matrix must not read it.
         self._matrix.zeroEntries()
 
         def assemble_and_note(matrix: PETSc.Mat) -> None:

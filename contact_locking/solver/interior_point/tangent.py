@@ -31,7 +31,7 @@ class Tangent:
     """``a(du, v)`` plus ``int D lin(du) . lin(v)`` of every family, and the forces it balances.
 
     Displacements are arrays of owned values, then the travels of the tools, which all ranks have;
-    these border the tangent.  :meth:`visit` evaluates what the system's displacement asks for.
+    these border the tangent.  Elastic forces are those of the displacement visited last.
     """
 
     def __init__(self, task: Task, families: Sequence[Family], tuning: Tuning) -> None:
@@ -78,7 +78,7 @@ class Tangent:
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
 
     def refresh(self) -> None:
-        """Assemble the tangent for the present blocks of all families; collective."""
+        """Set up linear solves for the present blocks of all families; collective."""
         for family in self.families:
             family.write_block()
         self._linear.refresh(self._assemble, lambda: self._stiff.of(self.matrix, self._assemble))

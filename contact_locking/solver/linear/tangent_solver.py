@@ -18,7 +18,7 @@ Assemble = Callable[[PETSc.Mat], None]
 class TangentSolver(abc.ABC):
     """Solves with a tangent whose values change; all of it is collective.
 
-    ``matrix`` is for its values.
+    ``matrix`` is where the solver may have these values assembled.
     """
 
     def __init__(self, matrix: PETSc.Mat) -> None:

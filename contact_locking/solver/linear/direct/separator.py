@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
 from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
 from contact_locking.arrays import BoolArray, IndexArray
+from contact_locking.solver.linear.direct.substructure import Numbers
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
-
-_Numbers = npt.NDArray[np.integer]
 
 _PREFIX = PREFIX + "separator_"
 
@@ -72,7 +70,7 @@ def least_cover(lower: IndexArray, higher: IndexArray) -> IndexArray:
     return np.concatenate([lows[~reached[: len(lows)]], highs[reached[len(lows) : -1]]])
 
 
-def _links(rows: _Numbers, columns: _Numbers, shape: tuple[int, int]) -> sp.csr_matrix:
+def _links(rows: Numbers, columns: Numbers, shape: tuple[int, int]) -> sp.csr_matrix:
     return sp.csr_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=shape)
 
 
