@@ -120,7 +120,7 @@ def _anchored(data: dict[str, Any], u: Any) -> tuple[FloatArray, FloatArray]:
     system = Increment(problem, Monitor()).system
     problem.u.interpolate(u)
     problem.constraints.apply(problem.u)
-    return problem.u.x.array.copy(), system.anchored
+    return problem.u.x.array.copy(), system.rounding.anchored
 
 
 def test_only_the_motion_that_nothing_asks_for_is_taken_away() -> None:
@@ -158,7 +158,7 @@ def test_a_tool_that_follows_the_body_asks_for_no_displacement() -> None:
     assert not tool.pushes
     system.tools.settle(problem.u)
     assert tool.travel < -1e5
-    assert np.abs(system.anchored).max() < 1e-6
+    assert np.abs(system.rounding.anchored).max() < 1e-6
 
 
 # The prescribed displacement has a rounding of 1e-16 of itself, and its strains at the tolerance of

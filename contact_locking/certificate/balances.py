@@ -14,7 +14,7 @@ from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.reactions import reactions_by_part
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.problem import compiled, forms
-from contact_locking.problem.system import ROUNDING
+from contact_locking.problem.rounding import ROUNDING
 
 # The residuals of the free nodes, up to the tolerance of the solver, may add up in the sum of all
 # forces and moments.  The limit of a balance is this multiple of the tolerance.
@@ -92,7 +92,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     def norm(vector: FloatArray) -> float:
         return float(np.sqrt(state.sum(vector[:owned] ** 2)))
 
-    rounding = max(state.system.force_rounding(), ROUNDING * norm(reaction))
+    rounding = max(state.system.rounding.in_forces(), ROUNDING * norm(reaction))
     tolerance = state.settings.tolerance
     scale = max(norm(load), norm(elastic), rounding / tolerance) or 1.0
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]

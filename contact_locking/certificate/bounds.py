@@ -22,7 +22,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.laws.convex import squared_norm
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem import forms
-from contact_locking.problem.system import ROUNDING
+from contact_locking.problem.rounding import ROUNDING
 from contact_locking.results.derived import integral
 
 # Rounding and the solver's tolerance may put a measured value this share above its bound.

@@ -67,8 +67,7 @@ class EllipticProblem:
             solution.x.array[:] = self.constraints.held_part(values.x.array)
         form = -action(self._bilinear, solution)
         vector = la.vector(self._space.dofmap.index_map, self._space.dofmap.index_map_bs)
-        JointForm(form if right is None else right + form).assemble_vector(vector.array)
-        vector.scatter_reverse(la.InsertMode.add)
+        JointForm(form if right is None else right + form).assemble_vector(vector)
         b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
         b.array_w[:] = self.constraints.free_part(vector.array[: self._owned])
         try:

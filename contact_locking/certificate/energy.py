@@ -113,7 +113,7 @@ class Moment:
             contacts=tuple(Touch.of(fields) for fields in state.contacts),
             stored=_stored(state),
             work=state.work,
-            negligible=state.system.force_rounding() / state.settings.tolerance,
+            negligible=state.system.rounding.in_forces() / state.settings.tolerance,
         )
 
     @classmethod

@@ -22,7 +22,6 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
 from contact_locking.problem import compiled
 
 # By this name a PETSc matrix keeps the matrix of DOLFINx whose arrays it shares.
@@ -93,10 +92,12 @@ class JointForm:
         matrix.setAttr(_SHARED, shared)
         return matrix
 
-    def assemble_vector(self, values: FloatArray) -> None:
-        """Add the linear form to the local values, without those of other ranks."""
+    def assemble_vector(self, vector: la.Vector) -> None:
+        """Set the owned values of a vector of the displacements to the linear form; collective."""
+        vector.array[:] = 0.0
         for form in self._forms:
-            fem.assemble_vector(values, form)
+            fem.assemble_vector(vector.array, form)
+        vector.scatter_reverse(la.InsertMode.add)
 
     def assemble_matrix(self, matrix: PETSc.Mat, conditions: Sequence[fem.DirichletBC]) -> None:
         """Set a matrix, with the identity at the conditions of displacements; collective."""

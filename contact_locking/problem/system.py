@@ -13,7 +13,6 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.penalty import Penalty
-from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.affine_part import affine_part
 from contact_locking.problem.conditions import Constraints
@@ -21,11 +20,9 @@ from contact_locking.problem.contact import Contact
 from contact_locking.problem.joint_forms import JointForm
 from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.near_nullspace import near_nullspace
+from contact_locking.problem.rounding import Rounding, largest_displacement
 from contact_locking.problem.surface import NodalAverage
 from contact_locking.problem.tool_balance import Tools
-
-# The rounding of a sum of products is a few times this share of the summands.
-ROUNDING = 64.0 * float(np.finfo(float).eps)
 
 
 class PenalisedSystem:
@@ -33,8 +30,7 @@ class PenalisedSystem:
 
     ``u`` is the displacement, at all times with the prescribed values in the constrained dofs.
     ``held_by_contact`` says that contact alone stops some rigid motion, and ``held_by_friction``
-    that friction alone stops some rigid motion.  ``loose`` knows the rigid motions that the
-    conditions leave free, if there are any.
+    that friction alone stops some rigid motion.  ``loose`` is that of :class:`Rounding`.
     """
 
     # If contact alone stops a rigid motion, all of Gamma_C keeps this share of the contact
@@ -58,9 +54,8 @@ class PenalisedSystem:
         self.constraints = constraints
         constraints.apply(u)
         self.held_by_contact, self.held_by_friction = held_by_contact, held_by_friction
-        self._loose = loose
+        self.rounding = Rounding(data, u, loose)
         self._elastic = JointForm(forms.elastic_form(u, v, data))
-        self._magnitudes = JointForm(forms.force_magnitudes(u, v, data))
         self._elastic_energy = compiled.form(0.5 * forms.elastic_form(u, u, data))
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
@@ -70,7 +65,7 @@ class PenalisedSystem:
 
     def assemble_loads(self) -> None:
         """Assemble the loads of the present time; collective."""
-        self._assemble(self._external)
+        self._external.assemble_vector(self._work.x)
         # (f, .) at the owned dofs, constrained dofs included.
         self.load = self._work.x.array[: self._owned].copy()
         self._load_norm = float(la.norm(self._work.x))
@@ -150,57 +145,18 @@ class PenalisedSystem:
 
     def assemble_free(self, form: JointForm, f: PETSc.Vec) -> None:
         """Assemble the free part of a linear form into ``f``; collective."""
-        self._assemble(form)
+        form.assemble_vector(self._work.x)
         f.array_w[:] = self.constraints.free_part(self._work.x.array[: self._owned])
 
     def force_scale(self, tolerance: float) -> float:
-        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, or :meth:`above_rounding`.
-
-        Collective.
-        """
-        self._assemble(self._elastic)
+        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, above rounding; collective."""
+        self._elastic.assemble_vector(self._work.x)
         acting = max(self._load_norm, float(la.norm(self._work.x)))
-        return self.above_rounding(acting, tolerance)
-
-    def above_rounding(self, acting: float, tolerance: float) -> float:
-        """``max(acting, rounding/tolerance)`` with :meth:`force_rounding`; collective.
-
-        A residual of ``tolerance`` times this force is at least the rounding in ``u``.
-        """
-        # An upper bound of the rounding, which saves the assembly where larger forces act.
-        if self.largest_displacement() * self._rounding_of_one <= tolerance * acting:
-            return acting
-        return max(acting, self.force_rounding() / tolerance)
-
-    @cached_property
-    def _rounding_of_one(self) -> float:
-        """:meth:`force_rounding` if ``|u| = 1`` everywhere is what the data ask for; collective."""
-        return self._rounding_in(np.full_like(self.u.x.array, 1.0 / np.sqrt(self.dim)))
-
-    def force_rounding(self) -> float:
-        """The rounding in ``a(u, .)`` for :attr:`anchored` u, as a norm over all dofs.
-
-        Collective.
-        """
-        return self._rounding_in(self.anchored)
-
-    def _rounding_in(self, displacement: FloatArray) -> float:
-        kept = self.u.x.array.copy()
-        self.u.x.array[:] = displacement
-        self._assemble(self._magnitudes)
-        self.u.x.array[:] = kept
-        return ROUNDING * float(la.norm(self._work.x))
-
-    @property
-    def anchored(self) -> FloatArray:
-        """The displacement without rigid motions that the data do not make; collective."""
-        u = self.u.x.array
-        return u.copy() if self._loose is None else self._loose.anchored(u)
+        return self.rounding.raise_above(acting, tolerance)
 
     def largest_displacement(self) -> float:
         """The largest ``|u|`` of all nodes; collective."""
-        vectors = self.u.x.array.reshape(-1, self.dim)
-        return maximum(self.comm, np.linalg.norm(vectors, axis=1))
+        return largest_displacement(self.u)
 
     def energy(self) -> float:
         """The elastic energy ``a(u, u)/2``; collective."""
@@ -293,8 +249,3 @@ class PenalisedSystem:
     def displacement(self, x: PETSc.Vec) -> None:
         """Copy the displacement into ``x``."""
         x.array_w[:] = self.u.x.array[: self._owned]
-
-    def _assemble(self, form: JointForm) -> None:
-        self._work.x.array[:] = 0.0
-        form.assemble_vector(self._work.x.array)
-        self._work.x.scatter_reverse(la.InsertMode.add)

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 from contact_locking.laws.penalty import Penalty
-from contact_locking.problem.system import ROUNDING
+from contact_locking.problem.rounding import ROUNDING
 
 
 @dataclass(frozen=True)

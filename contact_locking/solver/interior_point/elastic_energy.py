@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from petsc4py import PETSc
 
-from contact_locking.problem.system import ROUNDING, PenalisedSystem
+from contact_locking.problem.rounding import ROUNDING
+from contact_locking.problem.system import PenalisedSystem
 
 
 def energy_of(

@@ -10,7 +10,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.parallel import minimum
-from contact_locking.problem.system import ROUNDING
+from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, norm
 from contact_locking.solver.interior_point.lorentz_cones import LorentzCones

@@ -31,7 +31,7 @@ def rests(task: Task, tangent: Tangent) -> bool:
     keeps = all(family.is_kept(0.0, displacement) for family in tangent.families)
     if not on_every_rank(tangent.comm, keeps):
         return False
-    rounding = _ROUNDING * size_of_summands(tangent.elasticity, task.system.anchored)
+    rounding = _ROUNDING * size_of_summands(tangent.elasticity, task.system.rounding.anchored)
     return tangent.residual_norms([])[0] <= max(tolerance * tangent.acting, rounding)
 
 

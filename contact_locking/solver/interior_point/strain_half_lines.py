@@ -9,7 +9,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.parallel import minimum
-from contact_locking.problem.system import ROUNDING
+from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.interior_point.strain_operator import StrainOperator

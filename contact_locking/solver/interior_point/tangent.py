@@ -15,6 +15,7 @@ from contact_locking.problem import compiled, forms
 from contact_locking.problem.joint_forms import JointForm
 from contact_locking.solver.interior_point.elastic_energy import energy_of
 from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.right_hand_side import RightHandSide
 from contact_locking.solver.interior_point.stiff_families import StiffFamilies
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
@@ -57,10 +58,10 @@ class Tangent:
         self.elasticity = petsc.assemble_matrix(compiled.form(elastic))
         self.elasticity.assemble()
         self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
-        self._vectors = [self.matrix.createVecRight() for _ in range(8)]
-        self._load, self._stretched, self._unbalanced, self._right = self._vectors[:4]
-        self._step, self._answer, self._whole, self._moved = self._vectors[4:]
-        self._right_tools: FloatArray = np.zeros(len(system.tools))
+        self._vectors = [self.matrix.createVecRight() for _ in range(7)]
+        self._load, self._stretched, self._unbalanced = self._vectors[:3]
+        self._step, self._answer, self._whole, self._moved = self._vectors[3:]
+        self._right = RightHandSide(system, self.matrix.createVecRight())
         self._border = Border(len(system.tools), self.matrix.createVecRight)
         self._load.array_w[:] = system.load
         contrast, listen = task.target.largest_contrast, task.monitor.linear
@@ -74,7 +75,7 @@ class Tangent:
         self.elasticity.mult(self._answer, self._stretched)
         self.energy = energy_of(self.system, self._answer, self._stretched, self._stiffest)
         self.acting = float(max(self._load.norm(), self._stretched.norm()))
-        self.force_scale = self.system.above_rounding(self.acting, self._tolerance)
+        self.force_scale = self.system.rounding.raise_above(self.acting, self._tolerance)
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
 
     def refresh(self) -> None:
@@ -91,7 +92,7 @@ class Tangent:
         Then that over held dofs: the reactions.  ``u`` was visited last; collective.
         """
         every = self._find_residual(reactions)
-        left = float(self._right.norm())
+        left = self._right.norm()
         return left, math.sqrt(max(every**2 - left**2, 0.0))
 
     def tool_residual(self, reactions: Sequence[Reaction]) -> float:
@@ -99,7 +100,7 @@ class Tangent:
         if not self.system.tools:
             return 0.0
         self._find_residual(reactions)
-        pairs = zip(self.system.tools, self._right_tools, strict=True)
+        pairs = zip(self.system.tools, self._right.on_tools, strict=True)
         return max((abs(left) / tool.force for tool, left in pairs if tool.pushes), default=0.0)
 
     def solve_step(
@@ -111,8 +112,8 @@ class Tangent:
         starts from the step before.
         """
         self._find_residual(reactions)
-        self._scale_right(-1.0)
-        self._linear.solve(self._right, self._step, accuracy * self.force_scale, is_rough)
+        self._right.scale(-1.0)
+        self._linear.solve(self._right.on_nodes, self._step, accuracy * self.force_scale, is_rough)
         return self._with_travels(self._step)
 
     def step_after(
@@ -152,15 +153,15 @@ class Tangent:
             self._moved.set(0.0)
             # Contact multiplies by its stiffness what a solve leaves of prescribed displacements.
             free = self.system.constraints.free_part(x.array_r)
-            for reaction in follow(np.append(free, np.zeros(len(self.system.tools)))):
+            for reaction in follow(self._with_tools_at_rest(free)):
                 reaction.add_to(self._moved)
             self.system.constraints.keep_free(self._moved)
             y.axpy(1.0, self._moved)
 
         self._find_residual(reactions)
-        self._scale_right(-1.0)
+        self._right.scale(-1.0)
         residual = accuracy * self.force_scale
-        self._linear.solve_following(add_following, self._right, self._step, residual)
+        self._linear.solve_following(add_following, self._right.on_nodes, self._step, residual)
         return self._with_travels(self._step)
 
     def elastic_parts(
@@ -171,9 +172,9 @@ class Tangent:
         The first balances the elastic forces of the displacement visited last; an iterative solver
         leaves the share ``accuracy`` of either.
         """
-        self._start_right(self._stretched)
+        self._right.start(self._stretched)
         moved = self._solve_for(reactions, -1.0, accuracy)
-        self._start_right(self._load, 1.0)
+        self._right.start(self._load, 1.0)
         return moved, self._solve_for([], 1.0, accuracy)
 
     def balance(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
@@ -181,13 +182,13 @@ class Tangent:
 
         An iterative solver leaves the share ``accuracy`` of the forces.
         """
-        self._start_right()
+        self._right.start()
         return self._solve_for(reactions, 1.0, accuracy)
 
     def left_unbalanced(self) -> float:
         """The sum of the nodal forces that the last :meth:`balance` leaves; collective."""
         self._linear.multiply(self._answer, self._moved)
-        self._moved.axpy(-1.0, self._right)
+        self._moved.axpy(-1.0, self._right.on_nodes)
         return float(self._moved.norm(PETSc.NormType.NORM_1))
 
     def respond(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
@@ -195,7 +196,7 @@ class Tangent:
 
         An iterative solver leaves the share ``accuracy`` of the change.
         """
-        self._start_right()
+        self._right.start()
         return self._solve_for(reactions, -1.0, accuracy, is_rough=True)
 
     def nothing(self) -> FloatArray:
@@ -204,7 +205,7 @@ class Tangent:
 
     def present(self) -> FloatArray:
         """The system's displacement, for gaps that contain the travels of the tools."""
-        return np.append(self.system.u.x.array[: self._owned], np.zeros(len(self.system.tools)))
+        return self._with_tools_at_rest(self.system.u.x.array[: self._owned])
 
     def move(self, t: float, step: FloatArray) -> None:
         """Add ``t step`` to the system's displacement and to the travels; collective."""
@@ -226,6 +227,7 @@ class Tangent:
         """Free the PETSc objects; collective."""
         self._linear.destroy()
         self._border.destroy()
+        self._right.destroy()
         for item in (self.matrix, self.elasticity, self._near_nullspace, *self._vectors):
             item.destroy()
 
@@ -239,10 +241,11 @@ class Tangent:
             travel = self.nothing()
             travel[self._owned + number] = 1.0
             pressed = [family for family in self.families if number in family.tools]
-            self._start_right()
-            self._add([Reaction(family, family.block(family.see(travel))) for family in pressed])
-            corner[number] = self._right_tools[number]
-            self._right.copy(column)
+            reactions = [Reaction(family, family.block(family.see(travel))) for family in pressed]
+            self._right.start()
+            self._right.add(reactions)
+            corner[number] = self._right.on_tools[number]
+            self._right.on_nodes.copy(column)
         self._border.refresh(
             corner,
             lambda right, answer: self._linear.solve(
@@ -255,46 +258,24 @@ class Tangent:
         if not self.system.tools:
             return self.system.constraints.free_part(answer.array_r)
         answer.copy(self._whole)
-        travels = self._border.solve(self._whole, self._right_tools)
+        travels = self._border.solve(self._whole, self._right.on_tools)
         return np.append(self.system.constraints.free_part(self._whole.array_r), travels)
 
+    def _with_tools_at_rest(self, owned: FloatArray) -> FloatArray:
+        return np.append(owned, np.zeros(len(self.system.tools)))
+
     def _find_residual(self, reactions: Sequence[Reaction]) -> float:
-        self._start_right(self._unbalanced, -1.0)
-        return self._add(reactions)
-
-    def _start_right(self, forces: PETSc.Vec | None = None, share: float = 0.0) -> None:
-        """Set the right-hand side to given forces, and to a share of the forces of the tools."""
-        if forces is None:
-            self._right.set(0.0)
-        else:
-            forces.copy(self._right)
-        self._right_tools = share * np.array([tool.force for tool in self.system.tools])
-
-    def _scale_right(self, sign: float) -> None:
-        self._right.scale(sign)
-        self._right_tools *= sign
-
-    def _add(self, reactions: Sequence[Reaction]) -> float:
-        """Add reactions to the right-hand side; its norm before that at held dofs is left out."""
-        for reaction in reactions:
-            reaction.add_to(self._right)
-        if self.system.tools:
-            local = np.zeros_like(self._right_tools)
-            for reaction in reactions:
-                reaction.family.add_tool_forces(reaction.values, local)
-            self._right_tools = self._right_tools + self.comm.allreduce(local)
-        every = float(self._right.norm())
-        self.system.constraints.keep_free(self._right)
-        return every
+        self._right.start(self._unbalanced, -1.0)
+        return self._right.add(reactions)
 
     def _solve_for(
         self, reactions: Sequence[Reaction], sign: float, accuracy: float, is_rough: bool = False
     ) -> FloatArray:
         """Solve for ``sign`` times the right-hand side that there is with reactions added."""
-        self._add(reactions)
-        self._scale_right(sign)
-        residual = accuracy * float(self._right.norm())
+        self._right.add(reactions)
+        self._right.scale(sign)
+        residual = accuracy * self._right.norm()
         self._answer.set(0.0)
         if self._right.norm() > 0.0:
-            self._linear.solve(self._right, self._answer, residual, is_rough)
+            self._linear.solve(self._right.on_nodes, self._answer, residual, is_rough)
         return self._with_travels(self._answer)
