@@ -12,7 +12,6 @@ import numpy as np
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import Problem, assemble
@@ -20,9 +19,9 @@ from contact_locking.results.solution import Solution
 from contact_locking.solving import solve_assembled
 from contact_locking.steps.loop import Steps
 
-from . import judge, reference, stepwise
+from . import comparisons, judge, reference, stepwise
 from .case import Case, Study, Truth
-from .discrete import Discrete, State, discretise, state_of
+from .discrete import Discrete, discretise, state_of
 from .families import case_of
 from .resultants import cannot_balance
 from .transforms import Transform
@@ -34,9 +33,6 @@ GOOD = (SOLVED, INFEASIBLE, REFUSED, WEDGED)
 
 # Beyond this the problem is impossible for certain, Clarabel's accuracy considered.
 _EXCESS = 1e-7
-# Agreement with the conic solver in energy, and in displacement by the energy of the difference;
-# the latter for the problem in other units.
-_ENERGY, _DIFFERENCE, _TRANSFORMED = 1e-6, 2e-6, 1e-14
 # Penalties over Young's modulus, and how much larger the next makes a pressure without a limit.
 _PENALTIES, _GROWTH = (1e3, 1e4, 1e5, 1e6, 1e7), 5.0
 
@@ -172,15 +168,21 @@ def _judge(
     state = state_of(solution, discrete)
     found = judge.violations(solution.parameters, discrete, state)
     outcome.notes = {name: float(f"{value:.3g}") for name, value in found.items()}
-    wrong = [judge.complaint(found), *_against_truth(truth, discrete, state)]
-    wrong.append(_exported(solution))
+    wrong = [judge.complaint(found), *comparisons.against_truth(truth, discrete, state)]
+    wrong.append(comparisons.exported(solution))
     if checks:
         try:
-            wrong.append(against_reference(discrete, state))
+            wrong.append(comparisons.against_reference(discrete, state))
         except reference.NoReference as error:
             outcome.notes["reference"] = str(error)
-        if is_unique(solution.parameters):
-            wrong.append(against_transformed(truth, solution, outcome, discrete))
+        if comparisons.is_unique(solution.parameters):
+            random = np.random.default_rng(outcome.seed)
+            transform = Transform.random(random, discrete.dim, truth.homogeneous)
+            told, difference = comparisons.against_transformed(
+                transform, outcome.study, solution, discrete
+            )
+            wrong.append(told)
+            outcome.notes["transformed"] = difference
     complaints = "; ".join(text for text in wrong if text)
     outcome.kind, outcome.reason = (WRONG, complaints) if complaints else (SOLVED, "")
 
@@ -200,103 +202,3 @@ def _judge_infeasible(truth: Truth, discrete: Discrete, outcome: Outcome) -> Non
     if excess < _EXCESS:
         outcome.kind = WRONG
         outcome.reason = f"possible with an excess of {excess:.1e}, but: {outcome.reason}"
-
-
-def _against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
-    found = [] if truth.refused is None else [f"solved, but right is: {truth.refused}"]
-    if truth.admissible is False and np.isinf(discrete.n):
-        found.append("nothing is admissible, but it converged")
-    size = float(np.abs(state.u).max(initial=0.0))
-    if truth.translation is not None:
-        wanted = np.tile(truth.translation, len(discrete.geometry.x))
-        error = float(np.abs(state.u - wanted).max())
-        length = float(np.ptp(discrete.geometry.x, axis=0).max())
-        if error > 1e-9 * max(float(np.abs(wanted).max()), 1e-9 * length):
-            found.append(f"not the translation: off by {error:.1e}")
-    if truth.touches is not None and discrete.contact is not None:
-        force = float(discrete.contact.weights @ state.pressure)
-        length = float(np.ptp(discrete.geometry.x, axis=0).max())
-        scale = float(discrete.law.max()) * size * length ** (discrete.dim - 2)
-        if truth.touches and not force > 1e-12 * scale:
-            found.append(f"there is a contact force, but {force:.1e} is told")
-        if not truth.touches and force > 1e-9 * scale:
-            found.append(f"nothing touches, but there is a force of {force:.1e}")
-    return found
-
-
-def _exported(solution: Solution) -> str:
-    """Whether the list of contact points, which goes to files, has other tractions than the fields.
-
-    Both are sums over the same nodes, so that their order does not matter.
-    """
-    points = solution.contact_points
-    if points is None:
-        return ""
-    listed = np.column_stack([points.pressure, points.traction])
-    dim = points.dim
-    fields = np.column_stack(
-        [
-            solution.contact_pressure.x.array,
-            solution.tangential_traction.x.array.reshape(-1, dim),
-        ]
-    )
-    sizes = [np.sort(np.linalg.norm(rows, axis=1))[::-1] for rows in (listed, fields)]
-    apart = float(np.abs(sizes[0] - sizes[1][: len(listed)]).max())
-    if apart > judge.FORCE * float(sizes[1][0]):
-        return f"contact points have other tractions than the fields, by {apart:.1e}"
-    return ""
-
-
-def is_unique(parameters: Parameters) -> bool:
-    """Whether one solution is to be expected: friction neither large nor dependent on the slip."""
-    mu = parameters.friction.coefficient
-    return isinstance(mu, float) and mu <= 0.5
-
-
-def against_reference(discrete: Discrete, state: State) -> str:
-    """How the conic solver differs, at the friction bound of the solution; "" if it agrees.
-
-    Raises NoReference where that solver does not get there.
-    """
-    u = reference.minimiser(discrete, state.bound)
-    ours, theirs = (reference.energy(discrete, state.bound, v) for v in (state.u, u))
-    K, scale = discrete.stiffness, _energy(discrete, state.u)
-    if ours - theirs > _ENERGY * scale:
-        return f"the energy is {(ours - theirs) / scale:.1e} above that of the conic solver"
-    difference = float((u - state.u) @ (K @ (u - state.u))) / scale
-    if difference > _DIFFERENCE and ours > theirs - _ENERGY * scale:
-        return f"the conic solver's displacement is another, by {difference:.1e} of the energy"
-    return ""
-
-
-def against_transformed(
-    truth: Truth, solution: Solution, outcome: Outcome, discrete: Discrete
-) -> str:
-    """How the same problem in other units, turned or mirrored, differs; "" if it agrees.
-
-    Moves the mesh, so it comes last.
-    """
-    random = np.random.default_rng(outcome.seed)
-    transform = Transform.random(random, discrete.dim, truth.homogeneous)
-    domain = solution.domain
-    transform.move(domain)
-    parameters = Parameters.model_validate(transform.study(outcome.study))
-    other = solve_assembled(assemble(parameters, MPI.COMM_SELF, domain))
-    if not other.converged:
-        return f"{transform} is not solved: {other.summary['reason']}"
-    u = solution.displacement.x.array
-    apart = transform.back(other.displacement.x.array) - u
-    difference = float(apart @ (discrete.stiffness @ apart)) / _energy(discrete, u)
-    outcome.notes["transformed"] = difference
-    # Either solution of an iterative solver may miss equilibrium by what the judge allows.
-    by_iteration = parameters.solver.linear == "iterative"
-    if difference > ((2.0 * judge.FORCE) ** 2 if by_iteration else _TRANSFORMED):
-        return f"{transform} differs by {difference:.1e} of the energy"
-    return ""
-
-
-def _energy(discrete: Discrete, u: FloatArray) -> float:
-    """The energy of a problem, or what rounding makes of none: what differences are parts of."""
-    K = discrete.stiffness
-    rounding = 1e-10 * float(np.abs(u) @ (abs(K) @ np.abs(u)))
-    return max(abs(float(u @ (K @ u))), abs(float(discrete.load @ u)), rounding, 1e-300)
