@@ -34,9 +34,14 @@ _NOT_FINITE = {
     )
 }
 _BEHIND = (
-    "the foundation lies behind a part of Gamma_C, where the outward normal of the body points "
-    "away from the foundation; turn the normal of the half space towards the body, or remove from "
-    "{on} the boundary parts that do not face the foundation"
+    "the foundation lies behind {on}, where the outward normals of the body point away from the "
+    "foundation; name a boundary part that faces the foundation, or turn the normal of the half "
+    "space towards the body"
+)
+_TOO_DEEP = (
+    "the foundation lies behind a part of Gamma_C, which is inside of it while the outward normal "
+    "of the body points away from it; turn the normal of the half space towards the body, or let "
+    "the foundation reach less deep into the body"
 )
 _INSIDE = (
     "a part of Gamma_C lies inside the tool, and the shortest way out leads through the body; "
@@ -135,7 +140,7 @@ class Tool:
 
     The constructor is collective, as a shape may be in a file.  Raises InputError for a shape that
     is none and for a body whose distance is not finite, and Misplaced for one that lies behind
-    Gamma_C.
+    Gamma_C, or that reaches into the body where the way out leads through the body.
     """
 
     def __init__(self, site: Site, given: ContactParameters) -> None:
@@ -207,12 +212,12 @@ class Tool:
                 raise InputError(_NOT_FINITE[self._shape], self._key)
         facing = np.sum(normals * surface.body_normals(), axis=1)
         behind = facing <= 0.0
-        if self._shape in _TURN:
-            # Only a part of Gamma_C faces a tool with several sides; the rest is outside of the
-            # tool, and keeps the distance from the nearest side.
-            if on_any_rank(comm, behind & (gap < 0.0)):
-                raise Misplaced(f"{_INSIDE}: {_TURN[self._shape]}", self._key)
-        elif on_any_rank(comm, behind):
+        turn = _TURN.get(self._shape)
+        # Only a part of Gamma_C need face the tool.  The rest, as the upper side of a ball, is
+        # outside of the tool and never gets there, but keeps the distance as well.
+        if on_any_rank(comm, behind & (gap < 0.0)):
+            raise Misplaced(f"{_INSIDE}: {turn}" if turn else _TOO_DEEP, self._key)
+        if not turn and on_every_rank(comm, behind):
             raise Misplaced(_BEHIND.format(on=self._on), self._key)
         self._check_open_end(points, gap)
         return gap, normals

@@ -1,0 +1,99 @@
+"""Gamma_C may be the whole skin of a body, of which only a part faces the foundation."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from problems import block
+
+from contact_locking import InputError, Parameters, Solution, solve
+from contact_locking.errors import Misplaced
+from contact_locking.study_file import from_mapping
+
+FLOOR: dict[str, Any] = {"half_space": {"point": [0.0, -2.0], "normal": [0.0, 1.0]}}
+
+
+def roller(foundation: dict[str, Any], **changes: Any) -> Parameters:
+    """A ring whose hole is moved down and to the right; all of its outside may touch."""
+    return from_mapping(
+        {
+            "mesh": {"builder": "annulus", "h": 0.25},
+            "material": {"locking_limit": 0.06},
+            "loads": {"displacements": [{"on": "inner", "value": [0.02, -0.05]}]},
+            "contact": {"on": "outer", "foundation": foundation},
+            "friction": {"coefficient": 0.3},
+            "output": {"picture": False},
+        }
+        | changes
+    )
+
+
+def solved(parameters: Parameters) -> Solution:
+    found = solve(parameters)
+    assert found.converged, found.summary["reason"]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("foundation", "same"),
+    [
+        (FLOOR, "y + 2"),
+        ({"sphere": {"centre": [0.0, -6.0], "radius": 4.0}}, "sqrt(x**2 + (y + 6)**2) - 4"),
+    ],
+)
+def test_a_ring_on_a_foundation_touches_where_it_faces_it(
+    foundation: dict[str, Any], same: str
+) -> None:
+    found = solved(roller(foundation))
+    contact, reaction = (np.array(found.summary[k]) for k in ("contact_force", "friction_force"))
+    assert contact[1] > 0.0 and reaction[0] < 0.0
+    held = np.array(found.summary["reactions"]["inner"])
+    np.testing.assert_allclose(contact + reaction + held, 0.0, atol=1e-6 * contact[1])
+    points = found.contact_points
+    if points is not None:
+        assert points.x[:, 1].max() > 1.9
+        assert np.all(points.pressure[points.x[:, 1] > -1.5] < 1e-6 * points.pressure.max())
+    other = solved(roller({"expression": same}))
+    np.testing.assert_allclose(
+        found.displacement.x.array, other.displacement.x.array, rtol=0.0, atol=1e-8
+    )
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_sides_that_stand_on_the_foundation_change_nothing(dim: int) -> None:
+    """In the variational inequality the nodes at the edge have the same condition."""
+    floor = {"half_space": {"point": [0.0] * dim, "normal": [*[0.0] * (dim - 1), 1.0]}}
+    found = [
+        solved(
+            block(
+                dim,
+                h=0.25,
+                contact={"on": names, "foundation": floor},
+                friction__coefficient=0.0,
+                penalty__n=math.inf,
+            )
+        )
+        for names in (["bottom"], ["bottom", "right"])
+    ]
+    assert found[0].summary["contact_area"] > 0.0
+    np.testing.assert_allclose(
+        found[0].displacement.x.array, found[1].displacement.x.array, rtol=0.0, atol=1e-8
+    )
+
+
+def test_a_foundation_that_nothing_faces_is_refused() -> None:
+    floor = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
+    with pytest.raises(Misplaced, match=r"the foundation lies behind contact\.on"):
+        solve(block(2, h=0.5, contact={"on": "top", "foundation": floor}))
+    upside_down = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, -1.0]}}
+    with pytest.raises(Misplaced, match="turn the normal of the half space"):
+        solve(block(2, h=0.5, contact={"on": "bottom", "foundation": upside_down}))
+
+
+def test_a_foundation_whose_normal_points_the_wrong_way_is_refused() -> None:
+    upside_down = {"half_space": {"point": [0.0, -2.0], "normal": [0.0, -1.0]}}
+    with pytest.raises(InputError, match="turn the normal of the half space"):
+        solve(roller(upside_down))
