@@ -56,6 +56,22 @@ def test_the_log_of_a_long_stage_shows_that_the_solve_goes_on(
     assert "iteration 2, residual 1.0e-02, 28 Krylov iterations, 30 s" in lines[5]
 
 
+def test_a_log_tells_no_residual_before_there_is_one(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 0.0
+    monkeypatch.setattr(time, "perf_counter", lambda: now)
+    with TerminalMonitor(Console(force_terminal=False, width=200)) as monitor:
+        for residual in (1e-3, 1e-9):
+            monitor.stage(1, 1, math.inf, 0.0)
+            now += 10.0
+            monitor.linear(1)
+            monitor.iteration(1, residual)
+    first, _, second, _ = capsys.readouterr().out.splitlines()
+    assert first == second.replace("20 s", "10 s")
+    assert first.endswith("iteration 0, 1 Krylov iteration, 10 s")
+
+
 def test_the_log_of_a_short_stage_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     with TerminalMonitor(Console(force_terminal=False, width=200)) as monitor:
         monitor.stage(1, 1, math.inf, 0.0)

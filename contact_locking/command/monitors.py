@@ -35,7 +35,8 @@ class TerminalMonitor(Monitor):
         # Tangents and friction updates of the solve, and those of the stages before this one.
         self._counts = self._before = (0, 0)
         self._detail = ""
-        self._residual = float("nan")
+        # None before the first iteration of a stage.
+        self._residual: float | None = None
         self._krylov = 0
         self._began = self._printed = time.perf_counter()
 
@@ -76,7 +77,7 @@ class TerminalMonitor(Monitor):
         self.finish()
         of = f"/{count_estimate}" if index <= count_estimate else ""
         self._stage = f"{self._step}stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
-        self._iterations, self._detail, self._krylov = 0, "", 0
+        self._iterations, self._detail, self._krylov, self._residual = 0, "", 0, None
         self._began = time.perf_counter()
         self._refresh()
 
@@ -118,12 +119,12 @@ class TerminalMonitor(Monitor):
         if updates:
             counts += f", {count(updates, 'friction update')}"
         seconds = time.perf_counter() - self._began
-        self._line(f"{self._stage}  {counts}, residual {self._residual:.1e}, {seconds:.1f} s")
+        self._line(f"{self._stage}  {counts}{self._residual_in_words()}, {seconds:.1f} s")
         self._stage, self._before = "", self._counts
 
     def _refresh(self) -> None:
         if self._live is not None and self._stage:
-            now = f"iteration {self._iterations}, residual {self._residual:.1e}"
+            now = f"iteration {self._iterations}{self._residual_in_words()}"
             self._live.update(
                 self._plain("  ".join(filter(None, (self._stage, self._detail, now))))
             )
@@ -134,8 +135,11 @@ class TerminalMonitor(Monitor):
         if self._live is not None or now - self._printed < _SILENCE or not self._stage:
             return
         krylov = f", {count(self._krylov, 'Krylov iteration')}" if self._krylov else ""
-        done = f"iteration {self._iterations}, residual {self._residual:.1e}{krylov}"
+        done = f"iteration {self._iterations}{self._residual_in_words()}{krylov}"
         self._line(f"  {self._stage}  {done}, {now - self._began:.0f} s")
+
+    def _residual_in_words(self) -> str:
+        return "" if self._residual is None else f", residual {self._residual:.1e}"
 
     def _line(self, text: str) -> None:
         self._printed = time.perf_counter()

@@ -29,6 +29,11 @@ class Penalty:
         return self == self.inequality()
 
     @property
+    def is_strict(self) -> bool:
+        """Whether no limit of the strain and no gap may be exceeded."""
+        return math.isinf(self.n) and self.epsilon == 0.0
+
+    @property
     def compliance(self) -> float:
         """``1/(2n)``: the strain beyond the locking limit for a unit of locking stress."""
         return 0.5 / self.n

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+import functools
+from collections.abc import Callable, Generator, Mapping, Sequence
 
 import numpy as np
 
@@ -13,7 +15,7 @@ from contact_locking.parallel import maximum
 from contact_locking.problem.contact import Contact
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.fixed_point import fixed_point
-from contact_locking.solver.interior_point import InteriorPoint, explain_failure
+from contact_locking.solver.interior_point import InteriorPoint, explain_failure, is_impossible
 from contact_locking.solver.linear.ksp import is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle
@@ -113,26 +115,51 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     nested = task.system.rubbing if task.settings.nested else ()
     if nested:
         report.suggestion = _NESTED_WAY_OUT
-    solver = InteriorPoint(task, bound_moves=not nested)
-    try:
-        for approach in solver.approaches:
-            solver.approach = approach
+
+    @functools.cache
+    def cannot_be_solved() -> bool:
+        return is_impossible(task)
+
+    def goes_on() -> bool:
+        # Penalties have solutions where nothing is admissible.
+        return not (report.is_infeasible or (penalty.is_strict and cannot_be_solved()))
+
+    with contextlib.closing(_approaches(task, not nested, goes_on)) as solvers:
+        for solver in solvers:
             _solve_by(solver, nested, task)
-            if not report.reason or report.is_infeasible:
-                break
-        task.add_stage(penalty, report.tangents)
-        if not report.reason:
+            if report.reason:
+                continue
+            task.add_stage(penalty, report.tangents)
             # Newton's last steps want a linear solver as sharp as they are.
             direct = None if solver.is_elastic else solver.direct
             if direct is not None and is_in_reach(task):
                 polish(task, _POLISH, direct)
             return task.succeed()
-    finally:
-        solver.destroy()
+    task.add_stage(penalty, report.tangents)
     if polish(task, _RESCUE, near=False):
         return task.succeed()
-    explain_failure(task)
+    if not cannot_be_solved():
+        explain_failure(task)
     return report
+
+
+def _approaches(
+    task: Task, bound_moves: bool, goes_on: Callable[[], bool]
+) -> Generator[InteriorPoint]:
+    """A solver for each approach, as long as ``goes_on`` after the one before; collective.
+
+    No two are there at a time, nor beside what ``goes_on`` solves, as each takes much memory.
+    """
+    number, count = 0, 1
+    while number < count and (number == 0 or goes_on()):
+        solver = InteriorPoint(task, bound_moves)
+        count = len(solver.approaches)
+        solver.approach = solver.approaches[number]
+        try:
+            yield solver
+        finally:
+            solver.destroy()
+        number += 1
 
 
 def _interior_way_out(task: Task) -> str:

@@ -2,6 +2,7 @@
 
 1. Put the problem to the next time: loads, prescribed displacements, gaps.
 2. Solve the problem of the step, from the state before if that helps.
+   A time that proofs for other times exclude is not tried: go back to 1 with half the step.
 3. Judge the solution: the certificate, and the energy balance of the step.  If the solve or a
    criterion fails, or if a foundation has moved to where none can be, go back to 1 with half the
    step, down to the least step.
@@ -31,7 +32,9 @@ from contact_locking.results.probe_table import ProbeSample
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState, SolverReport
 from contact_locking.steps.account import row_of, totals
+from contact_locking.steps.demand import Demand
 from contact_locking.steps.increment import Increment, solution_of
+from contact_locking.steps.out_of_reach import OutOfReach
 from contact_locking.steps.resume import restore
 from contact_locking.steps.timeline import Timeline
 
@@ -64,8 +67,7 @@ class Steps(Iterator[Solution]):
         self._timeline = Timeline(given)
         self._planned = self._timeline.left
         self._halved: tuple[str, ...] = ()
-        # A planned time with the proof that nothing is admissible then.
-        self._out_of_reach: tuple[float, SolverReport] | None = None
+        self._out_of_reach = OutOfReach()
         self._probes: tuple[ProbeSample, ...] = ()
         self._saved = saved
         self._solutions = self._solve()
@@ -99,6 +101,10 @@ class Steps(Iterator[Solution]):
                 began = time.perf_counter()
                 at = timeline.target
                 try:
+                    self._increment.advance(at)
+                    demand = Demand.of(self._increment.system, at)
+                    if self._out_of_reach.excludes(demand) and timeline.fail():
+                        continue
                     report = self._solve_at(at, saved)
                 except InputError as error:
                     is_misplaced = isinstance(error, Misplaced)
@@ -109,8 +115,7 @@ class Steps(Iterator[Solution]):
                     text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
                     self._end(solution, f"{error.key}: {text}")
                     raise InputError(text, error.key) from error
-                if report.is_infeasible and at == timeline.planned:
-                    self._out_of_reach = at, report
+                self._out_of_reach.add(demand, report, at == timeline.planned)
                 if not report.converged and self._halve(
                     f"the step to t = {at:.6g} did not converge ({report.reason})"
                 ):
@@ -126,12 +131,13 @@ class Steps(Iterator[Solution]):
                 seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
                 self._tell(solution)
-                if not (solution.converged or report.is_infeasible):
-                    self._tell_what_is_out_of_reach(solution, at)
+                if not solution.converged:
+                    self._out_of_reach.tell(solution, at)
                 yield solution
                 if not solution.converged:
                     return
                 timeline.succeed()
+                self._out_of_reach.reach(demand)
                 saved = _saved(state)
                 self._remember(state)
         finally:
@@ -144,15 +150,16 @@ class Steps(Iterator[Solution]):
         self.problem.end_step()
 
     def _solve_at(self, at: float, saved: SavedState | None) -> SolverReport:
-        """Solve at a time; collective."""
+        """Solve at the present time; collective."""
         self._monitor.step(len(self.history) + 1, self._timeline.left, at, self._seconds_left())
-        self._increment.advance(at)
         return self._increment.solve(saved)
 
     def _halve(self, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
         if not self._timeline.fail():
             return False
+        # The line about the failed solve comes before the line that says why.
+        self._monitor.finish()
         text = f"{failure}; it is halved"
         self._halved = (*self._halved, text)
         self._monitor.message(f"warning: {text}")
@@ -188,21 +195,6 @@ class Steps(Iterator[Solution]):
         solution.history, solution.halved = History([*self.history.rows]), self._halved
         solution.summary["steps"] = totals(self.history, halved, self._planned)
         solution.summary["warnings"] += [*self._halved, *self._increment.unused_options()]
-
-    def _tell_what_is_out_of_reach(self, last: Solution, at: float) -> None:
-        """Let the last solution name the planned time at which nothing is admissible, if any.
-
-        Halved steps then end close to the largest load that can be followed, where a solve may
-        fail for reasons that say little.
-        """
-        if self._out_of_reach is None:
-            return
-        time, report = self._out_of_reach
-        last.summary["reason"] = (
-            f"{report.reason}; so at t = {time:.6g}, and the last step that was tried, to "
-            f"t = {at:.6g}, did not converge: {last.summary['reason']}"
-        )
-        last.summary["suggestion"] = report.suggestion
 
     def _seconds_left(self) -> float | None:
         """About how long the planned steps that are left will take; None before the first step."""

@@ -47,23 +47,30 @@ _FRICTION_WAY_OUT = (
 
 
 def explain_failure(task: Task) -> None:
-    """Say why the problem was not solved, if nothing is admissible or friction is too large.
+    """Say whether a problem that was not solved has a solution with less friction; collective."""
+    report = task.report
+    share = None if task.settings.nested else share_of_friction(task)
+    if share is not None:
+        report.reason += f"; {share}"
+        report.suggestion = _FRICTION_WAY_OUT
+
+
+def is_impossible(task: Task) -> bool:
+    """Whether :func:`judge` proves that nothing is admissible, which the report then says.
 
     Collective.
     """
     report, verdict = task.report, judge(task)
     if verdict is None:
-        share = None if task.settings.nested else share_of_friction(task)
-        if share is not None:
-            report.reason += f"; {share}"
-            report.suggestion = _FRICTION_WAY_OUT
-        return
+        return False
+    report.is_infeasible = task.target.penalty.is_strict
     report.reason, report.admissible_factor = verdict.reason, verdict.factor
     report.suggestion = _INFEASIBLE_WAY_OUT
     if verdict.factor is not None:
         low, high = (f"{100.0 * share:.3g}" for share in verdict.factor)
         share = f"{low} to {high}" if verdict.factor[0] else f"less than {high}"
         report.reason += f"; {share} % of the prescribed displacements can be followed on this mesh"
+    return True
 
 
 @dataclasses.dataclass(frozen=True)

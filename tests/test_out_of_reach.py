@@ -1,0 +1,127 @@
+"""A process that runs into its limit does not try times that proofs for other times exclude."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from mpi4py import MPI
+
+from contact_locking import Parameters, solve, solve_steps
+from contact_locking.monitor import Monitor
+from contact_locking.problem.assembly import assemble
+from contact_locking.results.solution import Solution
+from contact_locking.solver import SolverReport
+from contact_locking.steps.demand import Demand
+from contact_locking.steps.increment import Increment
+from contact_locking.steps.out_of_reach import OutOfReach
+from contact_locking.study_file import from_mapping
+
+
+def ring(**changes: Any) -> Parameters:
+    """A ring whose hole is pushed towards a foundation, farther than its limit lets it."""
+    return from_mapping(
+        {
+            "mesh": {"builder": "annulus", "h": 0.3},
+            "material": {"locking_limit": 0.06},
+            "loads": {"displacements": [{"on": "inner", "value": [0.02, "-0.1*t"]}]},
+            "contact": {"on": "outer", "foundation": floor()},
+            "friction": {"coefficient": 0.3},
+            "steps": {"times": [0.3, 1.0], "least": 0.04},
+            "output": {"picture": False},
+        }
+        | changes
+    )
+
+
+def floor(**motion: Any) -> dict[str, Any]:
+    return {"half_space": {"point": [0, -2], "normal": [0, 1]}} | motion
+
+
+def demands(parameters: Parameters, times: list[float]) -> list[Demand]:
+    increment = Increment(assemble(parameters, MPI.COMM_WORLD), Monitor())
+    found = []
+    for time in times:
+        increment.advance(time)
+        found.append(Demand.of(increment.system, time))
+    return found
+
+
+def times_and_reports(
+    parameters: Parameters, monkeypatch: pytest.MonkeyPatch
+) -> tuple[list[float], list[SolverReport], Solution]:
+    times, reports, solve_one = [], [], Increment.solve
+
+    def solved(increment: Increment, *given: Any) -> SolverReport:
+        report = solve_one(increment, *given)
+        times.append(float(increment.problem.clock.now or 0.0))
+        reports.append(report)
+        return report
+
+    monkeypatch.setattr(Increment, "solve", solved)
+    *_, last = solve_steps(parameters)
+    return times, reports, last
+
+
+@pytest.mark.parametrize("tool_moves", [False, True])
+def test_no_time_beyond_one_that_is_out_of_reach_is_tried(
+    tool_moves: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changes: dict[str, Any] = {}
+    if tool_moves:
+        changes = {
+            "loads": {"displacements": [{"on": "inner", "value": [0.02, 0.0]}]},
+            "contact": {"on": "outer", "foundation": floor(motion=[0.0, "0.1*t"])},
+        }
+    times, reports, last = times_and_reports(ring(**changes), monkeypatch)
+    assert not last.converged and "infeasible" in last.summary["reason"]
+    refused = [t for t, report in zip(times, reports, strict=True) if report.is_infeasible]
+    assert refused[0] == 1.0 and len(refused) > 1
+    assert refused == sorted(set(refused), reverse=True)
+    for number, time in enumerate(times[1:], start=1):
+        assert time == 1.0 or all(time < t for t in times[:number] if t in refused)
+
+
+def test_what_is_impossible_is_not_tried_in_other_ways() -> None:
+    """The proof that nothing is admissible comes after the first approach to the solution."""
+    loads = {"displacements": [{"on": "inner", "value": [0.02, -0.07]}]}
+    mesh = {"builder": "annulus", "h": 0.2}
+    found = solve(ring(loads=loads, mesh=mesh, friction={"coefficient": 0.4}, steps=None))
+    assert found.summary["reason"].startswith("infeasible")
+    assert found.summary["iterations"]["friction"] <= 100
+    low, high = found.summary["admissible_load_factor"]
+    assert 0.5 < low < high < 1.0
+
+
+WAYS: list[tuple[dict[str, Any], bool]] = [
+    ({"loads": {"displacements": [{"on": "inner", "value": [0.02, "-0.1*t"]}]}}, True),
+    ({"loads": {"displacements": [{"on": "inner", "value": [0.02, "-0.1*t**2"]}]}}, False),
+    ({"contact": {"on": "outer", "foundation": floor(motion=[0.0, "0.1*t"])}}, True),
+    ({"contact": {"on": "outer", "foundation": floor(motion=[0.0, "0.1*sin(t)"])}}, False),
+    (
+        {
+            "contact": {
+                "on": "outer",
+                "foundation": floor(motion={"rotation": "0.1*t", "about": [0, 0]}),
+            }
+        },
+        False,
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "is_straight"), WAYS)
+def test_only_a_straight_way_leads_from_one_proof_to_another(
+    changes: dict[str, Any], is_straight: bool
+) -> None:
+    reached, refused, beyond = demands(ring(**changes), [0.1, 0.5, 0.8])
+    assert beyond.is_beyond(refused, reached) == is_straight
+    assert not reached.is_beyond(refused, reached)
+    assert not refused.is_beyond(beyond, reached)
+    out_of_reach = OutOfReach()
+    out_of_reach.add(refused, SolverReport(is_infeasible=True), is_planned=False)
+    assert out_of_reach.excludes(refused) and not out_of_reach.excludes(beyond)
+    out_of_reach.reach(reached)
+    assert out_of_reach.excludes(beyond) == is_straight
+    out_of_reach.add(beyond, SolverReport(reason="too few iterations"), is_planned=True)
+    assert not out_of_reach.excludes(reached)
