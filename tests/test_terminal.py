@@ -68,7 +68,7 @@ def test_a_log_tells_no_residual_before_there_is_one(
             monitor.linear(1)
             monitor.iteration(1, residual)
     first, _, second, _ = capsys.readouterr().out.splitlines()
-    assert first == second.replace("20 s", "10 s")
+    assert first == second
     assert first.endswith("iteration 0, 1 Krylov iteration, 10 s")
 
 
