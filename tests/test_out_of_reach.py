@@ -125,3 +125,14 @@ def test_only_a_straight_way_leads_from_one_proof_to_another(
     assert out_of_reach.excludes(beyond) == is_straight
     out_of_reach.add(beyond, SolverReport(reason="too few iterations"), is_planned=True)
     assert not out_of_reach.excludes(reached)
+
+
+def test_penalised_contact_says_nothing_of_later_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its solution may be behind the foundation, and then is not admissible itself."""
+    reached: list[float] = []
+    monkeypatch.setattr(OutOfReach, "reach", lambda _, demand: reached.append(demand.time))
+    steps = {"times": [0.1, 0.2]}
+    list(solve_steps(ring(steps=steps, penalty={"epsilon": 0.1})))
+    assert reached == []
+    list(solve_steps(ring(steps=steps)))
+    assert reached == [0.1, 0.2]

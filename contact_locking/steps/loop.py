@@ -137,7 +137,9 @@ class Steps(Iterator[Solution]):
                 if not solution.converged:
                     return
                 timeline.succeed()
-                self._out_of_reach.reach(demand)
+                # What penalties let exceed a limit or a gap is not admissible.
+                if self.problem.penalty.is_strict:
+                    self._out_of_reach.reach(demand)
                 saved = _saved(state)
                 self._remember(state)
         finally:

@@ -34,7 +34,7 @@ class OutOfReach:
             self._planned = demand.time, report
 
     def reach(self, demand: Demand) -> None:
-        """Note a time at which a solution was found."""
+        """Note a time at which a solution was found that is admissible."""
         self._reached = demand
 
     def excludes(self, demand: Demand) -> bool:
