@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import Any
 
+import numpy as np
 import pytest
 from mpi4py import MPI
+from rings import floor, ring
 
 from contact_locking import Parameters, solve, solve_steps
 from contact_locking.monitor import Monitor
@@ -15,27 +19,13 @@ from contact_locking.solver import SolverReport
 from contact_locking.steps.demand import Demand
 from contact_locking.steps.increment import Increment
 from contact_locking.steps.out_of_reach import OutOfReach
-from contact_locking.study_file import from_mapping
+
+STEPS = {"times": [0.3, 1.0], "least": 0.04}
 
 
-def ring(**changes: Any) -> Parameters:
-    """A ring whose hole is pushed towards a foundation, farther than its limit lets it."""
-    return from_mapping(
-        {
-            "mesh": {"builder": "annulus", "h": 0.3},
-            "material": {"locking_limit": 0.06},
-            "loads": {"displacements": [{"on": "inner", "value": [0.02, "-0.1*t"]}]},
-            "contact": {"on": "outer", "foundation": floor()},
-            "friction": {"coefficient": 0.3},
-            "steps": {"times": [0.3, 1.0], "least": 0.04},
-            "output": {"picture": False},
-        }
-        | changes
-    )
-
-
-def floor(**motion: Any) -> dict[str, Any]:
-    return {"half_space": {"point": [0, -2], "normal": [0, 1]}} | motion
+def pushed(foundation: dict[str, Any] | None = None, **changes: Any) -> Parameters:
+    """A ring that is pushed towards a foundation, farther than its limit lets it."""
+    return ring([0.02, "-0.1*t"], foundation or floor(), **({"steps": STEPS} | changes))
 
 
 def demands(parameters: Parameters, times: list[float]) -> list[Demand]:
@@ -63,17 +53,15 @@ def times_and_reports(
     return times, reports, last
 
 
-@pytest.mark.parametrize("tool_moves", [False, True])
+@pytest.mark.parametrize(
+    "parameters",
+    [pushed(), ring([0.02, 0.0], floor(motion=[0.0, "0.1*t"]), steps=STEPS)],
+    ids=["body", "tool"],
+)
 def test_no_time_beyond_one_that_is_out_of_reach_is_tried(
-    tool_moves: bool, monkeypatch: pytest.MonkeyPatch
+    parameters: Parameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    changes: dict[str, Any] = {}
-    if tool_moves:
-        changes = {
-            "loads": {"displacements": [{"on": "inner", "value": [0.02, 0.0]}]},
-            "contact": {"on": "outer", "foundation": floor(motion=[0.0, "0.1*t"])},
-        }
-    times, reports, last = times_and_reports(ring(**changes), monkeypatch)
+    times, reports, last = times_and_reports(parameters, monkeypatch)
     assert not last.converged and "infeasible" in last.summary["reason"]
     refused = [t for t, report in zip(times, reports, strict=True) if report.is_infeasible]
     assert refused[0] == 1.0 and len(refused) > 1
@@ -84,37 +72,28 @@ def test_no_time_beyond_one_that_is_out_of_reach_is_tried(
 
 def test_what_is_impossible_is_not_tried_in_other_ways() -> None:
     """The proof that nothing is admissible comes after the first approach to the solution."""
-    loads = {"displacements": [{"on": "inner", "value": [0.02, -0.07]}]}
     mesh = {"builder": "annulus", "h": 0.2}
-    found = solve(ring(loads=loads, mesh=mesh, friction={"coefficient": 0.4}, steps=None))
+    found = solve(ring([0.02, -0.07], floor(), mesh=mesh, friction={"coefficient": 0.4}))
     assert found.summary["reason"].startswith("infeasible")
     assert found.summary["iterations"]["friction"] <= 100
     low, high = found.summary["admissible_load_factor"]
     assert 0.5 < low < high < 1.0
 
 
-WAYS: list[tuple[dict[str, Any], bool]] = [
-    ({"loads": {"displacements": [{"on": "inner", "value": [0.02, "-0.1*t"]}]}}, True),
-    ({"loads": {"displacements": [{"on": "inner", "value": [0.02, "-0.1*t**2"]}]}}, False),
-    ({"contact": {"on": "outer", "foundation": floor(motion=[0.0, "0.1*t"])}}, True),
-    ({"contact": {"on": "outer", "foundation": floor(motion=[0.0, "0.1*sin(t)"])}}, False),
-    (
-        {
-            "contact": {
-                "on": "outer",
-                "foundation": floor(motion={"rotation": "0.1*t", "about": [0, 0]}),
-            }
-        },
-        False,
-    ),
-]
-
-
-@pytest.mark.parametrize(("changes", "is_straight"), WAYS)
+@pytest.mark.parametrize(
+    ("parameters", "is_straight"),
+    [
+        (pushed(), True),
+        (ring([0.02, "-0.1*t**2"], floor(), steps=STEPS), False),
+        (pushed(floor(motion=[0.0, "0.1*t"])), True),
+        (pushed(floor(motion=[0.0, "0.1*sin(t)"])), False),
+        (pushed(floor(motion={"rotation": "0.1*t", "about": [0, 0]})), False),
+    ],
+)
 def test_only_a_straight_way_leads_from_one_proof_to_another(
-    changes: dict[str, Any], is_straight: bool
+    parameters: Parameters, is_straight: bool
 ) -> None:
-    reached, refused, beyond = demands(ring(**changes), [0.1, 0.5, 0.8])
+    reached, refused, beyond = demands(parameters, [0.1, 0.5, 0.8])
     assert beyond.is_beyond(refused, reached) == is_straight
     assert not reached.is_beyond(refused, reached)
     assert not refused.is_beyond(beyond, reached)
@@ -127,12 +106,24 @@ def test_only_a_straight_way_leads_from_one_proof_to_another(
     assert not out_of_reach.excludes(reached)
 
 
+def test_what_was_asked_before_is_as_impossible_again() -> None:
+    there, elsewhere, back = demands(
+        ring([0.02, "-0.1*sin(t)"], floor(), steps={"times": [9.0]}), [0.4, 1.0, math.pi - 0.4]
+    )
+    assert back.repeats(there) and not elsewhere.repeats(there)
+    # Whoever uses Steps may change the problem between two of them.
+    other = dataclasses.replace(back, limits=2.0 * back.limits)
+    assert not other.repeats(there)
+    more = dataclasses.replace(back, limits=np.concatenate([back.limits, back.limits]))
+    assert not more.repeats(there) and not more.is_beyond(there, there)
+
+
 def test_penalised_contact_says_nothing_of_later_times(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its solution may be behind the foundation, and then is not admissible itself."""
     reached: list[float] = []
     monkeypatch.setattr(OutOfReach, "reach", lambda _, demand: reached.append(demand.time))
     steps = {"times": [0.1, 0.2]}
-    list(solve_steps(ring(steps=steps, penalty={"epsilon": 0.1})))
+    list(solve_steps(pushed(steps=steps, penalty={"epsilon": 0.1})))
     assert reached == []
-    list(solve_steps(ring(steps=steps)))
+    list(solve_steps(pushed(steps=steps)))
     assert reached == [0.1, 0.2]

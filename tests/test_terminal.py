@@ -37,18 +37,29 @@ def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_stand
     assert "stage 2/2  n = 100  epsilon = 0.01  3 tangents, residual 1.0e-09" in output
 
 
-def test_the_log_of_a_long_stage_shows_that_the_solve_goes_on(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+class Clock:
+    """The seconds that a monitor reads."""
+
     now = 0.0
-    monkeypatch.setattr(time, "perf_counter", lambda: now)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr(time, "perf_counter", lambda: made.now)
+    return made
+
+
+def test_the_log_of_a_long_stage_shows_that_the_solve_goes_on(
+    capsys: pytest.CaptureFixture[str], clock: Clock
+) -> None:
     with TerminalMonitor(Console(force_terminal=False, width=200)) as monitor:
         monitor.stage(1, 1, math.inf, 0.0)
         for iteration in range(4):
             monitor.iteration(iteration, 10.0**-iteration)
             for k in range(11):
                 monitor.linear(k)
-                now += 1.0
+                clock.now += 1.0
     lines = capsys.readouterr().out.splitlines()
     # Nine lines in 44 seconds, and the one at the end of the stage.
     assert 8 <= len(lines) - 1 <= 9
@@ -57,14 +68,12 @@ def test_the_log_of_a_long_stage_shows_that_the_solve_goes_on(
 
 
 def test_a_log_tells_no_residual_before_there_is_one(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    capsys: pytest.CaptureFixture[str], clock: Clock
 ) -> None:
-    now = 0.0
-    monkeypatch.setattr(time, "perf_counter", lambda: now)
     with TerminalMonitor(Console(force_terminal=False, width=200)) as monitor:
         for residual in (1e-3, 1e-9):
             monitor.stage(1, 1, math.inf, 0.0)
-            now += 10.0
+            clock.now += 10.0
             monitor.linear(1)
             monitor.iteration(1, residual)
     first, _, second, _ = capsys.readouterr().out.splitlines()

@@ -8,27 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 from problems import block
+from rings import floor, ring
 
 from contact_locking import InputError, Parameters, Solution, solve
 from contact_locking.errors import Misplaced
-from contact_locking.study_file import from_mapping
-
-FLOOR: dict[str, Any] = {"half_space": {"point": [0.0, -2.0], "normal": [0.0, 1.0]}}
 
 
-def roller(foundation: dict[str, Any], **changes: Any) -> Parameters:
-    """A ring whose hole is moved down and to the right; all of its outside may touch."""
-    return from_mapping(
-        {
-            "mesh": {"builder": "annulus", "h": 0.25},
-            "material": {"locking_limit": 0.06},
-            "loads": {"displacements": [{"on": "inner", "value": [0.02, -0.05]}]},
-            "contact": {"on": "outer", "foundation": foundation},
-            "friction": {"coefficient": 0.3},
-            "output": {"picture": False},
-        }
-        | changes
-    )
+def roller(foundation: dict[str, Any]) -> Parameters:
+    mesh = {"builder": "annulus", "h": 0.25}
+    return ring([0.02, -0.05], foundation, mesh=mesh)
 
 
 def solved(parameters: Parameters) -> Solution:
@@ -40,7 +28,7 @@ def solved(parameters: Parameters) -> Solution:
 @pytest.mark.parametrize(
     ("foundation", "same"),
     [
-        (FLOOR, "y + 2"),
+        (floor(), "y + 2"),
         ({"sphere": {"centre": [0.0, -6.0], "radius": 4.0}}, "sqrt(x**2 + (y + 6)**2) - 4"),
     ],
 )
@@ -48,10 +36,10 @@ def test_a_ring_on_a_foundation_touches_where_it_faces_it(
     foundation: dict[str, Any], same: str
 ) -> None:
     found = solved(roller(foundation))
-    contact, reaction = (np.array(found.summary[k]) for k in ("contact_force", "friction_force"))
-    assert contact[1] > 0.0 and reaction[0] < 0.0
+    contact, friction = (np.array(found.summary[k]) for k in ("contact_force", "friction_force"))
+    assert contact[1] > 0.0 and friction[0] < 0.0
     held = np.array(found.summary["reactions"]["inner"])
-    np.testing.assert_allclose(contact + reaction + held, 0.0, atol=1e-6 * contact[1])
+    np.testing.assert_allclose(contact + friction + held, 0.0, atol=1e-6 * contact[1])
     points = found.contact_points
     if points is not None:
         assert points.x[:, 1].max() > 1.9
@@ -65,13 +53,13 @@ def test_a_ring_on_a_foundation_touches_where_it_faces_it(
 @pytest.mark.parametrize("dim", [2, 3])
 def test_sides_that_stand_on_the_foundation_change_nothing(dim: int) -> None:
     """In the variational inequality the nodes at the edge have the same condition."""
-    floor = {"half_space": {"point": [0.0] * dim, "normal": [*[0.0] * (dim - 1), 1.0]}}
+    ground = {"half_space": {"point": [0.0] * dim, "normal": [*[0.0] * (dim - 1), 1.0]}}
     found = [
         solved(
             block(
                 dim,
                 h=0.25,
-                contact={"on": names, "foundation": floor},
+                contact={"on": names, "foundation": ground},
                 friction__coefficient=0.0,
                 penalty__n=math.inf,
             )
@@ -85,9 +73,9 @@ def test_sides_that_stand_on_the_foundation_change_nothing(dim: int) -> None:
 
 
 def test_a_foundation_that_nothing_faces_is_refused() -> None:
-    floor = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
+    ground = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
     with pytest.raises(Misplaced, match=r"the foundation lies behind contact\.on"):
-        solve(block(2, h=0.5, contact={"on": "top", "foundation": floor}))
+        solve(block(2, h=0.5, contact={"on": "top", "foundation": ground}))
     upside_down = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, -1.0]}}
     with pytest.raises(Misplaced, match="turn the normal of the half space"):
         solve(block(2, h=0.5, contact={"on": "bottom", "foundation": upside_down}))

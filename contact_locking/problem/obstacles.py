@@ -140,7 +140,7 @@ class Tool:
 
     The constructor is collective, as a shape may be in a file.  Raises InputError for a shape that
     is none and for a body whose distance is not finite, and Misplaced for one that lies behind
-    Gamma_C, or that reaches into the body where the way out leads through the body.
+    Gamma_C, or reaches into the body so that the way out of it leads through the body.
     """
 
     def __init__(self, site: Site, given: ContactParameters) -> None:
@@ -217,6 +217,7 @@ class Tool:
         # outside of the tool and never gets there, but keeps the distance as well.
         if on_any_rank(comm, behind & (gap < 0.0)):
             raise Misplaced(f"{_INSIDE}: {turn}" if turn else _TOO_DEEP, self._key)
+        # A tool with several sides may come from where nothing faces it yet.
         if not turn and on_every_rank(comm, behind):
             raise Misplaced(_BEHIND.format(on=self._on), self._key)
         self._check_open_end(points, gap)

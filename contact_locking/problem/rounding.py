@@ -1,4 +1,4 @@
-"""The rounding in displacements and in the forces that they cause: no residual can be less."""
+"""The rounding in the forces that displacements cause, which every residual contains."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from contact_locking.parallel import maximum
 from contact_locking.problem.contact import Contact
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.fixed_point import fixed_point
-from contact_locking.solver.interior_point import InteriorPoint, explain_failure, is_impossible
+from contact_locking.solver.interior_point import InteriorPoint, explain_by_friction, is_impossible
 from contact_locking.solver.linear.ksp import is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle
@@ -117,12 +117,12 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
         report.suggestion = _NESTED_WAY_OUT
 
     @functools.cache
-    def cannot_be_solved() -> bool:
+    def nothing_is_admissible() -> bool:
         return is_impossible(task)
 
     def goes_on() -> bool:
-        # Penalties have solutions where nothing is admissible.
-        return not (report.is_infeasible or (penalty.is_strict and cannot_be_solved()))
+        # Penalised problems have solutions where nothing is admissible.
+        return not (report.is_infeasible or (penalty.is_strict and nothing_is_admissible()))
 
     with contextlib.closing(_approaches(task, not nested, goes_on)) as solvers:
         for solver in solvers:
@@ -138,8 +138,8 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     task.add_stage(penalty, report.tangents)
     if polish(task, _RESCUE, near=False):
         return task.succeed()
-    if not cannot_be_solved():
-        explain_failure(task)
+    if not nothing_is_admissible():
+        explain_by_friction(task)
     return report
 
 

@@ -95,7 +95,7 @@ class Steps(Iterator[Solution]):
                 yield solution
                 timeline.skip_to(restored.step.time)
                 saved, before = _saved(state), Moment.of(state)
-                self._remember(state)
+                self._remember(state, restored.step.time)
             self._began, self._to_solve = time.perf_counter(), timeline.left
             while not timeline.is_over:
                 began = time.perf_counter()
@@ -131,22 +131,22 @@ class Steps(Iterator[Solution]):
                 seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
                 self._tell(solution)
-                if not solution.converged:
+                if not (solution.converged or report.is_infeasible):
                     self._out_of_reach.tell(solution, at)
                 yield solution
                 if not solution.converged:
                     return
                 timeline.succeed()
-                # What penalties let exceed a limit or a gap is not admissible.
-                if self.problem.penalty.is_strict:
-                    self._out_of_reach.reach(demand)
                 saved = _saved(state)
-                self._remember(state)
+                self._remember(state, at)
         finally:
             self.problem.close()
 
-    def _remember(self, state: SolvedState) -> None:
+    def _remember(self, state: SolvedState, time: float) -> None:
         """End a step; collective."""
+        # What penalties let exceed a limit or a gap is not admissible.
+        if self.problem.penalty.is_strict:
+            self._out_of_reach.reach(Demand.of(self._increment.system, time))
         for fields in state.contacts:
             fields.contact.remember(self.problem.u, fields.state == STICK)
         self.problem.end_step()

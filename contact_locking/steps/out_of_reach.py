@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SolverReport
 from contact_locking.steps.demand import Demand
-
-# Times that differ by less than this share are the same.
-_ROUNDING = 1e-9
 
 
 class OutOfReach:
     """Times with the proof that no displacement of the mesh keeps the limits and the gaps then.
 
-    Prescribed displacements, limits and gaps are all that the proof knows, and these depend on the
-    time alone.  So the proof holds whatever the steps before were, and whatever friction remembers.
+    The proof knows nothing but the :class:`Demand` of the time.  So it holds whatever the steps
+    before were, and whatever friction remembers.
     """
 
     def __init__(self) -> None:
@@ -40,8 +35,9 @@ class OutOfReach:
     def excludes(self, demand: Demand) -> bool:
         """Whether nothing is admissible then, as the proofs for other times show; collective."""
         reached = self._reached
-        return self._knows(demand.time) or any(
-            reached is not None and demand.is_beyond(refused, reached) for refused in self._refused
+        return any(
+            demand.repeats(refused) or (reached is not None and demand.is_beyond(refused, reached))
+            for refused in self._refused
         )
 
     def tell(self, last: Solution, at: float) -> None:
@@ -50,7 +46,7 @@ class OutOfReach:
         Halved steps then end close to the largest load that can be followed, where a solve may
         fail for reasons that say little.
         """
-        if self._planned is None or self._knows(at):
+        if self._planned is None:
             return
         time, report = self._planned
         last.summary["reason"] = (
@@ -58,6 +54,3 @@ class OutOfReach:
             f"t = {at:.6g}, did not converge: {last.summary['reason']}"
         )
         last.summary["suggestion"] = report.suggestion
-
-    def _knows(self, time: float) -> bool:
-        return any(math.isclose(time, known.time, rel_tol=_ROUNDING) for known in self._refused)
