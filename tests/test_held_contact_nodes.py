@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from problems import block
 
-from contact_locking import Solution, solve
+from contact_locking import Solution, assemble, solve, solve_assembled
+from contact_locking.problem.assembly import Problem
 
 _PUSH = -0.02
 
@@ -49,3 +51,51 @@ def test_a_tool_that_enters_a_held_corner_is_warned_of(n: float) -> None:
     (warning,) = (text for text in found.summary["warnings"] if "holds" in text)
     assert warning.startswith("contact: the foundation enters the body by ")
     assert "where no contact acts" in warning
+
+
+def _guided(kernel: str = "convolution", n: float = math.inf, **changes: Any) -> Problem:
+    """A block that rubs on its foundation, and whose lower left corner slides at a fixed height."""
+    contact: dict[str, Any] = {
+        "on": "bottom",
+        "friction": {"coefficient": 0.5, "smoothing": {"kernel": kernel, "radius": 0.5}},
+    }
+    loads = {
+        "tractions": [{"on": "top", "value": [0.004, -0.03]}],
+        "displacements": [
+            {"on": "left", "value": [None, 0.0]},
+            {"on": "right", "value": [0.0, None]},
+        ],
+    }
+    changes |= {"material__locking_limit": math.inf, "penalty__n": n}
+    parameters = block(h=0.25, loads=loads, contact=contact, **changes)
+    return assemble(parameters, MPI.COMM_WORLD)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
+def test_smoothing_leaves_out_what_held_nodes_carry(kernel: str, degree: int) -> None:
+    problem = _guided(kernel, discretisation__degree=degree)
+    (contact,) = problem.contacts
+    assert MPI.COMM_WORLD.allreduce(int(np.sum(~contact.free))) == 1
+    smoothing = contact.friction.smoothing
+    of_held_nodes = smoothing.apply((~contact.free).astype(float))
+    assert np.all(np.abs(of_held_nodes[contact.free]) < 1e-12)
+    constants = smoothing.apply(np.ones(len(contact.free)))
+    assert np.allclose(constants[contact.free], 1.0, rtol=1e-12)
+    problem.close()
+
+
+@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
+def test_every_method_leaves_a_held_node_that_slides_without_friction(kernel: str) -> None:
+    forces = []
+    for method, n in (("newton", 1e6), ("interior_point", 1e6), ("interior_point", math.inf)):
+        found = solve_assembled(_guided(kernel, n=n, solver__method=method))
+        assert found.converged, found.summary["reason"]
+        (fields,) = found.contacts
+        assert np.all(fields.bound[~fields.free] == 0.0)
+        assert np.all(fields.traction[~fields.free] == 0.0)
+        entry = found.summary["contacts"][0]
+        forces.append([*entry["contact_force"], *entry["friction_force"]])
+    newton, penalised, exact = forces
+    assert newton == pytest.approx(penalised, rel=1e-6, abs=1e-9)
+    assert newton == pytest.approx(exact, rel=1e-3, abs=1e-9)

@@ -160,13 +160,16 @@ class Contact:
         along = np.einsum("ki,ki->k", vectors, normals)
         return along, vectors - along[:, None] * normals
 
-    def acting(self, pressure: FloatArray) -> FloatArray:
-        """A pressure (k,) without that of nodes that are not free."""
-        return np.where(self.free, pressure, 0.0)
+    def acting(self, values: FloatArray) -> FloatArray:
+        """Pressures or friction bounds (k,), zero at the nodes that are not free."""
+        return np.where(self.free, values, 0.0)
 
     def friction_bound(self, u: fem.Function, pressure: FloatArray) -> FloatArray:
-        """The friction bound (k,) of a displacement and a pressure (k,); collective."""
-        return self.friction.evaluate(pressure, self.slips(u))
+        """The friction bound (k,) of a displacement and a pressure (k,); collective.
+
+        It is zero at the nodes that are not free, where R gives the mean of the pressure around.
+        """
+        return self.acting(self.friction.evaluate(pressure, self.slips(u)))
 
     def increment(self, u: fem.Function) -> FloatArray:
         """The slip of the step, ``u_tau - u_{k-1,tau}`` (k, d), at the nodes.

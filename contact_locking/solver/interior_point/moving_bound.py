@@ -46,7 +46,8 @@ class MovingBound:
     def wanted(self) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact; collective."""
         new = self.contact.friction_bound(self.u, self.pressing.nodes.at_all(self.pressing.z))
-        return np.maximum(new, self.least * maximum(self.pressing.comm, new))
+        least = self.least * maximum(self.pressing.comm, new)
+        return self.contact.acting(np.maximum(new, least))
 
     def used(self, elsewhere: FloatArray) -> FloatArray:
         """The bound at all nodes of the contact: of the cones, or ``elsewhere`` without cones."""
