@@ -16,7 +16,6 @@ from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
 from contact_locking.problem.assembly import Problem, assemble
-from contact_locking.problem.rigid_motions import describe_motion
 from contact_locking.problem.system import PenalisedSystem
 
 
@@ -193,20 +192,6 @@ def test_a_preserved_system_gets_its_displacement_and_bound_back(
     is_restored = fails or not only_on_failure
     for old, new in zip(before, _values(made), strict=True):
         assert np.array_equal(old, new) == is_restored or not old.size
-
-
-@pytest.mark.parametrize(
-    ("motion", "dim", "words"),
-    [
-        ([1, 0, 0], 2, "translation along x"),
-        ([1, -2, 0.1], 2, "translation along x and y"),
-        ([1, -2, 3], 2, "translation along x and y with rotation"),
-        ([0, 0, 3], 2, "rotation"),
-        ([0, 0, 1, 1, 0, 1], 3, "translation along z with rotation about z and x"),
-    ],
-)
-def test_a_rigid_motion_is_told_in_words(motion: list[float], dim: int, words: str) -> None:
-    assert describe_motion(np.array(motion, dtype=float), dim) == words
 
 
 @pytest.mark.serial

@@ -157,7 +157,7 @@ def test_the_outcome_says_what_converged_what_is_proved_and_what_is_estimated() 
     assert words["proved"] == "1 bound of the theory, which the result keeps"
     assert words["estimated"] == "the error of the mesh is about 3.9 %"
     assert words["weakest number"] == "the error of the mesh is about 3.9 %, by an estimate"
-    assert words["uniqueness"] == "proved: there is no other solution"
+    assert words["uniqueness"] == "proved: no other displacement solves the problem on this mesh"
     assert words["friction force"] == "(0, 0)"
     assert words["reactions"] == "(0.25, 0) on left, (0, -0.5) on right"
 

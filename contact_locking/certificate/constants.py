@@ -15,6 +15,7 @@ from contact_locking.certificate.elliptic import (
     elliptic_problem,
     inner_product,
 )
+from contact_locking.certificate.other_solutions import without_friction
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import raise_callback_error
 from contact_locking.parallel import maximum
@@ -30,8 +31,7 @@ _SLIPS = 400
 
 # Samples may exceed the constants of a friction law by this share because of rounding.
 _ROUNDING = 1e-9
-# The verdicts on uniqueness.
-COVERED = "covered by theory"
+# The verdicts on uniqueness where there is friction.
 SAMPLED = "covered for the discrete problem, by sampled constants"
 UNKNOWN = "not known"
 
@@ -58,8 +58,7 @@ def constants(state: SolvedState) -> dict[str, Any]:
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
     if not state.contacts:
-        found["uniqueness"] = _verdict(COVERED, "nothing is in contact: the problem is convex")
-        return found
+        return found | {"uniqueness": without_friction(state)}
     trace, why = _trace(state)
     coefficient = coefficient_range(state)
     found |= {
@@ -195,7 +194,7 @@ def _uniqueness(
     """
     bounds = [contact.friction for contact in state.problem.contacts]
     if all(bound.frictionless for bound in bounds):
-        return _verdict(COVERED, "there is no friction: the problem is convex")
+        return without_friction(state)
     report = {"contraction": state.report.contraction}
     if state.problem.data.tools:
         why = "a force pushes a foundation, and the slip is relative to the unknown travel"

@@ -64,6 +64,11 @@ class FrictionBound:
         return (self.coefficient(high) - self.coefficient(low)) / (high - low)
 
     @property
+    def depends_on_slip(self) -> bool:
+        """Whether mu may depend on the slip: the law alone says that it does not."""
+        return self.law.lipschitz != 0.0
+
+    @property
     def is_coulomb(self) -> bool:
         """Whether the friction bound is (6) and not a user's own."""
         return type(self).evaluate is FrictionBound.evaluate

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.parallel import on_every_rank
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.pushed_tool import PushedTool
 
@@ -34,28 +34,63 @@ class MotionsAtContact:
         """The products (f, f) of the motions, summed over the nodes of this rank."""
         return np.asarray(np.einsum("fkd,gkd->fg", self._motions, self._motions))
 
+    @property
+    def points(self) -> FloatArray:
+        """The positions (k, d) of the nodes."""
+        return np.asarray(self.contact.surface.points[self._own])
+
+    @property
+    def contact_normals(self) -> FloatArray:
+        """The contact normals (k, d) at the nodes."""
+        return self.contact.normals[self._own]
+
+    def tangents(self) -> FloatArray:
+        """The tangential components (k d, f) at the nodes with friction."""
+        rows = 0 if self.contact.friction.frictionless else len(self.normals)
+        along = self._along[:, :rows]
+        return along.reshape(len(along), -1).T
+
     def knows_friction(self) -> bool:
-        """Whether mu depends on nothing that is not known before a solve; collective."""
-        bound, extent = self.contact.friction, self.contact.surface.domain.extent()
-        slips = np.zeros(len(self.contact.free))
-        same = np.array_equal(bound.coefficient(slips), bound.coefficient(slips + extent))
-        return bound.is_coulomb and on_every_rank(self.contact.surface.domain.comm, same)
+        """Whether the bound at any pressure p >= 0 is known before a solve; collective.
+
+        It is ``mu R p >= 0`` with a mu that does not depend on the slip, by the word of the law,
+        and with an R that has no negative entry.
+        """
+        bound = self.contact.friction
+        if bound.frictionless:
+            return True
+        return bound.is_coulomb and not bound.depends_on_slip and bound.smoothing.is_positive()
+
+    def largest_coefficient(self) -> float:
+        """The largest mu at the nodes of this rank, without slip; collective."""
+        mu = self.contact.friction.coefficient(np.zeros(len(self._own)))
+        return float(np.max(mu[self._own], initial=0.0))
 
     def resistance(self, motion: FloatArray) -> FloatArray:
         """The derivative (k, f) of ``c_nu + R* (mu |c_tau|)`` at a motion (f,); collective."""
-        contact, normals = self.contact, self.contact.normals[self._own]
-        along = self._motions - np.einsum("kf,kd->fkd", self.normals, normals)
-        slip = np.einsum("fkd,f->kd", along, motion)
-        size = np.linalg.norm(slip, axis=1)
-        towards = np.einsum("fkd,kd->fk", along, slip / np.where(size > 0.0, size, 1.0)[:, None])
+        contact = self.contact
+        if contact.friction.frictionless:
+            return self.normals
         mu = contact.friction.coefficient(np.zeros(len(self._own))) * contact.free
         rubbed = np.zeros((len(motion), len(self._own)))
-        rubbed[:, self._own] = towards
+        rubbed[:, self._own] = self._towards(motion)
         taken = np.array([contact.friction.smoothing.adjoint(mu * row) for row in rubbed])
         return np.asarray(self.normals + taken[:, self._own].T)
 
-    def taken(self, motion: FloatArray) -> float:
-        """``int G |c|``: the largest work of friction along a sliding motion c (f,), local."""
-        slip = np.linalg.norm(np.einsum("fkd,f->kd", self._motions, motion), axis=1)
+    def rub(self, motion: FloatArray) -> FloatArray:
+        """The derivative (f,) of ``int G |c_tau|`` at a motion c (f,), local."""
         weights, bound = self.contact.surface.weights[self._own], self.contact.bounds[self._own]
-        return float(weights @ (bound * slip))
+        return self._towards(motion) @ (weights * bound)
+
+    @cached_property
+    def _along(self) -> FloatArray:
+        """The tangential parts (f, k, d)."""
+        normals = self.contact.normals[self._own]
+        return self._motions - np.einsum("kf,kd->fkd", self.normals, normals)
+
+    def _towards(self, motion: FloatArray) -> FloatArray:
+        """The derivative (f, k) of ``|c_tau|`` at a motion (f,)."""
+        slip = np.einsum("fkd,f->kd", self._along, motion)
+        size = np.linalg.norm(slip, axis=1)
+        unit = slip / np.where(size > 0.0, size, 1.0)[:, None]
+        return np.asarray(np.einsum("fkd,kd->fk", self._along, unit))

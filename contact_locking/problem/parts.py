@@ -11,21 +11,32 @@ from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
-from contact_locking.parallel import on_every_rank
+from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.motion_in_words import (
+    Resultant,
+    axes_of,
+    describe_motion,
+    point,
+    resultant_on_plane,
+    spin,
+)
 from contact_locking.problem.motions_at_contact import MotionsAtContact
 from contact_locking.problem.pushed_tool import PushedTool
 from contact_locking.problem.rigid_motions import (
-    check_held,
-    describe_motion,
+    driven_slide,
     free_motions,
+    loose_motion,
     rigid_motions,
     sliding_motions,
     unheld_motion,
 )
+
+# A push that exceeds what friction holds by less than this share does not prove a slide.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -69,7 +80,7 @@ def check_parts_held(
         motions = _Motions(domain, space, data, constraints, number)
         try:
             motions.require_tools_held()
-            check_held(motions.free, motions.normals, motions.rubs, motions.most_work, domain.dim)
+            motions.require_held(motions.most_work)
         except InputError as error:
             if not several:
                 raise
@@ -96,28 +107,27 @@ def check_parts_held(
 def describe_slide(
     domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
 ) -> str | None:
-    """A motion c with ``(f, c) > int G |c_tau|`` that friction does not stop, in words, or None.
+    """A motion c that neither contact nor friction stops, in words, or None; collective.
 
-    Of each part of the body the sliding motion with the most work of the loads is checked with the
-    present bound G.  With a coefficient mu that does not depend on the slip there may be a proof
-    for any pressure p >= 0: in equilibrium ``(f, c) = int p c_nu - sigma_tau . c_tau`` is at most
-    ``int p (c_nu + R* (mu |c_tau|))``, so that no motion with ``c_nu + R* (mu |c_tau|) <= 0`` at
-    all nodes has ``(f, c) > 0``.  Collective.
+    Three searches, for each part of the body:
+
+    - In equilibrium ``(f, c) = int p c_nu - sigma_tau . c_tau``.  Where mu does not depend on the
+      slip and R has no negative entry, this is at most ``int p (c_nu + R* (mu |c_tau|))`` for the
+      pressure p >= 0.  So a motion with ``c_nu + R* (mu |c_tau|) <= 0`` at all nodes and
+      ``(f, c) > 0`` proves that there is no equilibrium on this mesh, whatever the friction bound.
+    - A sliding motion, ``c_nu = 0``, with ``(f, c) > int G |c_tau|`` proves the same for the
+      present bound G alone.
+    - The resultants T along and N onto a flat foundation with ``T > mu N`` break Coulomb's law for
+      the whole contact.  This proves nothing, as ``int R p`` is not ``int p``.
     """
     for number in range(len(domain.part_names)):
         found = _Motions(domain, space, data, constraints, number)
         if not found.of_body:
             continue
-        slides = sliding_motions(found.normals)
-        push = slides @ (slides.T @ found.work)
-        taken = domain.comm.allreduce(sum(item.taken(push) for item in found.at_contacts))
-        moves: FloatArray | None = push
-        if not float(push @ found.work) > taken:
-            moves = found.unheld()
-        if moves is not None:
-            motion = describe_motion(found.free @ moves, domain.dim)
-            what = "friction" if found.rubs.any() else "contact"
-            return f"{what} cannot hold the body, which is free to move (rigid motion: {motion})"
+        told = found.describe_unheld() or found.describe_slide() or found.describe_push()
+        if told is not None:
+            several = len(domain.part_names) > 1
+            return f"{domain.part_names[number]}: {told}" if several else told
     return None
 
 
@@ -131,7 +141,7 @@ def describe_loose(
     for number in range(len(domain.part_names)):
         found = _Motions(domain, space, data, constraints, number)
         try:
-            check_held(found.free, found.normals, found.rubs, found.work, domain.dim)
+            found.require_held(found.work)
         except InputError as error:
             return str(error)
     return None
@@ -142,11 +152,17 @@ def loose_fields(domain: Domain, space: fem.FunctionSpace, constraints: Constrai
 
     The values (f, n) are those at the local dofs, ghosts included.
     """
-    found = [
-        _loose_fields(domain, space, constraints, _dofs(domain, space, number))[1]
+    return np.vstack([values for _, values in loose_by_part(domain, space, constraints)])
+
+
+def loose_by_part(
+    domain: Domain, space: fem.FunctionSpace, constraints: Constraints
+) -> list[tuple[FloatArray, FloatArray]]:
+    """For each part the coefficients (m, f) of its free motions, and their values; collective."""
+    return [
+        _loose_fields(domain, space, constraints, _dofs(domain, space, number))
         for number in range(len(domain.part_names))
     ]
-    return np.vstack(found)
 
 
 def _loose_fields(
@@ -199,26 +215,145 @@ class _Motions:
         self.at_contacts = [
             MotionsAtContact(contact, motions, part, self._tools) for contact in data.contacts
         ]
+        comm = domain.comm
         for item in self.at_contacts:
-            normals = np.concatenate(domain.comm.allgather(item.normals))
+            normals = np.concatenate(comm.allgather(item.normals))
             self.normals = np.vstack([self.normals, normals])
             rubs = np.full(len(normals), not item.contact.friction.frictionless)
             self.rubs = np.append(self.rubs, rubs)
 
-    def unheld(self) -> FloatArray | None:
-        """A motion (f,) that friction stops with no pressure at all, if one is found; collective.
+    def require_held(self, work: FloatArray) -> None:
+        """Raise InputError if the part can move rigidly without resistance; collective.
 
-        The coefficients of all contacts have to be known.
+        ``work`` (f,) is the work of the loads along the motions.
+        """
+        if not self.of_body:
+            return
+        comm = self._domain.comm
+        triangles = [
+            np.linalg.qr(rows, mode="r")
+            for item in self.at_contacts
+            for rows in comm.allgather(item.tangents())
+        ]
+        tangents = np.vstack([np.zeros((0, len(work))), *triangles])
+        motion = loose_motion(self.normals, tangents, self.rubs, work)
+        if motion is None:
+            return
+        where = self._where(work)
+        if not len(self.normals):
+            why = "nothing holds the body"
+        elif np.abs(self.normals @ motion).max() < 1e-6 * np.abs(self.normals).max():
+            why = "it slides along the foundation"
+        elif where is not None:
+            why = f"the loads tip the body over, as their resultant {where}"
+        else:
+            why = "the loads do not press the body onto the foundation"
+        raise InputError(
+            "the displacement conditions leave a rigid motion free "
+            f"({self._words(motion)}): {why}; fix a boundary part, or a component of it, in "
+            "loads.displacements, or a direction in loads.supports",
+            "loads.displacements",
+        )
+
+    def describe_unheld(self) -> str | None:
+        """A motion that no pressure and no friction stop, in words; collective.
+
+        None if there is none, or if the friction of a contact is not known before a solve.
         """
         comm = self._domain.comm
-        if not all(item.knows_friction() for item in self.at_contacts):
+        if not self._knows_friction():
             return None
 
         def resistance(motion: FloatArray) -> FloatArray:
             rows = [item.resistance(motion) for item in self.at_contacts]
             return np.vstack([part for own in rows for part in comm.allgather(own)])
 
-        return unheld_motion(self.normals, resistance, self.work)
+        motion = unheld_motion(self.normals, resistance, self.work)
+        if motion is None:
+            return None
+        what = "friction" if self.rubs.any() else "contact"
+        where = self._where(self.work)
+        turns = np.any(spin(self.free @ motion)[1]) and where is not None
+        why = f"; the resultant of the loads {where}" if turns else ""
+        return (
+            f"{what} cannot hold the body, whatever the pressure: it is free to move (rigid "
+            f"motion: {self._words(motion)}{why})"
+        )
+
+    def describe_slide(self) -> str | None:
+        """A sliding motion that the present friction bound does not stop, in words; collective."""
+        slides, comm = sliding_motions(self.normals), self._domain.comm
+        if not slides.size:
+            return None
+
+        def rub(motion: FloatArray) -> FloatArray:
+            none = np.zeros(len(motion))
+            return np.asarray(comm.allreduce(sum((i.rub(motion) for i in self.at_contacts), none)))
+
+        motion = driven_slide(slides, self.work, rub)
+        # A slide of length 1, or a turn by the angle 1.
+        moved, turn = spin(self.free @ motion)
+        words = self._words(motion)
+        rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
+        push, held = float(self.work @ motion), float(rub(motion) @ motion)
+        if not push > held * (1.0 + _ROUNDING):
+            return None
+        return (
+            "friction cannot hold the body with the friction bound that the solver reached: it "
+            f"slides (rigid motion: {words}), which needs {push / rate:.4g}, and friction holds "
+            f"{held / rate:.4g}"
+        )
+
+    def describe_push(self) -> str | None:
+        """Resultants of the loads that break Coulomb's law on a flat foundation; collective."""
+        resultant = self._resultant(self.work)
+        if resultant is None or not self._knows_friction():
+            return None
+        mu = np.array([item.largest_coefficient() for item in self.at_contacts])
+        held = maximum(self._domain.comm, mu) * resultant.pressing
+        push = float(np.linalg.norm(resultant.along))
+        if push <= held * (1.0 + _ROUNDING):
+            return None
+        return (
+            "friction cannot hold the body, by the resultants of the loads (no proof, as R moves "
+            f"the bound to other places): it slides along {axes_of(resultant.along)}, which needs "
+            f"{push:.4g}, and friction holds {held:.4g}"
+        )
+
+    def _knows_friction(self) -> bool:
+        """Whether the friction of all contacts is known before a solve; collective."""
+        return all([item.knows_friction() for item in self.at_contacts])
+
+    def _words(self, motion: FloatArray) -> str:
+        """A motion (f,) of the part in words; collective."""
+        return describe_motion(self.free @ motion, self._domain.bounding_box())
+
+    def _resultant(self, work: FloatArray) -> Resultant | None:
+        """The resultant of the loads on a flat foundation; collective.
+
+        ``work`` (f,) is the work of the loads.  None if conditions hold some motions, or if a force
+        pushes a tool.
+        """
+        if self.free.shape[0] != self.free.shape[1] or self._domain.axisymmetric:
+            return None
+        comm = self._domain.comm
+        points, normals = (
+            np.concatenate([rows for own in given for rows in comm.allgather(own)])
+            for given in (
+                [item.points for item in self.at_contacts],
+                [item.contact_normals for item in self.at_contacts],
+            )
+        )
+        force, moment = spin(np.asarray(np.linalg.solve(self.free.T, work)))
+        return resultant_on_plane(force, moment, points, normals)
+
+    def _where(self, work: FloatArray) -> str | None:
+        """Where the resultant of the loads meets a flat foundation, in words; collective."""
+        resultant = self._resultant(work)
+        if resultant is None:
+            return None
+        size = float(np.linalg.norm(np.ptp(self._domain.bounding_box(), axis=0)))
+        return f"meets the plane of the foundation at {point(resultant.place, size)}"
 
     def require_tools_held(self) -> None:
         """Raise InputError if the part can move with its tools as one rigid body; collective."""
@@ -231,9 +366,9 @@ class _Motions:
         values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
         for motion in vectors[:, values <= 1e-12].T:
             if np.any(np.abs(motion[self.of_body :]) > 1e-6):
-                words = describe_motion(self.free @ (scale * motion), self._domain.dim)
                 raise InputError(
-                    f"body and tools can move together as one rigid body ({words}): the forces "
+                    "body and tools can move together as one rigid body "
+                    f"({self._words(scale * motion)}): the forces "
                     "tell how hard the tools press, and nothing tells where; fix a component on a "
                     "boundary part in loads.displacements, or leave out one foundation.force",
                     self._tools[0].key,

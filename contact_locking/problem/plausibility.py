@@ -21,6 +21,8 @@ _LARGE_RATIO = 200.0
 _MULTIPLE = 10.0
 # The share of violation by a penalty that causes a warning, and the share that the advice aims at.
 _NOTABLE, _AIM = 0.1, 0.01
+# From this share of the friction bound on nothing is left to hold a body.
+_ALL_FRICTION = 1.0 - 1e-4
 # Pressure concentrates at edges, where the compliance of the body is this share of length over
 # Young's modulus.
 _CONCENTRATED = 0.2
@@ -142,6 +144,19 @@ def about_uncovered_boundary(
         f"{key}: the boundary outside of {key}.on enters the foundation by {depth:.3g} near "
         f"({at}), where no contact acts; add the boundary part there to {key}.on, unless the "
         "foundation ends before"
+    ]
+
+
+def about_the_friction_used(used: float | None) -> list[str]:
+    """A warning about a body that friction alone holds, and that uses all of its friction.
+
+    ``used`` is the share of the friction bound that acts, None without friction.
+    """
+    if used is None or used < _ALL_FRICTION:
+        return []
+    return [
+        "friction alone holds the body, and all of it is used: with a little more load along the "
+        "foundation, or less onto it, the body slides away"
     ]
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 from dolfinx import fem
 
-from contact_locking.arrays import AXES, BoolArray, FloatArray
-from contact_locking.errors import InputError
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.domain import Domain
 
 # The most rounds of the search for a motion that friction does not stop.  In 2D a few suffice.
-_CUTS = 20
+_CUTS = 40
+# The share of the net work of loads and friction by which a slide may miss the most.
+_NEAR = 1e-4
 # The share of prescribed values that rounding may take from a rigid motion.
 _STRAINED = 1e-12
 
@@ -99,46 +100,37 @@ def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArra
     return np.asarray((found / scale) @ motions)
 
 
-def check_held(
-    free: FloatArray, contact: FloatArray, rubs: BoolArray, work: FloatArray, dim: int
-) -> None:
-    """Raise InputError for a body that can move rigidly without resistance.
+def loose_motion(
+    contact: FloatArray, tangents: FloatArray, rubs: BoolArray, work: FloatArray
+) -> FloatArray | None:
+    """A rigid motion (f,) without resistance, None if there is none.
 
-    ``free`` (m, f) are the motions that the displacement conditions leave free, ``contact`` (k, f)
-    are their normal components at the nodes of Gamma_C, ``rubs`` (k,) marks the nodes with
-    friction, and ``work`` (f,) is the work of the loads along the motions.
+    ``contact`` (k, f) are the normal components of the f free motions at the nodes of Gamma_C,
+    ``rubs`` (k,) marks the nodes with friction, ``tangents`` (n, f) are the tangential components
+    at these nodes, and ``work`` (f,) is the work of the loads along the motions.
 
     Without friction a minimiser exists if there is no motion c != 0 with ``contact c <= 0`` (the
     body leaves the foundation or slides along it) and ``work . c >= 0`` (the loads do not resist).
-    With friction the bound is not known yet: an error is raised only for a motion that leaves the
-    foundation at all nodes with friction, ``contact c < 0``, and contains no motion that slides
-    there.
+    With friction the bound is not known yet: a motion counts only if it leaves the foundation at
+    all nodes with friction, ``contact c < 0``, and slides at none, so that friction does no work.
     """
-    count = free.shape[1]
-    if count == 0:
-        return
-    normal = contact / max(float(np.abs(contact).max(initial=0.0)), 1e-300)
-    rows = np.vstack([normal, -work[None, :] / max(float(np.abs(work).max()), 1e-300)])
-    motions: Iterable[FloatArray | None]
-    if rubs.any():
-        motions = [_leaving(rows, np.append(rubs, False))]
-    else:
-        motions = (_unresisted(rows, aim) for aim in _directions(count))
-    for motion in motions:
-        if motion is None:
-            continue
-        if not len(contact):
-            why = "nothing holds the body"
-        elif np.abs(normal @ motion).max(initial=0.0) >= 1e-6:
-            why = "the loads do not press the body onto the foundation"
-        else:
-            why = "it slides along the foundation"
-        raise InputError(
-            f"the displacement conditions leave a rigid motion free "
-            f"({describe_motion(free @ motion, dim)}): {why}; fix a boundary part, or a component "
-            "of it, in loads.displacements, or a direction in loads.supports",
-            "loads.displacements",
-        )
+    normal = np.asarray(contact / max(float(np.abs(contact).max(initial=0.0)), 1e-300))
+    push = np.asarray(work / max(float(np.abs(work).max()), 1e-300))
+    rows = np.vstack([normal, -push[None, :]])
+    if not rubs.any():
+        slides = sliding_motions(normal)
+        if slides.size:
+            along = slides @ (slides.T @ push)
+            return np.asarray(along if np.any(along) else slides[:, 0])
+        motions = (_unresisted(rows, aim) for aim in (push, *_directions(len(work))))
+        return next((motion for motion in motions if motion is not None), None)
+    straight = sliding_motions(tangents)
+    leaving = _leaving(rows @ straight, np.append(rubs, False)) if straight.size else None
+    if leaving is None:
+        return None
+    # Of the motions away from the foundation the loads drive this one most: about an edge.
+    driven = _unresisted(rows @ straight, push @ straight)
+    return np.asarray(straight @ (leaving if driven is None else driven))
 
 
 def _directions(count: int) -> list[FloatArray]:
@@ -158,33 +150,30 @@ def _unresisted(rows: FloatArray, aim: FloatArray) -> FloatArray | None:
 def _leaving(rows: FloatArray, rubs: BoolArray) -> FloatArray | None:
     """The motion c with ``rows c <= 0`` and the least maximum of ``rows c`` over the rows that rub.
 
-    The motion is orthogonal to all motions that slide at every node with friction.  None if the
-    least maximum is 0.
+    None if the least maximum is 0.
     """
     from scipy.optimize import linprog
 
     count = rows.shape[1]
-    slides = sliding_motions(rows[rubs])
     found = linprog(
         np.append(np.zeros(count), -1.0),
         A_ub=np.column_stack([rows, rubs.astype(float)]),
         b_ub=np.full(len(rows), 1e-9),
-        A_eq=np.column_stack([slides.T, np.zeros(slides.shape[1])]),
-        b_eq=np.zeros(slides.shape[1]),
         bounds=[(-1, 1)] * count + [(0, 1)],
     )
     return np.asarray(found.x[:count]) if found.status == 0 and -found.fun > 1e-3 else None
 
 
-def sliding_motions(contact: FloatArray) -> FloatArray:
-    """Coefficients (f, m) of the motions without a normal component on Gamma_C.
+def sliding_motions(components: FloatArray) -> FloatArray:
+    """Coefficients (f, m) of the motions without components on Gamma_C, orthonormal.
 
-    ``contact`` (k, f) are the normal components of f free motions at the nodes of Gamma_C.
+    ``components`` (k, f) are the normal, or tangential, components of f motions at nodes.
     """
-    if not contact.size:
-        return np.eye(contact.shape[1])
-    _, sizes, directions = np.linalg.svd(contact, full_matrices=True)
-    sizes = np.append(sizes, np.zeros(contact.shape[1] - len(sizes)))
+    if not components.size:
+        return np.eye(components.shape[1])
+    # The triangle has the singular vectors of the rows, of which there may be many.
+    _, sizes, directions = np.linalg.svd(np.linalg.qr(components, mode="r"))
+    sizes = np.append(sizes, np.zeros(components.shape[1] - len(sizes)))
     return np.asarray(directions[sizes <= 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)].T)
 
 
@@ -212,13 +201,35 @@ def unheld_motion(
     return None
 
 
-def describe_motion(motion: FloatArray, dim: int) -> str:
-    """A rigid motion (3 or 6 coefficients, 1 of an axisymmetric body) in words."""
-    if len(motion) == 1:
-        return "translation along y, the axis"
-    share = np.abs(motion) / np.abs(motion).max()
-    along = [axis for axis, size in zip(AXES, share[:dim], strict=False) if size > 0.1]
-    about = [axis for axis, size in zip("zyx", share[dim:], strict=False) if size > 0.1]
-    turns = "rotation" + (f" about {' and '.join(about)}" if dim == 3 else "")
-    moves = [f"translation along {' and '.join(along)}"] if along else []
-    return " with ".join([*moves, turns] if about else moves)
+def driven_slide(
+    slides: FloatArray, work: FloatArray, rub: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """The motion c (f,) of ``slides`` (f, m) with the largest ``work . c - s(c)``, in a unit box.
+
+    ``s(c) = int G |c_tau|`` is convex and homogeneous; ``rub`` gives its derivative (f,) at a
+    motion, with which ``rub(c) . c = s(c)``.  Each motion is the best for the derivatives at those
+    before, which are lower bounds of s.
+    """
+    from scipy.optimize import linprog
+
+    push = slides.T @ work
+    size, count = max(float(np.abs(push).max(initial=0.0)), 1e-300), slides.shape[1]
+    cuts: list[FloatArray] = []
+    best: FloatArray = np.zeros(count)
+    most = -np.inf
+    for _ in range(_CUTS):
+        rows = np.array([np.append(cut, -1.0) for cut in cuts]).reshape(-1, count + 1)
+        found = linprog(
+            np.append(-push / size, 1.0),
+            A_ub=rows,
+            b_ub=np.zeros(len(rows)),
+            bounds=[(-1, 1)] * count + [(0, None)],
+        )
+        motion = np.asarray(found.x[:count])
+        cuts.append(np.asarray(slides.T @ rub(slides @ motion) / size))
+        net = float((push / size - cuts[-1]) @ motion)
+        if net > most:
+            best, most = motion, net
+        if -found.fun - most <= _NEAR * abs(found.fun):
+            break
+    return np.asarray(slides @ best)

@@ -14,6 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
+from contact_locking.parallel import on_every_rank
 from contact_locking.problem.surface_mesh import SurfaceMesh
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 _ANGLES = 24
 # The largest distance over the radius at which k is computed; k is 0 there in double precision.
 _LARGEST = 1.0 - 1e-4
+# An entry of a surface Laplacian above this share of the diagonal is not rounding.
+_POSITIVE = 1e-12
 
 
 class Smoothing(Protocol):
@@ -36,6 +39,9 @@ class Smoothing(Protocol):
 
     def norm(self) -> float:
         """An upper bound of ``|R w|/|w|`` in L2 by the vertex rule over free nodes; collective."""
+
+    def is_positive(self) -> bool:
+        """Whether R is known to have no negative entry, ``R w >= 0`` for ``w >= 0``; collective."""
 
     def destroy(self) -> None:
         """Free what PETSc holds; collective."""
@@ -52,6 +58,9 @@ class Identity:
 
     def norm(self) -> float:
         return 1.0
+
+    def is_positive(self) -> bool:
+        return True
 
     def destroy(self) -> None:
         pass
@@ -86,6 +95,9 @@ class Convolution:
 
     def norm(self) -> float:
         return self._norm
+
+    def is_positive(self) -> bool:
+        return bool(np.all(self._surface.weights >= 0.0))
 
     @cached_property
     def _matrix(self) -> csr_matrix:
@@ -191,6 +203,19 @@ class HelmholtzFilter:
     def norm(self) -> float:
         # R is symmetric in the lumped product, with eigenvalues 1/(1 + r^2 k), k >= 0.
         return 1.0
+
+    def is_positive(self) -> bool:
+        # The inverse of an M-matrix has no negative entry.  K has positive entries beside its
+        # diagonal where triangles are obtuse, and for quadratic elements.
+        entries, rows = [], range(*self._operator.getOwnershipRange())
+        for row in rows:
+            columns, values = self._operator.getRow(row)
+            entries.append(values[columns != row].max(initial=0.0))
+        diagonal = self._operator.getDiagonal()
+        largest = float(np.max(entries, initial=0.0))
+        positive = largest <= _POSITIVE * diagonal.max()[1]
+        diagonal.destroy()
+        return on_every_rank(self._comm, positive)
 
     def destroy(self) -> None:
         for item in (self._solver, self._operator, self._rhs, self._solution):

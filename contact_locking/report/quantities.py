@@ -61,6 +61,13 @@ QUANTITIES = (
     Quantity("contact_area", "contact area", "part of Γ_C under pressure", "area", settles=False),
     Quantity("slip_area", "slip area", "part of Γ_C that slips", "area", settles=False),
     Quantity(
+        "friction_used",
+        "friction used",
+        "share of the friction bound that acts, over all of Γ_C",
+        "1",
+        settles=False,
+    ),
+    Quantity(
         "penetration_max", "penetration", "largest penetration [u_ν − g]⁺", "length", vanishes=True
     ),
     Quantity(

@@ -91,6 +91,12 @@ class ContactFields:
         """The largest ``[u_nu - gap]^+`` of some nodes (k,); collective."""
         return maximum(self.surface.domain.comm, (self.u_normal - self.gap)[nodes])
 
+    def friction(self) -> tuple[float, float]:
+        """``int |sigma_tau|`` and ``int G``, the most that friction could be; collective."""
+        size = np.linalg.norm(self.traction, axis=1)
+        integrals = [self.surface.integral(values * self.free) for values in (size, self.bound)]
+        return float(integrals[0]), float(integrals[1])
+
     def summary(self) -> dict[str, Any]:
         """Resultants and areas of this contact; collective."""
         surface = self.surface
@@ -101,6 +107,7 @@ class ContactFields:
             "friction_force": surface.integral(self.traction).tolist(),
             "contact_area": float(surface.integral((self.state != OPEN).astype(float))),
             "slip_area": float(surface.integral((self.state == SLIP).astype(float))),
+            "friction_used": _share([self.friction()]),
         }
 
 
@@ -144,7 +151,14 @@ def contact_summary(
         {"on": list(fields.contact.on), **one, **pushed.get(id(fields.contact), {})}
         for fields, one in zip(contacts, found, strict=True)
     ]
-    return total | {"contacts": entries}
+    used = _share([fields.friction() for fields in contacts])
+    return total | {"friction_used": used, "contacts": entries}
+
+
+def _share(friction: Sequence[tuple[float, float]]) -> float | None:
+    """The share of the friction bound that acts, None where there is no bound."""
+    acting, bound = (sum(values) for values in zip((0.0, 0.0), *friction, strict=True))
+    return acting / bound if bound > 0.0 else None
 
 
 def gather_contacts(

@@ -12,7 +12,7 @@ from contact_locking.plain_text import count, per_cent
 ROUGH = 0.1
 
 _UNIQUENESS = {
-    "covered by theory": "proved: there is no other solution",
+    "covered by theory": "proved: no other displacement solves the problem on this mesh",
     "covered for the discrete problem, by sampled constants": (
         "to be expected on this mesh, by constants that are sampled and not proved"
     ),
@@ -87,13 +87,14 @@ def rows(summary: Mapping[str, Any], use: UseOfLimit | None) -> list[tuple[str, 
         *_reactions(summary),
         *_tools(summary.get("contacts", ())),
         ("contact area", _areas(summary)),
+        *_friction_used(summary),
         ("criteria", _criteria(certificate["criteria"])),
-        ("proved", _proved(summary["bounds"], certificate["errors"])),
+        ("proved", _proved(summary)),
         *_not_bounded(certificate["errors"].get("guaranteed")),
         *_limit_load(certificate.get("limit_load")),
         ("estimated", _estimated(certificate["errors"])),
         ("weakest number", _weakest(summary)),
-        ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"]["verdict"])),
+        ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
         ("time", f"{summary['wall_seconds']:.1f} s"),
     ]
 
@@ -109,6 +110,8 @@ def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
         yield Weakness(measured, words, "a larger penalty.n, or none")
     elif measured is None and bound:
         words = f"the penalty changes the solution by at most {per_cent(bound)}, by a proved bound"
+        if _has_friction(summary):
+            words += " for the friction bound reached"
         advice = "certificate.limit: true, which measures the change, or a larger penalty.n"
         yield Weakness(bound, words, advice)
 
@@ -165,6 +168,20 @@ def _areas(summary: Mapping[str, Any]) -> str:
     return f"{touching:.4g}, of which {slipping:.4g} slips"
 
 
+def _has_friction(summary: Mapping[str, Any]) -> bool:
+    """Whether friction acts, or would if there were a pressure."""
+    certificate = summary.get("certificate")
+    constants = certificate.get("constants") if isinstance(certificate, dict) else None
+    coefficient = constants.get("friction_coefficient") if isinstance(constants, dict) else None
+    return bool(coefficient) or summary.get("friction_used") is not None
+
+
+def _friction_used(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The share of the friction that acts of what could act; no row without friction."""
+    used = summary.get("friction_used")
+    return [] if used is None else [("friction used", f"{per_cent(used)} of the friction bound")]
+
+
 def _vector(values: Iterable[float], largest: float = 0.0) -> str:
     """The vector, with zero for components that rounding alone keeps from zero.
 
@@ -213,17 +230,19 @@ def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
     return f"all {len(criteria)} hold; nearest to its limit: {_spaced(name)}, at {share} of it"
 
 
-def _proved(bounds: Mapping[str, Mapping[str, Any]], errors: Mapping[str, Any]) -> str:
+def _proved(summary: Mapping[str, Any]) -> str:
+    bounds, errors = summary["bounds"], summary["certificate"]["errors"]
+    under = ", for the friction bound reached" if _has_friction(summary) else ""
     broken = [_spaced(name) for name, entry in bounds.items() if entry["holds"] is False]
     if broken:
         return f"violated: {', '.join(broken)}"
     held = sum(entry["holds"] is True for entry in bounds.values())
     told = []
     if (whole := _relative(errors, "guaranteed")) is not None:
-        told.append(f"the whole error is at most {per_cent(whole)}, for the friction bound reached")
+        told.append(f"the whole error is at most {per_cent(whole)}{under}")
     if distance := _relative(errors, "penalty"):
-        of_what = "on this mesh, under the friction bound reached"
-        told.append(f"the penalty changes the solution by at most {per_cent(distance)} ({of_what})")
+        change = f"the penalty changes the solution on this mesh by at most {per_cent(distance)}"
+        told.append(f"{change}{under}")
     if held:
         told.append(f"{count(held, 'bound')} of the theory, which the result keeps")
     return "; ".join(told) or "no bound applies"
@@ -269,7 +288,10 @@ def _weakest(summary: Mapping[str, Any]) -> str:
     return f"{weak.words}; it takes {weak.advice}" if weak.is_rough else weak.words
 
 
-def _uniqueness(verdict: str) -> str:
+def _uniqueness(entry: Mapping[str, Any]) -> str:
+    verdict = entry["verdict"]
+    if verdict == "not unique":
+        return f"proved: there are other solutions, as {entry['why']}"
     return _UNIQUENESS.get(verdict, verdict)
 
 

@@ -35,15 +35,18 @@ _RESCUE = 30
 # relative residual at the start is below the last of these numbers.
 _FEW_STEPS, _FEW_UPDATES, _NEAR = 6, 12, 0.1
 
-_NEWTON_WAY_OUT = (
-    "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon; if the friction "
-    "bound does not settle, lower friction.coefficient or enlarge friction.smoothing.radius."
-)
+_NEWTON_WAY_OUT = "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon."
 _NESTED_WAY_OUT = "Take solver.friction: inside, which needs no contraction."
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 _BOUND_WAY_OUT = (
     "If the friction bound does not settle, lower friction.coefficient or enlarge "
     "friction.smoothing.radius."
+)
+# Less friction is no help for a body that friction holds.
+_HELD_BY_FRICTION = (
+    "Friction alone holds the body: if the loads need all of the friction there is, press the body "
+    "more, raise friction.coefficient, or hold the body by loads.displacements.  If the friction "
+    "bound does not settle, enlarge friction.smoothing.radius."
 )
 _VERGE_WAY_OUT = (
     "If the strain limit only just admits the prescribed displacements and the gap, as round "
@@ -58,7 +61,7 @@ def newton_with_continuation(task: Task, saved: SavedState | None = None) -> Sol
     From a saved state it goes on with the penalties of that state; where this fails, from nothing.
     """
     report = task.report
-    report.suggestion = _NEWTON_WAY_OUT
+    report.suggestion = "  ".join([_NEWTON_WAY_OUT, *_friction_way_out(task)])
     if saved is not None:
         saved.enter(task.system)
         cautious = task.with_settings(max_iterations=min(_RESCUE, task.settings.max_iterations))
@@ -164,13 +167,18 @@ def _approaches(
 
 def _interior_way_out(task: Task) -> str:
     """What may help where the interior point method does not arrive; collective."""
-    advice = [_MORE_ITERATIONS]
-    if task.system.rubbing:
-        advice.append(_BOUND_WAY_OUT)
+    advice = [_MORE_ITERATIONS, *_friction_way_out(task)]
     inverse_limits = [item.inverse_limit.x.array for item in task.system.data.sets]
     if maximum(task.system.comm, np.concatenate(inverse_limits)) > 0.0:
         advice.append(_VERGE_WAY_OUT)
     return "  ".join(advice)
+
+
+def _friction_way_out(task: Task) -> list[str]:
+    """What may help where the friction bound does not settle; nothing without friction."""
+    if not task.system.rubbing:
+        return []
+    return [_HELD_BY_FRICTION if task.system.held_by_friction else _BOUND_WAY_OUT]
 
 
 def _solve_by(solver: InteriorPoint, nested: Sequence[Contact], task: Task) -> None:

@@ -211,6 +211,10 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
         warnings += plausibility.about_held_nodes(
             [fields.contact.key for fields in state.contacts], held, state.largest_displacement
         )
+        if problem.sliding and not any(
+            contact.friction.depends_on_slip for contact in data.contacts
+        ):
+            warnings += plausibility.about_the_friction_used(touching["friction_used"])
         for contact in data.contacts:
             entry = uncovered_entry(domain, u, contact)
             warnings += plausibility.about_uncovered_boundary(

@@ -1,0 +1,171 @@
+"""Other solutions of a problem without friction: the rigid motions that change nothing.
+
+Two solutions u and u + c of a convex problem have the same strain, as a(., .) is strictly convex in
+it.  So c is a rigid motion of each part of the body, with a travel of each tool, that the
+displacement conditions leave free.  Equilibrium, tested with c, is ``(f, c) = int p c_nu``, with
+c_nu relative to the tools.  The pressure does not change either, and where it is positive the
+contact stays closed:
+
+    c_nu = 0 where p > 0,    c_nu <= gap - u_nu elsewhere.
+
+Each such c leads to a solution: its energy is that of u.  So the solutions are u plus a polyhedron
+in the few coefficients of the rigid motions, at n = inf and at a finite n alike.  The locking
+stress Z and the pressure p at n = inf need not be unique even if u is.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from contact_locking.arrays import FloatArray
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.problem.motion_in_words import describe_motion, point
+from contact_locking.problem.motions_at_contact import MotionsAtContact
+from contact_locking.problem.parts import loose_by_part
+from contact_locking.problem.rigid_motions import sliding_motions
+from contact_locking.results.contact_points import OPEN
+
+UNIQUE = "covered by theory"
+OTHERS = "not unique"
+IF_CONVEX = "covered by theory if the energy of the user's own is convex"
+OWN_ENERGY = "not known: the energy of the user's own decides"
+NOT_SOLVED = "not known: the solve did not converge"
+TOO_CLOSE = "not known: pressures within the accuracy of the solver decide"
+
+# A pressure above this share of the largest stress is no rounding of the solver.
+_PRESSED = 1e-6
+# Motions below this share of the displacements, or of the gaps, are rounding.
+_LEAST = 1e-6
+# Gaps of more displacements than this are as good as none.
+_FAR = 1e3
+# Normal components of unit motions below this are zero.
+_ROUNDING = 1e-9
+
+
+def without_friction(state: SolvedState) -> dict[str, Any]:
+    """The verdict on uniqueness of the displacement on this mesh, and why; collective."""
+    if not state.report.converged:
+        return {"verdict": NOT_SOLVED, "why": "there is no solution to judge"}
+    own, motions = state.problem.data.own_energy is not None, _FreeMotions(state)
+    # A motion is excluded by pressures that are certain, and found in spite of all pressures.
+    possible = motions.play(_PRESSED)
+    if possible is None:
+        why = "there is no friction, and no rigid motion is free: u is unique on this mesh"
+        if state.target.penalty.is_inequality:
+            why += "; the locking stress and the pressure need not be"
+        return {"verdict": IF_CONVEX if own else UNIQUE, "why": why}
+    found = motions.play(0.0)
+    if own or found is None:
+        why = f"perhaps a rigid motion is free: {possible}"
+        return {"verdict": OWN_ENERGY if own else TOO_CLOSE, "why": why}
+    return {"verdict": OTHERS, "why": f"a rigid motion is free: {found}"}
+
+
+class _FreeMotions:
+    """The m rigid motions of all parts and travels of tools that the displacement conditions allow.
+
+    ``_rows`` (k, m) are their normal components, relative to the tools, at the nodes where contact
+    acts, ``_room`` (k,) is ``gap - u_nu`` there, and ``_pressure`` (k,) is p, with 0 where the
+    solver knows the contact to be open.  ``_coefficients`` (n, m) are those of the translations and
+    rotations of one part after the other, and then the travels.  The constructor is collective.
+    """
+
+    def __init__(self, state: SolvedState) -> None:
+        problem, comm = state.problem, state.comm
+        self._tools, domain = problem.data.tools, problem.domain
+        parts = loose_by_part(domain, problem.u.function_space, problem.constraints)
+        fields = np.vstack([values for _, values in parts])
+        self._part_names, self._dim = domain.part_names, domain.dim
+        self._coefficients = block_diag(*(free for free, _ in parts), np.eye(len(self._tools)))
+        self._box = domain.bounding_box()
+        count = self._coefficients.shape[1]
+        rows, room, pressure = [np.zeros((0, count))], [np.zeros(0)], [np.zeros(0)]
+        everywhere = np.ones(fields.shape[1], dtype=bool)
+        for found in state.contacts if count else ():
+            at_nodes = MotionsAtContact(found.contact, fields, everywhere, self._tools)
+            pressed = np.where(found.state == OPEN, 0.0, found.pressure)
+            rows += comm.allgather(at_nodes.normals[found.free])
+            room += comm.allgather((found.gap - found.u_normal)[found.free])
+            pressure += comm.allgather(pressed[found.free])
+        self._rows, self._pressure = np.concatenate(rows), np.concatenate(pressure)
+        self._room = np.maximum(np.concatenate(room), 0.0)
+        self._stress = max(state.mean_stress, float(self._pressure.max(initial=0.0)))
+        gaps = float(self._room[np.isfinite(self._room)].max(initial=0.0))
+        #: Displacements are compared with the first of these that is not zero.
+        lengths = (state.largest_displacement, gaps, state.target.length)
+        self._length = next(length for length in lengths if length > 0.0)
+
+    def play(self, pressed: float) -> str | None:
+        """The motion c that leads to another solution, in words, None if there is none.
+
+        Contact stays closed where the pressure is above the share ``pressed`` of the stress.
+        """
+        closed = self._pressure > pressed * self._stress
+        allowed = sliding_motions(self._rows[closed])
+        motion = self._farthest(allowed)
+        if motion is None:
+            return None
+        first, several = 0, len(self._part_names) > 1
+        size = (len(self._coefficients) - len(self._tools)) // len(self._part_names)
+        for name in self._part_names:
+            of_part = f"{name}, " if several else ""
+            for axis in range(self._dim if size > 1 else 1):
+                reach = self._reach(allowed, first + axis)
+                if reach is not None:
+                    words = describe_motion(np.eye(size)[axis], self._box)
+                    return f"{of_part}{words}, {reach}"
+            first += size
+        for number, tool in enumerate(self._tools):
+            reach = self._reach(allowed, first + number)
+            if reach is not None:
+                on, along = ", ".join(tool.contact.on), point(tool.direction, 1.0)
+                return f"the tool on {on} along {along}, {reach}"
+        of_parts = (self._coefficients @ motion)[:first].reshape(-1, size)
+        most = int(np.argmax(np.linalg.norm(of_parts, axis=1)))
+        of_part = f"{self._part_names[most]}, " if several else ""
+        return f"{of_part}{describe_motion(of_parts[most], self._box)}"
+
+    def _farthest(self, allowed: FloatArray) -> FloatArray | None:
+        """The motion (m,) of the allowed ones (m, j) that goes farthest; None if all are rounding.
+
+        The motions have a largest normal component of 1, in units of the length.
+        """
+        from scipy.optimize import linprog
+
+        rows = self._rows @ allowed
+        scale = np.abs(rows).max(axis=0, initial=0.0)
+        scale = 1.0 / np.where(scale > 0.0, scale, 1.0)
+        room = np.minimum(self._room / self._length, _FAR)
+        best, most = None, _LEAST
+        for aim in np.vstack([np.eye(len(scale)), -np.eye(len(scale))]):
+            found = linprog(-aim, A_ub=rows * scale, b_ub=room, bounds=(-1, 1))
+            if found.status == 0 and -found.fun > most:
+                best, most = allowed @ (scale * found.x), -found.fun
+        return best
+
+    def _reach(self, allowed: FloatArray, number: int) -> str | None:
+        """How far the motion with one coefficient goes to both sides, None if it is not allowed."""
+        wanted = np.eye(len(self._coefficients))[number]
+        columns = self._coefficients @ allowed
+        shares = np.linalg.lstsq(columns, wanted)[0]
+        if np.linalg.norm(columns @ shares - wanted) > _ROUNDING:
+            return None
+        rates = self._rows @ allowed @ shares
+        ends = [
+            float(
+                np.min(
+                    self._room[side * rates > _ROUNDING] / np.abs(rates[side * rates > _ROUNDING]),
+                    initial=np.inf,
+                )
+            )
+            for side in (-1.0, 1.0)
+        ]
+        if max(ends) <= _LEAST * self._length:
+            return None
+        if not all(map(math.isfinite, ends)):
+            return "without end"
+        return f"from {-ends[0] + 0.0:.3g} to {ends[1]:.3g}"
