@@ -63,7 +63,7 @@ def test_two_directions_at_a_corner_are_both_prescribed() -> None:
             [{"on": "left", "along": [0, 2], "value": 0.1}],
             [{"on": "bottom", "value": [0, 0]}],
             "loads.supports.0",
-            "another value",
+            r"prescribes 0.1 for .* another value: loads.displacements.0.value.1 prescribes 0",
         ),
         (
             [{"on": "left", "along": [1, 1], "value": 0.1}],
@@ -87,6 +87,58 @@ def test_supports_that_contradict_each_other_are_refused(
     with pytest.raises(InputError, match=words) as caught:
         assemble(corner(*supports, displacements=displacements), MPI.COMM_WORLD)
     assert caught.value.key == key
+
+
+def _moved(*values: list[Any]) -> dict[str, Any]:
+    """A square whose left side and bottom have prescribed displacements, in this order."""
+    pairs = zip(("left", "bottom"), values, strict=True)
+    return {"displacements": [{"on": on, "value": value} for on, value in pairs]}
+
+
+def _square(loads: dict[str, Any], **changes: Any) -> Parameters:
+    return block(2, 0.25, contact=[], loads=loads, **changes)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_two_displacements_of_a_shared_node_are_refused_with_both_keys(degree: int) -> None:
+    loads = _moved([0, -0.01], [None, 0])
+    with pytest.raises(InputError) as caught:
+        assemble(_square(loads, discretisation__degree=degree), MPI.COMM_WORLD)
+    assert caught.value.key == "loads.displacements.0.value.1"
+    assert str(caught.value) == (
+        "prescribes -0.01 for the component y of the displacement "
+        "at x = 0, y = 0, where another condition prescribes another value: "
+        "loads.displacements.1.value.1 prescribes 0; give both conditions the same value there"
+    )
+
+
+@pytest.mark.parametrize(
+    "bottom", [[None, "-0.01*(1 + x)"], [0, None], [None, -0.01 * (1 + 1e-12)]]
+)
+def test_displacements_that_agree_at_a_shared_node_both_hold(bottom: list[Any]) -> None:
+    problem = assemble(_square(_moved([0, -0.01], bottom)), MPI.COMM_WORLD)
+    problem.constraints.apply(problem.u)
+    points = problem.u.function_space.tabulate_dof_coordinates()
+    at = np.linalg.norm(points, axis=1) < 1e-12
+    assert np.allclose(problem.u.x.array.reshape(-1, 2)[at], [0.0, -0.01], rtol=1e-9)
+    problem.close()
+
+
+def test_displacements_that_part_at_a_shared_node_are_refused_at_that_time() -> None:
+    loads = _moved([0, "-0.01*t"], [None, "-0.01*t*t"])
+    problem = assemble(_square(loads, steps={"times": [1, 2]}), MPI.COMM_WORLD)
+    with pytest.raises(InputError, match=r"prescribes -0\.02 for .* prescribes -0\.04"):
+        problem.advance(2.0)
+    problem.close()
+
+
+def test_a_displacement_that_comes_to_move_the_axis_is_refused_at_that_time() -> None:
+    loads = {"displacements": [{"on": "bottom", "value": ["0.01*(t - 1)", 0]}]}
+    changes = {"mesh__axisymmetric": True, "steps": {"times": [1, 2]}}
+    problem = assemble(_square(loads, **changes), MPI.COMM_WORLD)
+    with pytest.raises(InputError, match="moves the axis x = 0 along x at x = 0, y = 0"):
+        problem.advance(2.0)
+    problem.close()
 
 
 @pytest.mark.serial

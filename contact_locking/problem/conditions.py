@@ -12,12 +12,19 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
-from contact_locking.parallel import maximum, minimum
+from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
+from contact_locking.errors import InputError
+from contact_locking.parallel import agree, maximum, minimum
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.half_section import axis_condition
 from contact_locking.problem.joint_forms import JointForm
-from contact_locking.problem.supports import Support, Supports, axis_of, place
+from contact_locking.problem.supports import (
+    AGREES,
+    Support,
+    Supports,
+    axis_of,
+    place,
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,36 @@ class Constraints:
         u = fem.Function(self.space)
         for condition in self.conditions:
             condition.set(u.x.array)
+        comm = self.space.mesh.comm
+        most = AGREES * maximum(comm, np.abs(u.x.array))
+        agree(comm, lambda: self._refuse_conflict(u.x.array, most))
         self.supports.advance(u)
+
+    def _refuse_conflict(self, held: FloatArray, most: float) -> None:
+        """Raise InputError where a condition prescribes another value than ``held`` (k,)."""
+        for item, condition in zip(self.wanted, self.conditions, strict=False):
+            dofs, own = condition.dof_indices()[0], np.zeros_like(held)
+            condition.set(own)
+            defect = np.abs(own - held)[dofs]
+            if not np.any(defect > most):
+                continue
+            dof = dofs[np.argmax(defect)]
+            dim = self.space.dofmap.index_map_bs
+            points = self.space.tabulate_dof_coordinates()
+            where = self.supports.domain.where(points[dof // dim, :dim])
+            others = [dof in other.dof_indices()[0] for other in self.conditions]
+            last = len(others) - 1 - others[::-1].index(True)
+            if last == len(self.wanted):
+                raise InputError(
+                    f"moves the axis x = 0 along x at {where}, where u_r is zero", item.key
+                )
+            raise InputError(
+                f"prescribes {own[dof]:.6g} for the component {AXES[dof % dim]} of the "
+                f"displacement at {where}, where another condition prescribes another value: "
+                f"{self.wanted[last].key} prescribes {held[dof]:.6g}; give both conditions the "
+                "same value there",
+                item.key,
+            )
 
     def apply(self, u: fem.Function) -> None:
         """Write the prescribed values into ``u``."""
@@ -162,12 +198,11 @@ def constrain(
 ) -> Constraints:
     """The displacement conditions and supports of a space of displacements; collective.
 
-    At a node of two conditions for the same component, the later condition holds.  A support along
-    an axis is a condition for a component.  On the axis of an axisymmetric body u_r is zero.
-    Raises InputError for supports that contradict other conditions, and for a condition that moves
-    the axis.
+    A support along an axis is a condition for a component.  On the axis of an axisymmetric body u_r
+    is zero.  Raises InputError for conditions that contradict each other, and for a condition that
+    moves the axis.
     """
-    oblique, along_axes = [], []
+    oblique = []
     components: list[ComponentCondition] = []
     for support in supports:
         placed = place(domain, space, support)
@@ -175,11 +210,9 @@ def constrain(
         if axis is None:
             oblique.append(placed)
             continue
-        along_axes.append(placed)
         value = partial(_signed, support.value, axis[1])
         key = support.key
         components.append(ComponentCondition(support.on, axis[0], value, key, support.timed))
-    # A support must agree with the conditions that hold: the other conditions hold, being later.
     wanted = [*components, *wanted]
     conditions: list[fem.DirichletBC] = []
     timed: list[tuple[ComponentCondition, fem.Function]] = []
@@ -196,15 +229,14 @@ def constrain(
         conditions.append(fem.dirichletbc(values, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
     if domain.axisymmetric:
-        radial = [item.key if item.component == 0 else None for item in wanted]
-        on_axis = axis_condition(domain, space, conditions, radial)
+        on_axis = axis_condition(domain, space)
         conditions.append(on_axis)
         fixed.append(np.asarray(on_axis.dof_indices()[0], dtype=np.int32))
     fixed_dofs = np.unique(np.concatenate(fixed))
     index_map = space.dofmap.index_map
     marks = np.zeros((index_map.size_local + index_map.num_ghosts) * domain.dim, dtype=bool)
     marks[fixed_dofs] = True
-    held = Supports(domain, space, oblique, along_axes, marks)
+    held = Supports(domain, space, oblique, marks)
     made = Constraints(space, conditions, fixed_dofs, held, tuple(wanted), timed)
     made.combine()
     return made

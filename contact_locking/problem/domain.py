@@ -17,7 +17,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh_file.data import MeshData
@@ -27,6 +27,9 @@ from contact_locking.mesh_file.reader import read
 from contact_locking.parallel import maximum, on_root
 from contact_locking.plain_text import nearest
 from contact_locking.problem.distribution import distribute
+
+# A coordinate below this share of the largest is rounding.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -134,6 +137,12 @@ class Domain:
         second = self.comm.allreduce(np.tensordot(volumes, squares, axes=1))
         moments = second / ((dim + 1) * (dim + 2) * volume) - np.outer(centre, centre)
         return float(np.sqrt(12.0 * np.linalg.eigvalsh(moments)[-1]))
+
+    def where(self, point: FloatArray) -> str:
+        """A point (d,) in words, ``x = 1, y = 2``; coordinates that are rounding are 0."""
+        rounding = _ROUNDING * np.abs(self.mesh.geometry.x).max(initial=0.0)
+        shown = np.where(np.abs(point) <= rounding, 0.0, point)
+        return ", ".join(f"{axis} = {x:.6g}" for axis, x in zip(AXES, shown, strict=False))
 
     def _tag(self, name: str, table: dict[str, int], key: str | None) -> int:
         if name not in table and table is self.facet_names and name in self.unusable:

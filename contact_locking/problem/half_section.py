@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -49,29 +48,13 @@ def is_on_axis(domain: Domain, x: FloatArray) -> BoolArray:
     return np.asarray(np.abs(x[0]) <= _ON_AXIS * domain.bounding_box()[1, 0])
 
 
-def axis_condition(
-    domain: Domain,
-    space: fem.FunctionSpace,
-    given: Sequence[fem.DirichletBC],
-    radial: Sequence[str | None],
-) -> fem.DirichletBC:
-    """``u_r = 0`` on the axis; collective.
-
-    ``radial`` has the keys of those ``given`` conditions that prescribe u_r, and None for others.
-    Raises InputError if such a condition prescribes another value there.
-    """
+def axis_condition(domain: Domain, space: fem.FunctionSpace) -> fem.DirichletBC:
+    """``u_r = 0`` on the axis; collective."""
     sub = space.sub(0)
     scalar = _compat.collapse(sub)[0]
-    zero = fem.Function(scalar)
     small = _ON_AXIS * float(domain.bounding_box()[1, 0])
     dofs = fem.locate_dofs_geometrical((sub, scalar), lambda x: np.abs(x[0]) <= small)
-    for condition, key in zip(given, radial, strict=True):
-        values = fem.Function(space)
-        condition.set(values.x.array)
-        moved = np.abs(values.x.array[dofs[0]]) > small
-        if key is not None and on_any_rank(domain.comm, moved):
-            raise InputError("moves points of the axis x = 0 along x, where u_r is zero", key)
-    return fem.dirichletbc(zero, dofs, sub)
+    return fem.dirichletbc(fem.Function(scalar), dofs, sub)
 
 
 def require_surface(domain: Domain, names: tuple[str, ...], key: str) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem, la
 
 from contact_locking import _compat
-from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.parallel import agree, maximum, on_every_rank
 from contact_locking.problem.directions import HeldDirections
@@ -24,7 +24,7 @@ _SAME, _TOO_CLOSE = 1e-6, 1e-2
 # A facet belongs to a smooth boundary if its normal is within this cosine of the normal at a node.
 _SMOOTH = float(np.cos(np.radians(30.0)))
 # Two conditions for one direction agree up to this share of the largest prescribed value.
-_AGREES = 1e-9
+AGREES = 1e-9
 
 
 @dataclass(frozen=True)
@@ -98,10 +98,8 @@ def axis_of(domain: Domain, placed: PlacedSupport) -> tuple[int, float] | None:
 class Supports:
     """The supports of a problem, and the directions that they hold at the nodes.
 
-    ``along_axes`` are supports that are component conditions as well: they are checked against
-    the other conditions, and ``fixed`` (n,) marks the local dofs of all component conditions.  The
-    constructor is collective and raises InputError for directions that are too close to each
-    other.
+    ``fixed`` (n,) marks the local dofs of all component conditions.  The constructor is collective
+    and raises InputError for directions that are too close to each other.
     """
 
     def __init__(
@@ -109,11 +107,10 @@ class Supports:
         domain: Domain,
         space: fem.FunctionSpace,
         placed: Sequence[PlacedSupport],
-        along_axes: Sequence[PlacedSupport],
         fixed: BoolArray,
     ) -> None:
         self.placed = tuple(placed)
-        self._domain, self._checked = domain, (*placed, *along_axes)
+        self.domain = domain
         dim, index_map = domain.dim, space.dofmap.index_map
         self._points = space.tabulate_dof_coordinates()[:, :dim]
         every = [np.empty(0, dtype=np.int32), *(item.nodes for item in placed)]
@@ -140,7 +137,7 @@ class Supports:
     @property
     def timed(self) -> bool:
         """Whether prescribed values depend on the time."""
-        return any(item.support.timed for item in self._checked)
+        return any(item.support.timed for item in self.placed)
 
     def advance(self, u: fem.Function) -> None:
         """Find the prescribed displacements; collective.
@@ -148,10 +145,10 @@ class Supports:
         ``u`` has the values of the component conditions, and gets those of the supports.  Raises
         InputError where two conditions prescribe different values for one direction.
         """
-        if not self._checked:
+        if not self.placed:
             return
-        wanted = [item.values() for item in self._checked]
-        nodes, dim = self.directions.nodes, self._domain.dim
+        wanted = [item.values() for item in self.placed]
+        nodes, dim = self.directions.nodes, self.domain.dim
         nodal = u.x.array.reshape(-1, dim)
         given = np.zeros(self._rows.shape[:2])
         for number, item in enumerate(self.placed):
@@ -159,20 +156,20 @@ class Supports:
         given[:, len(self.placed) :] = np.where(self._components, nodal[nodes], 0.0)
         self.directions.values = np.einsum("kir,kr->ki", self._inverse, given)
         self.directions.apply(u.x.array)
-        comm = self._domain.comm
+        comm = self.domain.comm
         largest = max(maximum(comm, np.abs(values)) for values in wanted)
         largest = max(largest, maximum(comm, np.abs(u.x.array)))
-        agree(comm, lambda: self._refuse_conflict(u, wanted, _AGREES * largest))
+        agree(comm, lambda: self._refuse_conflict(u, wanted, AGREES * largest))
 
     def _refuse_conflict(self, u: fem.Function, wanted: list[FloatArray], most: float) -> None:
-        nodal = u.x.array.reshape(-1, self._domain.dim)
-        for item, values in zip(self._checked, wanted, strict=True):
+        nodal = u.x.array.reshape(-1, self.domain.dim)
+        for item, values in zip(self.placed, wanted, strict=True):
             defect = np.abs(np.sum(item.directions * nodal[item.nodes], axis=1) - values)
             if np.any(defect > most):
-                node = item.nodes[np.argmax(defect)]
+                where = self.domain.where(self._points[item.nodes[np.argmax(defect)]])
                 raise InputError(
                     "another condition prescribes another value for the same direction at "
-                    f"{_where(self._points[node])}; give both conditions the same value there",
+                    f"{where}; give both conditions the same value there",
                     item.support.key,
                 )
 
@@ -194,7 +191,7 @@ class Supports:
                     if normals == (None, None):
                         close |= (sine > _SAME) & (cosine > _SMOOTH)
                 if np.any(held & close):
-                    where = _where(self._points[nodes[np.argmax(held & close)]])
+                    where = self.domain.where(self._points[nodes[np.argmax(held & close)]])
                     raise InputError(
                         f"at {where} the direction is almost, and not quite, that of another "
                         "condition; let one entry with both names in its on hold both boundary "
@@ -250,7 +247,7 @@ def _nodal_normals(
     def refuse_edge() -> None:
         if cosines.size and cosines.min() < _SMOOTH:
             facet, place = np.unravel_index(np.argmin(cosines), cosines.shape)
-            where = _where(space.tabulate_dof_coordinates()[nodes[facet, place], :dim])
+            where = domain.where(space.tabulate_dof_coordinates()[nodes[facet, place], :dim])
             raise InputError(
                 f"the boundary has an edge at {where}, where the normal jumps; give each side of "
                 "the edge a name and an entry of its own",
@@ -288,7 +285,3 @@ def _facet_nodes(
     layout = space.dofmap.dof_layout
     closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
     return np.asarray(space.dofmap.list[cells[:, None], closure[place]])
-
-
-def _where(point: Iterable[float]) -> str:
-    return ", ".join(f"{axis} = {x:.6g}" for axis, x in zip(AXES, point, strict=False))
