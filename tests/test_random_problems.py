@@ -43,8 +43,10 @@ def problems(draw: st.DrawFn) -> Parameters:
     vector = st.lists(_between(-3.0, 3.0), min_size=dim, max_size=dim)
     displacements = [{"on": "left", "value": [0.0] * dim}]
     if draw(st.booleans()):
-        moved = [0.4 * size * x for x in draw(vector)]
-        displacements.append({"on": draw(st.sampled_from(["right", "top"])), "value": moved})
+        moved, side = draw(vector), draw(st.sampled_from(["right", "top"]))
+        # At the end of the top the left side stands still.
+        value = [f"{0.4 * size * v}*x" for v in moved]
+        displacements.append({"on": side, "value": value})
     slope = draw(st.sampled_from([0.0, 0.3, -0.1]))
     gap = f"{size} * ({draw(_between(-0.1, 1.0))} + {slope}*x)"
     friction = draw(st.one_of(_between(0.0, 1.0), st.just("0.6 - 0.4*s/(s + 0.01)")))

@@ -264,7 +264,8 @@ def own_bound(
     contact = discrete.contact
     assert contact is not None
     x = discrete.geometry.x[contact.nodes]
-    mu = np.maximum(at(parameters.friction.coefficient, x, s=slip), 0.0)
+    # No friction acts at nodes that are held.
+    mu = np.maximum(at(parameters.friction.coefficient, x, s=slip), 0.0) * contact.decides
     if parameters.friction.smoothing.kernel != "none":
         return mu * np.abs(state.smoothed), 0.0
     peak = float(np.abs(state.pressure).max(initial=0.0))

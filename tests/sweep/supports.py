@@ -222,12 +222,11 @@ def prescribed(random: Random) -> Case:
     """A side moved by as much as some limits can follow; where not, that is what is right."""
     dim, limit = pick(random, [2, 2, 3]), some_limit(random)
     size = strain_size(limit)
-    loads = {
-        "displacements": [
-            clamp(dim),
-            {"on": pick(random, ["right", "top"]), "value": vector(random, dim, 0.6 * size)},
-        ]
-    }
+    on, value = pick(random, ["right", "top"]), vector(random, dim, 0.6 * size)
+    if on == "top":
+        # The clamp on the left ends where the top begins.
+        value = [f"{component}*x" for component in value]
+    loads = {"displacements": [clamp(dim), {"on": on, "value": value}]}
     data = study(
         unit_block(random, dim),
         loads,
