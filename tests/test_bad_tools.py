@@ -63,11 +63,26 @@ def test_an_open_tool_is_warned_of_and_its_rim_must_not_be_behind_the_body(tmp_p
     assert "reaches around the end of the open tool" in said
 
 
-def test_a_tool_that_is_inside_out_is_refused_and_can_be_turned(tmp_path: Path) -> None:
+def test_a_closed_tool_that_is_inside_out_is_turned_with_a_warning(tmp_path: Path) -> None:
     inverted = written(tmp_path, BELOW[:, ::-1])
-    said = refusal(inverted)
-    assert "the tool is inside out" in said and "turned: true" in said
+    (said,) = warned(inverted)
+    assert "the body is not in the hole" in said and "turned: true" in said
     assert warned({"surface": inverted["surface"] | {"turned": True}}) == []
+    square = [[-2, -0.005], [-2, -3], [3, -3], [3, -0.005], [-2, -0.005]]
+    (said,) = warned({"polyline": square[::-1]}, 2)
+    assert "the body is not in the hole" in said and "reverse the corners" in said
+    assert warned({"polyline": square}, 2) == []
+
+
+def test_a_die_around_the_body_is_not_turned(tmp_path: Path) -> None:
+    around = box([-0.2, -0.2, -0.005], [1.2, 1.2, 1.2])
+    assert warned(written(tmp_path, around[:, ::-1])) == []
+    # A press fit: every node of the bottom is inside of the die, which faces it.
+    tight = box([-0.2, -0.2, 0.005], [1.2, 1.2, 1.2])
+    assert warned(written(tmp_path, tight[:, ::-1])) == []
+
+
+def test_an_open_tool_that_is_inside_out_is_refused_and_can_be_turned(tmp_path: Path) -> None:
     line = [[-2, -0.005], [3, -0.005]]
     assert "reverse the corners" in refusal({"polyline": line}, 2)
     assert warned({"polyline": line[::-1]}, 2) == []

@@ -10,6 +10,9 @@ from contact_locking.arrays import BoolArray, FloatArray, IntArray
 
 # As many distances between points and segments are computed at once.
 _AT_ONCE = 1 << 20
+# A ray runs along a side if the cosine of its angle with the normal is smaller, and a ray that
+# misses the end of a side by this share of the side is rounding.
+_GRAZING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,45 @@ class Polyline:
     def facets(self) -> FloatArray:
         """The ends (m - 1, 2, 2) of the segments."""
         return np.stack([self.corners[:-1], self.corners[1:]], axis=1)
+
+    @property
+    def content(self) -> float | None:
+        """``(1/2) sum (x_i y_i+1 - x_i+1 y_i)``: the area inside a closed line, None if it is open.
+
+        The area is negative if the foundation is around the line, as a die is.
+        """
+        if not self.is_closed:
+            return None
+        x, y = (self.corners - self.corners[0]).T
+        return float(0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
+
+    def reversed(self) -> Polyline:
+        """The line with the foundation on its other side."""
+        return Polyline(self.corners[::-1])
+
+    def way_out(self, x: FloatArray, towards: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where rays from points (2, k) inside first leave the foundation.
+
+        ``towards`` (2, k) are the directions of the rays.  Returns the depth (k,) of each point
+        below the segment that its ray leaves through, inf without one, and the outward normal
+        (2, k) of this segment.
+        """
+        tangent, along = self._directions(), np.diff(self.corners, axis=0)
+        normals = np.array([tangent[1], -tangent[0]])
+        depths, found = np.full(x.shape[1], np.inf), np.zeros(x.shape)
+        for number, (place, ray) in enumerate(zip(x.T, towards.T, strict=True)):
+            away = self.corners[:-1] - place
+            slope = ray @ normals
+            leaves = slope > _GRAZING
+            depth = np.einsum("mi,im->m", away, normals)
+            way = np.divide(depth, slope, out=np.full(len(slope), np.inf), where=leaves)
+            met = np.where(leaves, way, 0.0)[:, None] * ray - away
+            share = np.sum(met * along, axis=1) / np.sum(along**2, axis=1)
+            leaves &= (way > 0.0) & (np.abs(share - 0.5) <= 0.5 + _GRAZING)
+            if leaves.any():
+                first = int(np.argmin(np.where(leaves, way, np.inf)))
+                depths[number], found[:, number] = depth[first], normals[:, first]
+        return depths, found
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._signed(x)[0]

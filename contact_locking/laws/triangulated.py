@@ -14,6 +14,9 @@ _INSTALL = "apt-get install python3-vtk9, or pip install vtk"
 # Nearer to the surface than this share of its size, the direction to the nearest point is rounding,
 # and differences of the distance give the normal.
 _NEAR = 1e-6
+# A ray runs along a triangle if the cosine of its angle with the normal is smaller, and a ray that
+# misses a triangle by this share of its size is rounding.
+_GRAZING = 1e-9
 
 
 class TriangulatedSurface:
@@ -55,6 +58,51 @@ class TriangulatedSurface:
             slope = around[:3] - around[3:]
             normals[:, number] = slope / np.linalg.norm(slope)
         return np.asarray(-normals)
+
+    @property
+    def content(self) -> float | None:
+        """``(1/6) sum a . (b x c)``: the volume inside a closed surface, None if it is open.
+
+        The volume is negative if the foundation is around the surface, as a die is.
+        """
+        if len(self.rim):
+            return None
+        a, b, c = (self.facets - self.points.mean(axis=0)).transpose(1, 0, 2)
+        return float(np.sum(a * np.cross(b, c)) / 6.0)
+
+    def reversed(self) -> TriangulatedSurface:
+        """The surface with the foundation on its other side."""
+        return TriangulatedSurface(self.points, self.triangles[:, ::-1])
+
+    def way_out(self, x: FloatArray, towards: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where rays from points (3, k) inside first leave the foundation.
+
+        ``towards`` (3, k) are the directions of the rays.  Returns the depth (k,) of each point
+        below the triangle that its ray leaves through, inf without one, and the outward normal
+        (3, k) of this triangle (Moeller and Trumbore, doi:10.1080/10867651.1997.10487468).
+        """
+        a, b, c = self.facets.transpose(1, 0, 2)
+        first, second = b - a, c - a
+        across = np.cross(first, second)
+        area = np.linalg.norm(across, axis=1)
+        normals = across / area[:, None]
+        depths, found = np.full(x.shape[1], np.inf), np.zeros(x.shape)
+        for number, (place, ray) in enumerate(zip(x.T, towards.T, strict=True)):
+            slope = normals @ ray
+            some = np.flatnonzero(slope > _GRAZING)
+            away = place - a[some]
+            turned = np.cross(ray, away)
+            below = -np.sum(away * normals[some], axis=1)
+            scale = slope[some] * area[some]
+            u = np.sum(turned * second[some], axis=1) / scale
+            v = -np.sum(turned * first[some], axis=1) / scale
+            way = below / slope[some]
+            met = (np.minimum(np.minimum(u, v), 1.0 - u - v) >= -_GRAZING) & (way > 0.0)
+            if met.any():
+                nearest = int(np.argmin(np.where(met, way, np.inf)))
+                depths[number] = below[nearest]
+                found[:, number] = normals[some[nearest]]
+        return depths, found
 
     @cached_property
     def rim(self) -> IntArray:

@@ -9,7 +9,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.arrays import AXES, BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import parse
 from contact_locking.laws.friction_law import FrictionLaw
@@ -68,7 +68,7 @@ def build_contacts(
         regularisation = given.friction.regularisation
         bound = FrictionBound(
             surface,
-            _smoothing(surface, free, given, warnings),
+            _smoothing(surface, free, surface.sides(normals), given, warnings),
             _friction_law(domain.comm, given, clock),
             frictionless=given.friction.coefficient == 0,
         )
@@ -104,6 +104,9 @@ class MovingGap:
     constraints: Constraints
     since: float | None = None
 
+    def __post_init__(self) -> None:
+        self._sides = self.contact.surface.sides(self.contact.normals)
+
     def advance(self) -> None:
         """Put gap, normal and drag to the present time; collective.
 
@@ -115,12 +118,13 @@ class MovingGap:
         contact.place_obstacle(surface.limited_values(gap), normals, drag)
         if not contact.obstacle.moves:
             return
-        free = surface.free_nodes(normals, self.constraints)
-        if on_any_rank(surface.domain.comm, free != contact.free):
-            # R leaves out the nodes that are not free.
+        free, sides = surface.free_nodes(normals, self.constraints), surface.sides(normals)
+        is_other = on_any_rank(surface.domain.comm, free != contact.free)
+        if is_other or np.any(sides != self._sides):
+            # R leaves out the nodes that are not free, and each side is averaged alone.
             contact.friction.smoothing.destroy()
-            contact.friction.smoothing = _smoothing(surface, free, self.given, [])
-            contact.free = free
+            contact.friction.smoothing = _smoothing(surface, free, sides, self.given, [])
+            contact.free, self._sides = free, sides
 
     def end_step(self) -> None:
         """The step has ended; the next one begins at the present time."""
@@ -140,7 +144,11 @@ def moving_gaps(
 
 
 def _smoothing(
-    surface: ContactSurface, free: BoolArray, part: ContactParameters, warnings: list[str]
+    surface: ContactSurface,
+    free: BoolArray,
+    sides: IntArray,
+    part: ContactParameters,
+    warnings: list[str],
 ) -> SmoothingOperator:
     given = part.friction.smoothing
     if given.kernel == "none":
@@ -158,9 +166,9 @@ def _smoothing(
             "radius"
         )
     if given.kernel == "convolution":
-        return Convolution(comm, surface.whole(free), radius)
+        return Convolution(comm, surface.whole(free, sides), radius)
     radius = min(radius, _LARGEST_RADIUS_SHARE * _extent(surface))
-    return HelmholtzFilter(comm, surface.whole(free), surface.laplacian(), radius)
+    return HelmholtzFilter(comm, surface.whole(free, sides), surface.laplacian(sides), radius)
 
 
 def default_radius(surface: ContactSurface) -> float:

@@ -53,6 +53,13 @@ _TURN = {
     "polyline": "reverse the corners, as the tool is on the left of the way from one to the next",
     "surface": "turn the triangles with surface: {file: ..., turned: true}",
 }
+_TOO_FAR_IN = (
+    "a part of Gamma_C lies inside the tool, and no way out of it leads along the normal of the "
+    "body within the width of the body; let the tool reach less deep into the body"
+)
+# The nearest side of a tool is no way out of it if the normal of the side has a smaller component
+# along that of the body: it is the side of an edge, or lies behind the body.
+_SIDEWAYS = 0.2
 # A gradient that is shorter, or longer by the inverse, is not that of a distance.
 _LEAST_SLOPE = 0.8
 # A gradient that is shorter than this share of the longest one is zero with rounding.
@@ -148,6 +155,8 @@ class Tool:
         self._site, self._on, self._key = site, f"{given.key}.on", site.key
         self._shape, value = given.foundation.shape
         self._body = build(self._shape, value, site)
+        # A tool is judged once, at its first place, whether its orientation fits the body.
+        self._is_oriented = False
         self._motion = given.foundation.moved
         text = given.foundation.expression
         timed_shape = text is not None and is_timed(
@@ -210,18 +219,74 @@ class Tool:
             low, high = self._slopes(self._body, surface)
             if low <= _ROUNDING * high:
                 raise InputError(_NOT_FINITE[self._shape], self._key)
-        facing = np.sum(normals * surface.body_normals(), axis=1)
-        behind = facing <= 0.0
-        turn = _TURN.get(self._shape)
+        outward = surface.body_normals()
+        facing = np.sum(normals * outward, axis=1)
+        if not self._is_oriented:
+            self._is_oriented = True
+            if self._is_reversed(surface, gap, facing):
+                self._reverse()
+                return self.at_nodes(surface)
+        turn, inside = _TURN.get(self._shape), gap < 0.0
         # Only a part of Gamma_C need face the tool.  The rest, as the upper side of a ball, is
         # outside of the tool and never gets there, but keeps the distance as well.
-        if on_any_rank(comm, behind & (gap < 0.0)):
-            raise Misplaced(f"{_INSIDE}: {turn}" if turn else _TOO_DEEP, self._key)
-        # A tool with several sides may come from where nothing faces it yet.
-        if not turn and on_every_rank(comm, behind):
-            raise Misplaced(_BEHIND.format(on=self._on), self._key)
+        if turn and _most(surface, facing < -_SIDEWAYS, inside):
+            raise Misplaced(f"{_INSIDE}: {turn}", self._key)
         self._check_open_end(points, gap)
+        if isinstance(self._body, TriangulatedSurface | Polyline):
+            sideways = inside & (facing < _SIDEWAYS)
+            gap[sideways], normals[sideways] = self._way_out(
+                self._body, surface, points[:, sideways], outward[sideways]
+            )
+        elif on_any_rank(comm, inside & (facing <= 0.0)):
+            raise Misplaced(_TOO_DEEP, self._key)
+        # A tool with several sides may come from where nothing faces it yet.
+        if not turn and on_every_rank(comm, facing <= 0.0):
+            raise Misplaced(_BEHIND.format(on=self._on), self._key)
         return gap, normals
+
+    def _is_reversed(self, surface: ContactSurface, gap: FloatArray, facing: FloatArray) -> bool:
+        """Whether a closed tool is a die by its orientation, but not around the body; collective.
+
+        A die has a negative area or volume, and the body is in its hole.  A body that the die
+        presses from all sides may have all nodes inside of the die, but then the die faces them.
+        """
+        body = self._body
+        if not isinstance(body, TriangulatedSurface | Polyline) or (body.content or 1.0) > 0.0:
+            return False
+        domain = surface.domain
+        places = domain.mesh.geometry.x[:, : domain.dim].T
+        inside = self._evaluated(self.now.gap, places) < 0.0
+        in_all = domain.comm.allreduce(np.array([inside.sum(), len(inside)], dtype=float))
+        return bool(2.0 * in_all[0] > in_all[1]) and not _most(
+            surface, facing > _SIDEWAYS, gap < 0.0
+        )
+
+    def _reverse(self) -> None:
+        assert isinstance(self._body, TriangulatedSurface | Polyline)
+        self._body = self._body.reversed()
+        self._site.warnings.append(
+            f"{self._key}.{self._shape}: it is that of a die, whose hole is inside of the outline, "
+            f"but the body is not in the hole; the other side was taken: {_TURN[self._shape]}"
+        )
+
+    def _way_out(
+        self,
+        body: TriangulatedSurface | Polyline,
+        surface: ContactSurface,
+        points: FloatArray,
+        outward: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """The gap (k,) and the contact normal (k, d) along the normals of the body; collective.
+
+        ``points`` (d, k) are inside of the tool near a side of it that the body does not face, as
+        beside a sharp edge: the way out is that against the outward normals (k, d) of the body.
+        """
+        motion = self.motion(self._site.clock.now)
+        depth, normals = body.way_out(motion.origin(points), -motion.turn.T @ outward.T)
+        low, high = surface.domain.bounding_box()
+        if maximum(self._site.comm, depth) > (high - low).min():
+            raise Misplaced(_TOO_FAR_IN, self._key)
+        return -depth, -(motion.turn @ normals).T
 
     def depth(self, x: FloatArray) -> FloatArray:
         try:
@@ -279,6 +344,13 @@ class Tool:
                 "the tool, or let it reach beyond the body",
                 f"{self._key}.{self._shape}",
             )
+
+
+def _most(surface: ContactSurface, marks: BoolArray, among: BoolArray) -> bool:
+    """Whether marks (k,) hold on more than half of the measure of some nodes (k,); collective."""
+    weights = np.where(among, surface.weights, 0.0)
+    sums = surface.domain.comm.allreduce(np.array([weights[marks].sum(), weights.sum()]))
+    return bool(2.0 * sums[0] > sums[1])
 
 
 def obstacle_of(comm: MPI.Intracomm, dim: int, given: ContactParameters, clock: Clock) -> Obstacle:

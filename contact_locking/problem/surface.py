@@ -7,6 +7,8 @@ values, or the control values.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import ufl
 from dolfinx import fem, la
@@ -14,7 +16,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.problem import compiled
 from contact_locking.problem.conditions import Constraints
@@ -26,6 +28,9 @@ from contact_locking.problem.trace import PointValues
 
 # The normal displacement is prescribed where the free directions hold less of the unit normal.
 _PRESCRIBED = 1e-6
+# The cosines of the angles by which contact normals turn between two sides of Gamma_C, and by which
+# they are off the normals of the body: 40 and 60 degrees.
+_TURNED, _FACING = 0.766, 0.5
 
 
 class ContactSurface:
@@ -102,25 +107,48 @@ class ContactSurface:
         free = constraints.free_part(normals).reshape(-1, self.domain.dim)[self.blocks]
         return np.asarray(np.linalg.norm(free, axis=1) > _PRESCRIBED)
 
-    def whole(self, free: BoolArray | None = None) -> SurfaceMesh:
-        """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective."""
+    def whole(self, free: BoolArray | None = None, sides: IntArray | None = None) -> SurfaceMesh:
+        """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective.
+
+        Facets whose corners lie on several ``sides`` (n,) of Gamma_C are left out.
+        """
         comm = self.domain.comm
         weights = self.weights if free is None else np.where(free, self.weights, 0.0)
         counts = comm.allgather(len(self.nodes))
         first = sum(counts[: comm.rank])
-        # The ranks own dofs in ascending order, so that the gathered numbers ascend as well.
-        index_map = self.scalar_space.dofmap.index_map
-        numbers = np.concatenate(comm.allgather(index_map.local_to_global(self.nodes)))
-        corners = self._piece_nodes()
-        local = index_map.local_to_global(corners.reshape(-1)).reshape(corners.shape)
-        facets = np.sort(np.searchsorted(numbers, np.concatenate(comm.allgather(local))), axis=1)
+        facets = self._numbered(self.facet_nodes)
+        if sides is not None:
+            facets = facets[np.ptp(sides[facets[:, : self.domain.dim]], axis=1) == 0]
+        pieces = np.sort(facets[:, self._pieces].reshape(-1, self.domain.dim), axis=1)
         return SurfaceMesh(
             np.concatenate(comm.allgather(self.points)),
             np.concatenate(comm.allgather(weights)),
-            np.unique(facets, axis=0),
+            np.unique(pieces, axis=0),
             slice(first, first + len(self.nodes)),
             self.domain.axisymmetric,
         )
+
+    def sides(self, normals: FloatArray) -> IntArray:
+        """(n,) the number of the side on which each of all n nodes lies; collective.
+
+        ``normals`` (k, d) are the contact normals.  A side is a part of Gamma_C that is joined by
+        facets where the contact normal turns by less than 40 degrees between the corners, and is
+        less than 60 degrees off the outward normal of the body.
+        """
+        comm, dim = self.domain.comm, self.domain.dim
+        every = np.concatenate(comm.allgather(normals))
+        facing = np.sum(normals * self.body_normals(), axis=1) > _FACING
+        faces = np.concatenate(comm.allgather(facing))
+        corners = np.unique(self._numbered(self.facet_nodes)[:, :dim], axis=0)
+        joins = faces[corners].all(axis=1)
+        for i in range(dim):
+            for j in range(i):
+                one, other = every[corners[:, i]], every[corners[:, j]]
+                joins &= np.sum(one * other, axis=1) > _TURNED
+        if joins.all():
+            return np.zeros(len(every), dtype=np.int64)
+        points = np.concatenate(comm.allgather(self.points))
+        return SurfaceMesh(points, np.ones(len(points)), corners[joins], slice(0, 0)).parts
 
     def scalar_function(self, values: FloatArray, name: str = "f") -> fem.Function:
         """A function with the given values (k,) on Gamma_C and zero elsewhere; collective."""
@@ -167,17 +195,24 @@ class ContactSurface:
         """The map to nodal averages ``int w phi_i / int phi_i`` of a scalar or a vector ``w``."""
         return NodalAverage(self, integrand)
 
-    def laplacian(self) -> PETSc.Mat:
+    def laplacian(self, sides: IntArray | None = None) -> PETSc.Mat:
         """``int grad_Gamma w . grad_Gamma v`` on the owned nodes of Gamma_C; collective.
 
-        The unknowns are the limited values of w.
+        The unknowns are the limited values of w.  Facets whose corners lie on several ``sides``
+        (n,) of Gamma_C are left out.
         """
         from dolfinx.fem import petsc
 
         w, v = ufl.TrialFunction(self.scalar_space), ufl.TestFunction(self.scalar_space)
         nu = ufl.FacetNormal(self.domain.mesh)
         grads = [ufl.grad(f) - ufl.dot(ufl.grad(f), nu) * nu for f in (w, v)]
-        full = petsc.assemble_matrix(compiled.form(ufl.inner(*grads) * self._exact_ds))
+        density = ufl.inner(*grads)
+        if sides is not None and sides.any():
+            side = ufl.grad(self._side_function(sides))
+            along = side - ufl.dot(side, nu) * nu
+            size = ufl.CellDiameter(self.domain.mesh)
+            density *= ufl.conditional(ufl.lt(size**2 * ufl.inner(along, along), 0.5), 1.0, 0.0)
+        full = petsc.assemble_matrix(compiled.form(density * self._exact_ds))
         full.assemble()
         index_map = self.scalar_space.dofmap.index_map
         rows = PETSc.IS().createGeneral(
@@ -221,6 +256,35 @@ class ContactSurface:
 
     def _piece_nodes(self) -> IndexArray:
         """The pieces (m, d) of the facets of Gamma_C, as local nodes of the scalar space."""
+        return np.asarray(self.facet_nodes[:, self._pieces].reshape(-1, self.domain.dim))
+
+    def _numbered(self, nodes: IndexArray) -> IntArray:
+        """Of all ranks the local nodes of the scalar space (m, n), as numbers of all nodes.
+
+        Collective.
+        """
+        comm, index_map = self.domain.comm, self.scalar_space.dofmap.index_map
+        # The ranks own dofs in ascending order, so that the gathered numbers ascend as well.
+        numbers = np.concatenate(comm.allgather(index_map.local_to_global(self.nodes)))
+        local = index_map.local_to_global(nodes.reshape(-1)).reshape(nodes.shape)
+        return np.searchsorted(numbers, np.concatenate(comm.allgather(local)))
+
+    def _side_function(self, sides: IntArray) -> fem.Function:
+        """The affine function on facets whose values at the corners are the sides; collective."""
+        first = sum(self.domain.comm.allgather(len(self.nodes))[: self.domain.comm.rank])
+        own = sides[first : first + len(self.nodes)].astype(float)
+        function = self.scalar_function(own)
+        middles, ends = self.limited.edges(function)
+        function.x.array[middles] = function.x.array[ends].mean(axis=1)
+        function.x.scatter_forward()
+        return function
+
+    @cached_property
+    def facet_nodes(self) -> IndexArray:
+        """The nodes (m, n) of the facets of Gamma_C, corners first, as nodes of the scalar space.
+
+        The nodes are local ones.
+        """
         topology, dim = self.domain.mesh.topology, self.domain.dim
         dofmap = self.scalar_space.dofmap
         cells = self.domain.owners(self.facets)
@@ -229,8 +293,7 @@ class ContactSurface:
         place = np.argmax(facets_of[cells] == self.facets[:, None], axis=1)
         layout = dofmap.dof_layout
         closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
-        nodes = dofmap.list[cells[:, None], closure[place]]
-        return np.asarray(nodes[:, self._pieces].reshape(-1, dim))
+        return np.asarray(dofmap.list[cells[:, None], closure[place]])
 
     def _assemble(self, form: Expr) -> FloatArray:
         vector = fem.assemble_vector(compiled.form(form))
