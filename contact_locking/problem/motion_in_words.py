@@ -10,7 +10,7 @@ import numpy as np
 from contact_locking.arrays import AXES, FloatArray
 
 # A part of a motion below this share of the rest is left out of the words.
-_SHARE = 0.1
+_SHARE = 0.2
 # Coordinates and directions below this share of the others are zero.
 _ROUNDING = 1e-6
 
@@ -55,9 +55,9 @@ def describe_motion(motion: FloatArray, box: FloatArray) -> str:
 
 
 def point(place: Iterable[float], size: float) -> str:
-    """A point of a body of some size, to four digits: (40, 0)."""
+    """A point of a body of some size, to five digits: (40, 0)."""
     shown = [0.0 if abs(x) < _ROUNDING * size else x for x in place]
-    return "(" + ", ".join(f"{x:.4g}" for x in shown) + ")"
+    return "(" + ", ".join(f"{x:.5g}" for x in shown) + ")"
 
 
 def axes_of(direction: FloatArray) -> str:

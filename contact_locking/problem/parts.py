@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,16 +115,16 @@ def describe_slide(
       slip and R has no negative entry, this is at most ``int p (c_nu + R* (mu |c_tau|))`` for the
       pressure p >= 0.  So a motion with ``c_nu + R* (mu |c_tau|) <= 0`` at all nodes and
       ``(f, c) > 0`` proves that there is no equilibrium on this mesh, whatever the friction bound.
-    - A sliding motion, ``c_nu = 0``, with ``(f, c) > int G |c_tau|`` proves the same for the
-      present bound G alone.
     - The resultants T along and N onto a flat foundation with ``T > mu N`` break Coulomb's law for
       the whole contact.  This proves nothing, as ``int R p`` is not ``int p``.
+    - A sliding motion, ``c_nu = 0``, with ``(f, c) > int G |c_tau|`` proves for the present bound G
+      alone that there is no equilibrium.
     """
     for number in range(len(domain.part_names)):
         found = _Motions(domain, space, data, constraints, number)
         if not found.of_body:
             continue
-        told = found.describe_unheld() or found.describe_slide() or found.describe_push()
+        told = found.describe_unheld() or found.describe_push() or found.describe_slide()
         if told is not None:
             several = len(domain.part_names) > 1
             return f"{domain.part_names[number]}: {told}" if several else told
@@ -239,18 +239,23 @@ class _Motions:
         motion = loose_motion(self.normals, tangents, self.rubs, work)
         if motion is None:
             return
-        where = self._where(work)
+        away, resultant = self._away(), self._resultant(work)
+        if away is not None and work @ away >= 0.0:
+            motion = away
+        words = self._words(motion)
         if not len(self.normals):
             why = "nothing holds the body"
         elif np.abs(self.normals @ motion).max() < 1e-6 * np.abs(self.normals).max():
             why = "it slides along the foundation"
-        elif where is not None:
-            why = f"the loads tip the body over, as their resultant {where}"
+            if resultant is not None and np.any(resultant.along):
+                words = f"translation along {axes_of(resultant.along)}"
+        elif resultant is not None:
+            why = f"the loads tip the body over, as their resultant {self._where(resultant)}"
         else:
             why = "the loads do not press the body onto the foundation"
         raise InputError(
             "the displacement conditions leave a rigid motion free "
-            f"({self._words(motion)}): {why}; fix a boundary part, or a component of it, in "
+            f"({words}): {why}; fix a boundary part, or a component of it, in "
             "loads.displacements, or a direction in loads.supports",
             "loads.displacements",
         )
@@ -268,17 +273,35 @@ class _Motions:
             rows = [item.resistance(motion) for item in self.at_contacts]
             return np.vstack([part for own in rows for part in comm.allgather(own)])
 
-        motion = unheld_motion(self.normals, resistance, self.work)
+        resultant = self._resultant(self.work)
+        motion = self._lifted_slide(resultant, resistance)
+        if motion is None:
+            motion = unheld_motion(self.normals, resistance, self.work)
         if motion is None:
             return None
         what = "friction" if self.rubs.any() else "contact"
-        where = self._where(self.work)
-        turns = np.any(spin(self.free @ motion)[1]) and where is not None
-        why = f"; the resultant of the loads {where}" if turns else ""
-        return (
-            f"{what} cannot hold the body, whatever the pressure: it is free to move (rigid "
-            f"motion: {self._words(motion)}{why})"
-        )
+        told = self._coulomb(resultant)
+        if told is None:
+            told = f"it is free to move (rigid motion: {self._words(motion)}"
+            if np.any(spin(self.free @ motion)[1]) and resultant is not None:
+                told += f"; the resultant of the loads {self._where(resultant)}"
+            told += ")"
+        return f"{what} cannot hold the body, whatever the pressure (proved on this mesh): {told}"
+
+    def _lifted_slide(
+        self, resultant: Resultant | None, resistance: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray | None:
+        """A slide along the resultant that lifts as much as friction asks, if the loads drive it.
+
+        Collective.
+        """
+        away = self._away()
+        if away is None or resultant is None or not np.any(resultant.along):
+            return None
+        slide = self._translation(resultant.along / np.linalg.norm(resultant.along))
+        lift = float(np.max(resistance(slide) @ slide, initial=0.0))
+        motion = slide + lift * away
+        return motion if self.work @ motion > _ROUNDING * float(self.work @ slide) else None
 
     def describe_slide(self) -> str | None:
         """A sliding motion that the present friction bound does not stop, in words; collective."""
@@ -305,9 +328,18 @@ class _Motions:
         )
 
     def describe_push(self) -> str | None:
-        """Resultants of the loads that break Coulomb's law on a flat foundation; collective."""
-        resultant = self._resultant(self.work)
-        if resultant is None or not self._knows_friction():
+        """Resultants of the loads that break Coulomb's law, in words; collective."""
+        told = self._coulomb(self._resultant(self.work)) if self._knows_friction() else None
+        if told is None:
+            return None
+        return (
+            "friction cannot hold the body, by the resultants of the loads (no proof, as R moves "
+            f"the bound to other places): {told}"
+        )
+
+    def _coulomb(self, resultant: Resultant | None) -> str | None:
+        """A resultant with ``T > mu N`` in words; collective."""
+        if resultant is None:
             return None
         mu = np.array([item.largest_coefficient() for item in self.at_contacts])
         held = maximum(self._domain.comm, mu) * resultant.pressing
@@ -315,14 +347,34 @@ class _Motions:
         if push <= held * (1.0 + _ROUNDING):
             return None
         return (
-            "friction cannot hold the body, by the resultants of the loads (no proof, as R moves "
-            f"the bound to other places): it slides along {axes_of(resultant.along)}, which needs "
-            f"{push:.4g}, and friction holds {held:.4g}"
+            f"it slides along {axes_of(resultant.along)}, which needs {push:.4g}, and friction "
+            f"holds {held:.4g}"
         )
 
     def _knows_friction(self) -> bool:
         """Whether the friction of all contacts is known before a solve; collective."""
         return all([item.knows_friction() for item in self.at_contacts])
+
+    def _away(self) -> FloatArray | None:
+        """The translation (f,) away from a foundation that has one normal; collective."""
+        normals = self._gathered([item.contact_normals for item in self.at_contacts])
+        if not len(normals) or np.ptp(normals, axis=0).max() > _ROUNDING:
+            return None
+        motion = self._translation(-normals[0])
+        reached = self.normals @ motion
+        return motion if np.allclose(reached, -1.0, atol=_ROUNDING) else None
+
+    def _translation(self, direction: FloatArray) -> FloatArray:
+        """The motion (f,) nearest to a translation along a direction (d,)."""
+        wanted = np.zeros(len(self.free))
+        wanted[: len(direction)] = direction
+        return np.asarray(np.linalg.lstsq(self.free, wanted)[0])
+
+    def _gathered(self, given: Sequence[FloatArray]) -> FloatArray:
+        """The rows of all contacts and all ranks; collective."""
+        comm = self._domain.comm
+        none = np.zeros((0, self._domain.dim))
+        return np.vstack([none, *(rows for own in given for rows in comm.allgather(own))])
 
     def _words(self, motion: FloatArray) -> str:
         """A motion (f,) of the part in words; collective."""
@@ -336,22 +388,13 @@ class _Motions:
         """
         if self.free.shape[0] != self.free.shape[1] or self._domain.axisymmetric:
             return None
-        comm = self._domain.comm
-        points, normals = (
-            np.concatenate([rows for own in given for rows in comm.allgather(own)])
-            for given in (
-                [item.points for item in self.at_contacts],
-                [item.contact_normals for item in self.at_contacts],
-            )
-        )
+        points = self._gathered([item.points for item in self.at_contacts])
+        normals = self._gathered([item.contact_normals for item in self.at_contacts])
         force, moment = spin(np.asarray(np.linalg.solve(self.free.T, work)))
         return resultant_on_plane(force, moment, points, normals)
 
-    def _where(self, work: FloatArray) -> str | None:
-        """Where the resultant of the loads meets a flat foundation, in words; collective."""
-        resultant = self._resultant(work)
-        if resultant is None:
-            return None
+    def _where(self, resultant: Resultant) -> str:
+        """Where a resultant meets the plane of the foundation, in words; collective."""
         size = float(np.linalg.norm(np.ptp(self._domain.bounding_box(), axis=0)))
         return f"meets the plane of the foundation at {point(resultant.place, size)}"
 
