@@ -118,19 +118,14 @@ class Expression:
         occur in the expression contribute only their shape. Raises InputError if a value is not a
         number, is infinite (plus infinity passes with ``allow_infinite``) or exceeds `LARGEST`.
         """
-        self._require(variables)
-        arrays = {name: np.asarray(value, dtype=float) for name, value in variables.items()}
-        shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
-        with np.errstate(all="ignore"):
-            value = _evaluate(self.root, NUMPY, arrays, _value)
-        values = np.array(np.broadcast_to(value, shape), dtype=float)
+        values = self.unchecked(**variables)
         good = np.abs(values) <= LARGEST
         if self.allow_infinite:
             good |= values == np.inf
         if not good.all():
             first = tuple(np.argwhere(~good)[0])
             place = ", ".join(
-                f"{name} = {np.broadcast_to(arrays[name], shape)[first]:.6g}"
+                f"{name} = {float(np.broadcast_to(variables[name], values.shape)[first]):.6g}"
                 for name in sorted(self.names)
             )
             raise InputError(
@@ -139,7 +134,16 @@ class Expression:
                 f"{f' of at most {LARGEST:g}' if np.isfinite(values[first]) else ''}"
                 f"{''.join(f'; the {lookup.table}' for lookup in self.lookups)}"
             )
-        return values if shape else float(values)
+        return values if values.shape else float(values)
+
+    def unchecked(self, **variables: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """The values of :meth:`numpy`, infinite or NaN where the expression has none."""
+        self._require(variables)
+        arrays = {name: np.asarray(value, dtype=float) for name, value in variables.items()}
+        shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
+        with np.errstate(all="ignore"):
+            value = _evaluate(self.root, NUMPY, arrays, _value)
+        return np.array(np.broadcast_to(value, shape), dtype=float)
 
     def ufl(self, lookups: Mapping[Lookup, Any] | None = None, /, **variables: Any) -> Any:
         """The expression in UFL, with UFL scalars for the variables; a float for a constant.

@@ -35,6 +35,7 @@ from contact_locking.problem.loads import Loads, build_loads
 from contact_locking.problem.parts import Held, check_parts_held
 from contact_locking.problem.probe_points import ProbePoints, locate
 from contact_locking.problem.pushed_tool import build_tools
+from contact_locking.problem.sampling import Entities, features
 from contact_locking.problem.spaces import Element, element_of
 from contact_locking.problem.strain_limits import build_strain_sets
 from contact_locking.problem.supports import Support
@@ -155,18 +156,19 @@ def assemble(
         )
     warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
     parameters.check_dimension(domain.dim)
-    material = build_material(domain, parameters.material, element)
+    material = build_material(domain, parameters.material, element, warnings)
     space = element.displacement_space(domain.mesh)
     _check_parts(domain, parameters)
     probes = locate(domain, parameters.output.probes)
     steps = parameters.steps
-    start = 0.0 if steps is None else steps.planned[0]
-    clock = Clock(domain.mesh, start, read_tables(domain.comm, parameters.tables or {}))
+    times = (0.0,) if steps is None else steps.planned
+    tables = read_tables(domain.comm, parameters.tables or {})
+    clock = Clock(domain.mesh, times[0], tables, times)
     constraints = constrain(
         domain,
         space,
-        _conditions(domain, parameters.loads, clock),
-        _supports(domain, parameters.loads, clock),
+        _conditions(domain, parameters.loads, clock, warnings),
+        _supports(domain, parameters.loads, clock, warnings),
     )
     n, epsilon = parameters.penalty.n, parameters.penalty.compliance
     # The paper uses the compliance epsilon also for the regularisation length in (22): here Young's
@@ -187,7 +189,7 @@ def assemble(
         n=fem.Constant(domain.mesh, n),
         epsilon=fem.Constant(domain.mesh, epsilon),
         element=element,
-        limits=build_strain_sets(domain, parameters.material, element),
+        limits=build_strain_sets(domain, parameters.material, element, warnings),
         tools=build_tools(contacts, parameters, clock),
     )
     u = fem.Function(space, name="displacement")
@@ -246,39 +248,56 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
             )
 
 
-def _conditions(domain: Domain, loads: LoadParameters, clock: Clock) -> list[ComponentCondition]:
+def _conditions(
+    domain: Domain, loads: LoadParameters, clock: Clock, warnings: list[str]
+) -> list[ComponentCondition]:
     wanted = []
     for i, condition in enumerate(loads.displacements):
         for j, value in enumerate(condition.value):
             if value is not None:
                 key = f"loads.displacements.{i}.value.{j}"
-                timed = is_timed(parse(value, (*AXES, TIME), tables=clock.tables))
-                field = _Prescribed(domain.comm, value, key, clock)
-                wanted.append(ComponentCondition(condition.on, j, field, key, timed))
+                field = _Prescribed(domain, condition.on, value, key, clock, warnings)
+                wanted.append(ComponentCondition(condition.on, j, field, key, field.timed))
     return wanted
 
 
-def _supports(domain: Domain, loads: LoadParameters, clock: Clock) -> list[Support]:
+def _supports(
+    domain: Domain, loads: LoadParameters, clock: Clock, warnings: list[str]
+) -> list[Support]:
     wanted = []
     for i, support in enumerate(loads.supports):
         key = f"loads.supports.{i}"
-        field = _Prescribed(domain.comm, support.value, f"{key}.value", clock)
+        field = _Prescribed(domain, support.on, support.value, f"{key}.value", clock, warnings)
         along = None if support.along == "normal" else support.along
-        timed = is_timed(parse(support.value, (*AXES, TIME), tables=clock.tables))
-        wanted.append(Support(support.on, along, field, key, timed))
+        wanted.append(Support(support.on, along, field, key, field.timed))
     return wanted
 
 
 class _Prescribed:
     """The values (k,) of a number or an expression at points (d, k), at the present time.
 
-    Values that are small beside those of earlier times are zero with rounding, as sin(pi*t) is at
-    t = 1: then all are zero.
+    ``warnings`` get one for values on the boundary parts ``on`` that change sharply inside of a
+    facet; the constructor is collective and raises InputError for a pole there.  Values that are
+    small beside those of earlier times are zero with rounding, as sin(pi*t) is at t = 1: then all
+    are zero.
     """
 
-    def __init__(self, comm: MPI.Intracomm, value: float | str, key: str, clock: Clock) -> None:
-        self._comm, self._value, self._key, self._clock = comm, value, key, clock
+    def __init__(
+        self,
+        domain: Domain,
+        on: tuple[str, ...],
+        value: float | str,
+        key: str,
+        clock: Clock,
+        warnings: list[str],
+    ) -> None:
+        self._comm, self._value, self._key, self._clock = domain.comm, value, key, clock
         self._so_far = LargestSoFar()
+        expression = parse(value, (*AXES, TIME), tables=clock.tables)
+        self.timed = is_timed(expression)
+        facets = Entities.of(domain, domain.dim - 1, domain.facets(on, key))
+        advice = "refine the mesh there"
+        warnings += features(facets, expression, key, advice, times=clock.some_times)
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """Evaluate at the points; collective."""

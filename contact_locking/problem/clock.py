@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import dolfinx
+import numpy as np
 from dolfinx import fem
 
 from contact_locking.expressions import NO_TABLES, TIME, Expression, Table
 
 _ROUNDING = 1e-12
+# Data are sampled at so many times of a process, the first and the last among them.
+_TIMES = 8
 
 
 class Clock:
     """The time t: ``now`` for values at points, ``constant`` for the forms.
 
-    ``tables`` are the tables that expressions of loads, gaps and friction may use.
+    ``tables`` are the tables that expressions of loads, gaps and friction may use.  ``some_times``
+    are some of the ``planned`` times of the process, or the start, at which data are sampled.
     """
 
     def __init__(
@@ -23,8 +27,11 @@ class Clock:
         mesh: dolfinx.mesh.Mesh,
         start: float = 0.0,
         tables: Mapping[str, Table] = NO_TABLES,
+        planned: Sequence[float] = (),
     ) -> None:
         self.tables = tables
+        places = np.linspace(0, len(planned) - 1, min(len(planned), _TIMES))
+        self.some_times = [planned[round(place)] for place in places] or [float(start)]
         self.constant = fem.Constant(mesh, float(start))
 
     @property

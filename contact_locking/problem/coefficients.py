@@ -23,7 +23,10 @@ from contact_locking.laws import elasticity as law
 from contact_locking.parallel import agree, minimum
 from contact_locking.parameters import Elasticity, MaterialParameters, Region
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.sampling import Entities, features
 from contact_locking.problem.spaces import Element
+
+_ADVICE = "refine the mesh there, or let a boundary of material.regions go there"
 
 
 @dataclass(frozen=True)
@@ -48,16 +51,19 @@ class Material:
     largest_eigenvalue: fem.Function
 
 
-def build_material(domain: Domain, given: MaterialParameters, element: Element) -> Material:
+def build_material(
+    domain: Domain, given: MaterialParameters, element: Element, warnings: list[str]
+) -> Material:
     """Evaluate the material at the points of the element's strains; collective.
 
     Raises InputError if A is not symmetric or not elliptic somewhere, and if M is not positive.
+    Adds a warning for data that change sharply inside of cells.
     """
-    points = Points(domain, element)
+    points = Points(domain, element, warnings)
     limit, inverse = _limit(domain, given, points), fem.Function(points.space)
     at_peaks = limit
     if element.at_peaks is not element:
-        at_peaks = _limit(domain, given, Points(domain, element.at_peaks))
+        at_peaks = _limit(domain, given, Points(domain, element.at_peaks, []))
     inverse.x.array[:] = 1.0 / limit.x.array
     stress, eigenvalues, young, key = _elasticity(domain, points, given)
     lowest, highest = _eigenvalue_range(domain, eigenvalues, key)
@@ -90,11 +96,12 @@ class Points:
     """The points of the strains in all local cells, numbered cell by cell.
 
     ``places`` (d, k) are the coordinates of the points, ``dofs`` (k,) are the degrees of freedom of
-    the points in ``space``, and ``all`` (k,) are the numbers of the points.
+    the points in ``space``, and ``all`` (k,) are the numbers of the points.  ``warnings`` get one
+    for data with features that the points do not see.
     """
 
-    def __init__(self, domain: Domain, element: Element) -> None:
-        self._comm, self._element = domain.comm, element
+    def __init__(self, domain: Domain, element: Element, warnings: list[str]) -> None:
+        self._domain, self._element, self._warnings = domain, element, warnings
         self.places = element.strain_places(domain.mesh)
         self.all = np.arange(self.places.shape[1], dtype=np.int32)
         self.space = element.strain_space(domain.mesh)
@@ -112,8 +119,17 @@ class Points:
     def evaluate(
         self, value: float | str, points: IndexArray, key: str, infinite: bool = False
     ) -> FloatArray:
-        """A number or an expression of x, y[, z] at the given points; collective."""
-        return evaluate(self._comm, value, self.places[:, points], key, infinite)
+        """A number or an expression of x, y[, z] at the given points; collective.
+
+        Raises InputError for a value that is not finite, and for a pole in the cells around.
+        """
+        found = evaluate(self._domain.comm, value, self.places[:, points], key, infinite)
+        expression = parse(value, AXES, allow_infinite=infinite)
+        if not expression.is_constant:
+            cells = np.unique(points // self._in_cell).astype(np.int32)
+            inside = Entities.of(self._domain, self._domain.dim, cells)
+            self._warnings += features(inside, expression, key, _ADVICE, relative_to="each")
+        return found
 
 
 def evaluate(

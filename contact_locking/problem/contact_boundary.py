@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError, with_key
@@ -21,6 +20,7 @@ from contact_locking.problem.contact import Contact, FrictionBound
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.obstacles import obstacle_of
 from contact_locking.problem.plausibility import about_the_gap
+from contact_locking.problem.sampling import Entities, features
 from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Identity
 from contact_locking.problem.smoothing import Smoothing as SmoothingOperator
 from contact_locking.problem.spaces import Element
@@ -69,7 +69,7 @@ def build_contacts(
         bound = FrictionBound(
             surface,
             _smoothing(surface, free, surface.sides(normals), given, warnings),
-            _friction_law(domain.comm, given, clock),
+            _friction_law(surface, given, clock, warnings),
             frictionless=given.friction.coefficient == 0,
         )
         slip = penalty_slip if regularisation is None else regularisation
@@ -191,10 +191,15 @@ def _extent(surface: ContactSurface) -> float:
     return float(distances.max())
 
 
-def _friction_law(comm: MPI.Intracomm, part: ContactParameters, clock: Clock) -> FrictionLaw:
+def _friction_law(
+    surface: ContactSurface, part: ContactParameters, clock: Clock, warnings: list[str]
+) -> FrictionLaw:
     """``mu(x, s)`` from a number or an expression; every evaluation is collective."""
-    key = part.friction_key("coefficient")
+    domain, key = surface.domain, part.friction_key("coefficient")
+    comm = domain.comm
     expression = parse(part.friction.coefficient, (*AXES, "s"), tables=clock.tables)
+    facets = Entities.of(domain, domain.dim - 1, surface.facets)
+    warnings += features(facets, expression, key, "refine the mesh there", s=0.0)
 
     def local(points: FloatArray, slip: FloatArray) -> FloatArray:
         places = dict(zip(AXES, points.T, strict=False))

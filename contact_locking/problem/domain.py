@@ -29,7 +29,7 @@ from contact_locking.plain_text import nearest
 from contact_locking.problem.distribution import distribute
 
 # A coordinate below this share of the largest is rounding.
-_ROUNDING = 1e-12
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)

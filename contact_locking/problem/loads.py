@@ -1,48 +1,42 @@
-"""Body force, tractions and pressures in UFL, checked at the quadrature points.
+"""Body force, tractions and pressures in UFL, with rules of integration that see them.
 
 A load is a number or an expression, which needs values at the quadrature points only.  The forms
-take the time of an expression from the clock of the problem.  The check warns of a load that the
-mesh does not resolve: its integral would be wrong, and meaningless at a pole.
+take the time of an expression from the clock of the problem.  Where a load is narrower than a cell
+or facet, the rule divides the cell or facet into parts, so that the resultant is right.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import basix
 import numpy as np
 import ufl
 from dolfinx import fem
 
-from contact_locking import _compat
-from contact_locking.arrays import AXES, FloatArray, IndexArray
-from contact_locking.errors import with_key
-from contact_locking.expressions import TIME, Expression, parse
+from contact_locking.arrays import AXES, FloatArray
+from contact_locking.errors import InputError, with_key
+from contact_locking.expressions import LARGEST, TIME, Expression, parse
 from contact_locking.parallel import agree
 from contact_locking.parameters import LoadParameters
 from contact_locking.problem.clock import Clock, LargestSoFar, is_timed
 from contact_locking.problem.domain import Domain
 from contact_locking.problem.lookups import Lookups
 from contact_locking.problem.plausibility import about_a_load
+from contact_locking.problem.sampling import Entities, refuse_poles, rule
 from contact_locking.problem.spaces import Element
 
-# The quadrature degree of an expression; test functions of degree 1 or 2 need no more.  The check
-# compares with a rule of the other degree, whose points differ and do not include the midpoint of a
-# cell.
-_DEGREE, _OTHER_DEGREE = 4, 6
-# A load is resolved if both rules give the same mean square up to this share.  At a pole like 1/x
-# the difference is larger on every mesh; at a jump it is smaller from a handful of facets on.
-_RESOLVED = 0.3
-# The quadrature points of so many cells or facets are in memory at a time.
-_CHUNK = 20_000
-_SHAPES = {
-    1: basix.CellType.interval,
-    2: basix.CellType.triangle,
-    3: basix.CellType.tetrahedron,
-}
+# The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
+# or 2 need no more.  The rule for comparison has a higher degree and parts half as long.
+_DEGREE, _HIGHER_DEGREE = 4, 6
+# A rule is good enough if the integrals over all cells or facets are right to this share of the
+# load.  A load of which the next share is uncertain is warned of, and the last share is refused.
+_ACCURATE, _UNCERTAIN, _LOST = 1e-3, 0.03, 0.3
+# Integrals over so many cells or facets that differ most are looked at for poles.
+_SUSPECTS = 8
+_REFERENCE_MEASURE = {1: 1.0, 2: 0.5, 3: 1.0 / 6.0}
 
 
 def build_loads(
@@ -55,33 +49,33 @@ def build_loads(
 ) -> Loads:
     """Each body force, traction and pressure as a UFL vector with its measure; collective.
 
-    Raises InputError with the key and the point for a value that is not finite.  Adds a warning for
-    a load that the mesh does not resolve, and for a load above the ``stiffness`` of the material.
+    Raises InputError with the key and the point for a value that is not finite, for a pole, and for
+    a load that is mostly lost.  Adds a warning for a load that no rule of integration resolves, and
+    for a load above the ``stiffness`` of the material.
     """
     found = Loads()
     if given.body_force is not None:
-        load = _Load(domain, given.body_force, "loads.body_force", element, clock)
+        key = "loads.body_force"
         cells = np.arange(domain.mesh.topology.index_map(domain.dim).size_local, dtype=np.int32)
-        largest = load.check(domain.dim, cells, warnings)
+        on = Entities.of(domain, domain.dim, cells)
+        load = _Load(on, given.body_force, key, element, clock)
         low, high = domain.bounding_box()
-        stress = largest * float((high - low).max())
-        warnings += about_a_load(stress, stiffness, "loads.body_force")
-        found.add(load, domain.dx(**load.metadata), domain.dim, cells)
-    on_boundary: list[tuple[tuple[str, ...], str, _Load]] = []
-    for i, traction in enumerate(given.tractions):
-        key = f"loads.tractions.{i}"
-        load = _Load(domain, traction.value, f"{key}.value", element, clock)
-        on_boundary.append((traction.on, key, load))
-    for i, pressure in enumerate(given.pressures):
-        key = f"loads.pressures.{i}"
-        load = _Pressure(domain, (pressure.value,), f"{key}.value", element, clock)
-        on_boundary.append((pressure.on, key, load))
-    for on, key, load in on_boundary:
-        measure = domain.ds(on, f"{key}.on", **load.metadata)
-        facets = domain.facets(on, f"{key}.on")
-        stress = load.check(domain.dim - 1, facets, warnings)
-        warnings += about_a_load(stress, stiffness, f"{key}.value")
-        found.add(load, measure, domain.dim - 1, facets)
+        stress = load.check(warnings) * float((high - low).max())
+        warnings += about_a_load(stress, stiffness, key)
+        found.add(load, domain.dx(**load.metadata))
+    on_boundary: list[tuple[tuple[str, ...], str, type[_Load], Sequence[float | str]]] = [
+        *((item.on, f"tractions.{i}", _Load, item.value) for i, item in enumerate(given.tractions)),
+        *(
+            (item.on, f"pressures.{i}", _Pressure, (item.value,))
+            for i, item in enumerate(given.pressures)
+        ),
+    ]
+    for names, place, kind, values in on_boundary:
+        key = f"loads.{place}"
+        on = Entities.of(domain, domain.dim - 1, domain.facets(names, f"{key}.on"))
+        load = kind(on, values, f"{key}.value", element, clock)
+        warnings += about_a_load(load.check(warnings), stiffness, f"{key}.value")
+        found.add(load, domain.ds(names, f"{key}.on", **load.metadata))
     return found
 
 
@@ -90,36 +84,41 @@ class Loads:
 
     def __init__(self) -> None:
         self.terms: list[tuple[Any, ufl.Measure]] = []
-        self._timed: list[tuple[_Load, int, IndexArray]] = []
+        self._timed: list[_Load] = []
 
-    def add(self, load: _Load, measure: ufl.Measure, dim: int, entities: IndexArray) -> None:
-        """Add a load on cells or facets, the entities of dimension ``dim``."""
+    def add(self, load: _Load, measure: ufl.Measure) -> None:
+        """Add a load that acts on a measure."""
         self.terms.append((load.ufl(), measure))
         if load.timed:
-            self._timed.append((load, dim, entities))
+            self._timed.append(load)
 
     def advance(self, warnings: list[str]) -> None:
         """Put the loads to the present time, and check them; collective.
 
-        Raises InputError for a value that is not finite.  Adds the first warning of each load that
-        the mesh does not resolve.
+        Raises InputError for a value that is not finite, and for a pole.  Adds the first warning of
+        each load that its rule of integration does not resolve.
         """
-        for load, dim, entities in self._timed:
-            load.advance(dim, entities, warnings)
+        for load in self._timed:
+            load.advance(warnings)
 
 
 class _Load:
-    """One load: a vector of numbers or expressions of x, y[, z] and t."""
+    """One load: a vector of numbers or expressions of x, y[, z] and t, on cells or facets.
+
+    ``halvings`` says how often the rule of integration halves each of them; it is the least with
+    which the integrals are right at the present time and at the given times.
+    """
 
     def __init__(
         self,
-        domain: Domain,
+        on: Entities,
         values: Sequence[float | str],
         key: str,
         element: Element,
         clock: Clock,
     ) -> None:
-        self._domain, self._key, self._element, self._clock = domain, key, element, clock
+        domain = self._domain = on.domain
+        self._on, self._key, self._element, self._clock = on, key, element, clock
         names = (*AXES[: domain.dim], TIME)
         self._components: list[Expression] = [
             parse(value, names, tables=clock.tables) for value in values
@@ -130,13 +129,28 @@ class _Load:
         # 1, or 0 at the times at which the load is zero with rounding.
         self._acts, self._so_far = fem.Constant(domain.mesh, 1.0), LargestSoFar()
         self._warned = False
+        self.halvings = 0
+        if not self._constant:
+            for time in clock.some_times if self.timed else [clock.now]:
+                self.halvings = self._enough(time)
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """The quadrature degree for the form compiler."""
-        # The factor 2 pi r of an axisymmetric body has the degree 1.
-        degree = self._element.degree + int(self._domain.axisymmetric)
-        return {"quadrature_degree": degree if self._constant else _DEGREE}
+        """The rule of integration for the form compiler."""
+        if self._constant:
+            # The factor 2 pi r of an axisymmetric body has the degree 1.
+            return {"quadrature_degree": self._element.degree + int(self._domain.axisymmetric)}
+        found: dict[str, Any] = {"quadrature_degree": _DEGREE}
+        if self.halvings > 0:
+            points, weights = rule(self._on.dim, self.halvings, _DEGREE)
+            found |= {
+                "quadrature_rule": "custom",
+                "quadrature_points": tuple(tuple(map(float, point)) for point in points[:, 1:]),
+                "quadrature_weights": tuple(
+                    float(weight) * _REFERENCE_MEASURE[self._on.dim] for weight in weights
+                ),
+            }
+        return found
 
     def ufl(self) -> Any:
         if self._constant:
@@ -149,70 +163,111 @@ class _Load:
         load = ufl.as_vector([component.ufl(tables, **places) for component in self._components])
         return self._acts * load if self.timed else load
 
-    def advance(self, dim: int, entities: IndexArray, warnings: list[str]) -> None:
+    def advance(self, warnings: list[str]) -> None:
         """Put the load to the present time, with the check of :meth:`check`; collective."""
         self._lookups.refresh()
-        self.check(dim, entities, warnings)
+        self.check(warnings)
 
-    def check(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
-        """The largest ``|g|`` at the quadrature points of cells or facets; collective.
+    def check(self, warnings: list[str]) -> float:
+        """The largest ``|g|`` at the points of cells or facets; collective.
 
         A load that depends on the time is put to zero where it is zero with rounding.  Raises and
         warns as `build_loads`.
         """
-        largest = self._largest(dim, entities, warnings)
+        largest = self._largest(warnings)
         is_zero = self._so_far.hides(largest)
         self._acts.value = float(not (self.timed and is_zero))
         return largest
 
-    def _largest(self, dim: int, entities: IndexArray, warnings: list[str]) -> float:
+    def _largest(self, warnings: list[str]) -> float:
         if self._constant:
             return float(np.linalg.norm([component.numpy() for component in self._components]))
-        comm = self._domain.comm
-        first = agree(comm, lambda: self._sample(dim, entities, _DEGREE))
-        second = agree(comm, lambda: self._sample(dim, entities, _OTHER_DEGREE))
-        squares = comm.allreduce(np.array([first.square, second.square]))
-        largest, where = max(
-            pair for pairs in comm.allgather((first.top, second.top)) for pair in pairs
-        )
+        comm, time = self._domain.comm, self._clock.now
+        used = agree(comm, lambda: self._sample(self.halvings, _DEGREE, time, is_used=True))
+        fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
+        share = self._apart(used, fine)
+        tops = [top for pair in comm.allgather((used.top, fine.top)) for top in pair]
+        largest, where = max(tops)
         if largest <= 0.0:
             # A load that depends on the time may be zero at times.
-            if self.timed:
-                return 0.0
-            warnings.append(
-                f"{self._key}: is zero at all points of the quadrature; is the load meant for "
-                "another place, or for a place smaller than the elements?"
-            )
+            if not self.timed:
+                warnings.append(
+                    f"{self._key}: is zero at all points of the quadrature; is the load meant for "
+                    "another place, or for a place smaller than the elements?"
+                )
             return 0.0
-        if abs(squares[0] - squares[1]) <= _RESOLVED * squares.max() or self._warned:
-            return largest
-        self._warned = True
-        place = ", ".join(f"{a} = {v:.6g}" for a, v in zip(AXES, where, strict=False))
-        warnings.append(
-            f"{self._key}: changes too sharply for this mesh near {place}, where it reaches "
-            f"{largest:.3g}; its resultant may be wrong: refine the mesh there, or give a load "
-            "without a pole"
+        if self.halvings or share > _ACCURATE:
+            coarse = self._sample(0, _DEGREE, time)
+            rest = np.linalg.norm(coarse.integrals - fine.integrals, axis=1)
+            suspects = np.argsort(-rest, kind="stable")[:_SUSPECTS].astype(np.int32)
+
+            def size(x: FloatArray) -> FloatArray:
+                return np.asarray(np.linalg.norm(self._values(x, time), axis=1))
+
+            agree(comm, lambda: refuse_poles(self._on, suspects, size, self._key))
+        text = (
+            f"changes too sharply for this mesh near {where}, where it reaches {largest:.3g}; its "
+            f"resultant is uncertain by about {100.0 * share:.2g} %: refine the mesh there, or "
+            "give a load that is wider"
         )
+        if share > _LOST:
+            raise InputError(text, self._key)
+        if share > _UNCERTAIN and not self._warned:
+            self._warned = True
+            warnings.append(f"{self._key}: {text}")
         return largest
+
+    def _enough(self, time: float) -> int:
+        """How often to halve at a time, no less than before; collective."""
+        fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
+        most = max(self._on.halvings - 1, 0)
+        for halvings in range(self.halvings, most):
+            if self._apart(self._sample(halvings, _DEGREE, time), fine) <= _ACCURATE:
+                return halvings
+        return most
+
+    def _apart(self, one: _Sample, fine: _Sample) -> float:
+        """How far integrals differ, as a share of ``int |g|``; collective."""
+        rest = np.linalg.norm(one.integrals - fine.integrals, axis=1).sum()
+        left, whole = self._domain.comm.allreduce(np.array([rest, fine.size]))
+        return float(left / whole) if whole > 0.0 else 0.0
 
     def _component_key(self, i: int) -> str:
         """The key of a component in the study file."""
         return f"{self._key}.{i}"
 
-    def _sample(self, dim: int, entities: IndexArray, degree: int) -> _Sample:
-        total, largest, where = 0.0, -1.0, (0.0,) * self._domain.dim
-        for x, weights in _quadrature(self._domain, dim, entities, degree):
-            places: dict[str, Any] = dict(zip(AXES, x.T, strict=False))
-            places[TIME] = self._clock.now
-            size = np.zeros(len(x))
-            for i, component in enumerate(self._components):
-                values = with_key(self._component_key(i), partial(component.numpy, **places))
-                size = np.hypot(size, values)
-            total += float(weights @ size**2)
-            top = int(np.argmax(size))
-            if size[top] > largest:
-                largest, where = float(size[top]), tuple(x[top].tolist())
-        return _Sample(total, (largest, where))
+    def _values(self, x: FloatArray, time: float, is_used: bool = False) -> FloatArray:
+        """The components (k, c) at points (k, d).
+
+        If the forms use the points, InputError is raised for a value that is no number; at other
+        points such a value is zero.
+        """
+        places: dict[str, Any] = {**dict(zip(AXES, x.T, strict=False)), TIME: time}
+        found = np.empty((len(x), len(self._components)))
+        for i, component in enumerate(self._components):
+            if is_used:
+                key = self._component_key(i)
+                found[:, i] = with_key(key, partial(component.numpy, **places))
+            else:
+                found[:, i] = component.unchecked(**places)
+        return np.where(np.abs(found) <= LARGEST, found, 0.0)
+
+    def _sample(self, halvings: int, degree: int, time: float, is_used: bool = False) -> _Sample:
+        points, weights = rule(self._on.dim, halvings, degree)
+        integrals = np.zeros((len(self._on.corners), len(self._components)))
+        size, top = 0.0, (-1.0, "")
+        for chunk, x in self._on.chunks(points):
+            places = x.reshape(-1, x.shape[2])
+            found = self._values(places, time, is_used)
+            sizes = np.linalg.norm(found, axis=1)
+            by_entity = found.reshape(*x.shape[:2], -1)
+            measures = self._on.sizes[chunk]
+            integrals[chunk] = measures[:, None] * np.einsum("q,kqc->kc", weights, by_entity)
+            size += float(measures @ (sizes.reshape(x.shape[:2]) @ weights))
+            largest = int(np.argmax(sizes))
+            if sizes[largest] > top[0]:
+                top = (float(sizes[largest]), self._domain.where(places[largest]))
+        return _Sample(integrals, size, top)
 
 
 class _Pressure(_Load):
@@ -227,29 +282,12 @@ class _Pressure(_Load):
 
 @dataclass(frozen=True)
 class _Sample:
-    """``int |g|^2``, and the largest ``|g|`` with its point, from the points of this rank."""
+    """A load at the points of a rule, on the cells or facets (n,) of this rank.
 
-    square: float
-    top: tuple[float, tuple[float, ...]]
+    ``integrals`` (n, c) are those of the components, ``size`` is ``int |g|``, and ``top`` the
+    largest ``|g|`` with its place in words.
+    """
 
-
-def _quadrature(
-    domain: Domain, dim: int, entities: IndexArray, degree: int
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Points (k, d) and weights (k,) of the form compiler's quadrature rule, in chunks."""
-    points, weights = basix.make_quadrature(_SHAPES[dim], degree)
-    shares = np.column_stack([1.0 - points.sum(axis=1), points])
-    mesh = domain.mesh
-    nodes = mesh.geometry.x[:, : domain.dim]
-    for start in range(0, len(entities), _CHUNK):
-        chunk = entities[start : start + _CHUNK]
-        whole = dim == domain.dim
-        corners = nodes[
-            _compat.cell_nodes(mesh)[chunk]
-            if whole
-            else _compat.entities_to_geometry(mesh, dim, chunk)
-        ]
-        edges = corners[:, 1:] - corners[:, :1]
-        scale = np.sqrt(np.linalg.det(edges @ np.swapaxes(edges, 1, 2)))
-        x = np.einsum("qc,kcd->kqd", shares, corners).reshape(-1, domain.dim)
-        yield x, np.outer(scale, weights).reshape(-1)
+    integrals: FloatArray
+    size: float
+    top: tuple[float, str]

@@ -22,6 +22,7 @@ from contact_locking.parameters import ContactParameters
 from contact_locking.problem.clock import Clock, LargestSoFar, is_timed
 from contact_locking.problem.coefficients import evaluate
 from contact_locking.problem.plausibility import about_the_distance, about_the_size
+from contact_locking.problem.sampling import Entities, features
 from contact_locking.problem.surface import ContactSurface
 from contact_locking.problem.tool_outline import outline
 from contact_locking.problem.tool_shapes import Site, build
@@ -139,7 +140,11 @@ class GivenGap:
         return np.empty((0, *[box.shape[1]] * 2))
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        return []
+        clock, domain = self._clock, surface.domain
+        expression = parse(self._gap, (*AXES, TIME), tables=clock.tables)
+        facets = Entities.of(domain, domain.dim - 1, surface.facets)
+        advice = "refine the mesh there"
+        return features(facets, expression, self._key, advice, "range", clock.some_times)
 
 
 class Tool:

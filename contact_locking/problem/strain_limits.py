@@ -24,14 +24,15 @@ from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, StrainSet
 
 
 def build_strain_sets(
-    domain: Domain, given: MaterialParameters, element: Element
+    domain: Domain, given: MaterialParameters, element: Element, warnings: list[str]
 ) -> tuple[StrainSet, ...]:
     """All sets of strains but the ball, at the points of the element's strains; collective.
 
     Deviators, and volumes, of several regions are one set.  Raises InputError for a limit that is
     not positive (a lower limit that is not negative) somewhere, and for a direction that is zero.
+    Adds a warning for data that change sharply inside of cells.
     """
-    return _Builder(domain, Points(domain, element)).sets(given)
+    return _Builder(domain, Points(domain, element, warnings)).sets(given)
 
 
 class _Builder:

@@ -222,10 +222,9 @@ def prescribed(random: Random) -> Case:
     """A side moved by as much as some limits can follow; where not, that is what is right."""
     dim, limit = pick(random, [2, 2, 3]), some_limit(random)
     size = strain_size(limit)
-    on, value = pick(random, ["right", "top"]), vector(random, dim, 0.6 * size)
-    if on == "top":
-        # The clamp on the left ends where the top begins.
-        value = [f"{component}*x" for component in value]
+    on = pick(random, ["right", "top"])
+    # The clamp on the left ends where the top begins.
+    value = [f"{component}*x" for component in vector(random, dim, 0.6 * size)]
     loads = {"displacements": [clamp(dim), {"on": on, "value": value}]}
     data = study(
         unit_block(random, dim),

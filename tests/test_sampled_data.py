@@ -1,0 +1,256 @@
+"""Data between the points at which a problem uses them: narrow loads, jumps, spikes and poles."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from problems import block
+
+from contact_locking import InputError
+from contact_locking.certificate.balances import nodal_forces
+from contact_locking.problem import forms
+from contact_locking.problem.assembly import Problem, assemble
+
+_HELD = [{"on": "left", "value": [0.0, 0.0]}]
+
+
+def _block(h: float = 0.2, dim: int = 2, **changes: Any) -> Problem:
+    """A regular block; R reaches over several facets."""
+    changes = {"mesh__structured": True, "friction__smoothing__radius": 0.6} | changes
+    return assemble(block(dim, h, **changes), MPI.COMM_WORLD)
+
+
+def _loaded(h: float = 0.25, dim: int = 2, degree: int = 1, **loads: Any) -> Problem:
+    held = [{"on": "left", "value": [0.0] * dim}]
+    return _block(h, dim, discretisation__degree=degree, loads={"displacements": held} | loads)
+
+
+def _down(load: str, dim: int = 2) -> list[dict[str, Any]]:
+    return [{"on": "top", "value": [0.0] * (dim - 1) + [f"-({load})"]}]
+
+
+def _weight(problem: Problem) -> float:
+    """The resultant of the loads downwards, from the forms of the solver."""
+    test = ufl.TestFunction(problem.u.function_space)
+    forces = nodal_forces(forms.external_work(test, problem.data))
+    dofmap, dim = problem.u.function_space.dofmap, problem.domain.dim
+    owned = dofmap.index_map.size_local
+    return -float(problem.domain.comm.allreduce(forces.reshape(-1, dim)[:owned, -1].sum()))
+
+
+@pytest.mark.parametrize(
+    ("load", "weight"),
+    [
+        ("exp(-((x - 0.43)/0.005)**2)", 0.005 * math.sqrt(math.pi)),
+        ("1 if abs(x - 0.43) < 0.02 else 0", 0.04),
+        ("1 if x < 0.3 else 0", 0.3),
+        ("sin(5*x)", (1.0 - math.cos(5.0)) / 5.0),
+        ("sqrt(x)", 2.0 / 3.0),
+    ],
+)
+@pytest.mark.parametrize("kind", ["tractions", "pressures"])
+def test_a_load_narrower_than_a_facet_has_the_right_resultant(
+    load: str, weight: float, kind: str
+) -> None:
+    given: Any = _down(load) if kind == "tractions" else [{"on": "top", "value": load}]
+    problem = _loaded(**{kind: given})
+    assert problem.warnings == []
+    assert _weight(problem) == pytest.approx(weight, rel=0.03)
+    problem.close()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_body_force_narrower_than_a_cell_has_the_right_resultant(degree: int) -> None:
+    force = "-exp(-((x - 0.43)**2 + (y - 0.6)**2)/0.01**2)"
+    problem = _loaded(degree=degree, body_force=[0.0, force])
+    assert problem.warnings == []
+    assert _weight(problem) == pytest.approx(math.pi * 1e-4, rel=0.02)
+    problem.close()
+
+
+def test_a_load_narrower_than_a_triangle_has_the_right_resultant() -> None:
+    load = "exp(-((x - 0.4)**2 + (y - 0.6)**2)/0.05**2)"
+    problem = _loaded(0.5, 3, tractions=_down(load, 3))
+    assert _weight(problem) == pytest.approx(math.pi * 0.05**2, rel=0.02)
+    problem.close()
+
+
+def test_a_narrow_load_that_comes_later_has_the_right_resultant_then() -> None:
+    load = "t*exp(-((x - 0.3*t)/0.005)**2)"
+    held = {"displacements": _HELD, "tractions": _down(load)}
+    problem = _block(0.25, loads=held, steps={"times": [0, 1, 2]})
+    problem.advance(2.0)
+    assert _weight(problem) == pytest.approx(2.0 * 0.005 * math.sqrt(math.pi), rel=0.03)
+    problem.close()
+
+
+def test_a_smooth_load_keeps_the_plain_rule_of_integration() -> None:
+    problem = _loaded(tractions=_down("sin(5*x)"), body_force=[0.0, "cos(x*y)"])
+    rules = [measure.metadata() for _, measure in problem.data.loads]
+    assert all("quadrature_rule" not in rule for rule in rules)
+    problem.close()
+
+
+def test_a_load_of_which_a_part_is_lost_is_warned_of_with_its_size() -> None:
+    problem = _loaded(tractions=_down("1 if abs(x - 0.43) < 0.003 else 0"))
+    (warning,) = problem.warnings
+    assert warning.startswith("loads.tractions.0.value: changes too sharply for this mesh near x =")
+    assert "its resultant is uncertain by about" in warning and "%" in warning
+    problem.close()
+
+
+@pytest.mark.parametrize("load", ["exp(-((x - 0.43)/0.0003)**2)", "1 if abs(x-0.43)<2e-4 else 0"])
+def test_a_load_that_is_mostly_lost_is_refused(load: str) -> None:
+    with pytest.raises(InputError, match="its resultant is uncertain by about") as caught:
+        _loaded(tractions=_down(load))
+    assert caught.value.key == "loads.tractions.0.value"
+
+
+def test_a_load_that_falls_between_all_points_is_warned_of() -> None:
+    problem = _loaded(tractions=_down("1 if abs(x - 0.5) < 1e-5 else 0"))
+    (warning,) = problem.warnings
+    assert warning.startswith("loads.tractions.0.value: is zero at all points")
+    problem.close()
+
+
+_POLES = {
+    "a gap": ("contact__gap", "1/(x - 0.23)", "contact.gap"),
+    "a small pole of a gap": ("contact__gap", "0.1 + 1e-3/(x - 0.23)", "contact.gap"),
+    "friction": ("friction__coefficient", "0.3/abs(x - 0.5)", "friction.coefficient"),
+    "friction at a node": ("friction__coefficient", "0.3/abs(x - 0.39)", "friction.coefficient"),
+    "a limit": ("material__locking_limit", "0.02/abs(x - 0.5)", "material.locking_limit"),
+    "an elasticity": (
+        "material__elasticity",
+        {"young": "1/(y - 0.31)**2", "poisson": 0.3},
+        "material.elasticity.young",
+    ),
+    "a displacement": (
+        "loads",
+        {"displacements": [*_HELD, {"on": "top", "value": [None, "x/(x - 0.47)"]}]},
+        "loads.displacements.1.value.1",
+    ),
+    "a traction at a corner": (
+        "loads",
+        {"displacements": _HELD, "tractions": _down("0.05/x")},
+        "loads.tractions.0.value",
+    ),
+    "a traction": (
+        "loads",
+        {"displacements": _HELD, "tractions": _down("tan(pi*x)")},
+        "loads.tractions.0.value",
+    ),
+    "a body force": (
+        "loads",
+        {"displacements": _HELD, "body_force": [0.0, "1e-3/((x - 0.4)**2 + (y - 0.3)**2)"]},
+        "loads.body_force",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", _POLES)
+def test_a_pole_between_the_points_in_use_is_refused_with_its_place(name: str) -> None:
+    where, value, key = _POLES[name]
+    with pytest.raises(InputError, match="grows without bound near x = 0") as caught:
+        _block(**{where: value})
+    assert caught.value.key == key
+
+
+@pytest.mark.parametrize("load", ["0.05/sqrt(x)", "-0.05*log(x)"])
+def test_a_load_that_grows_slowly_towards_a_point_is_no_pole(load: str) -> None:
+    problem = _loaded(tractions=_down(load))
+    right = {"0.05/sqrt(x)": 0.1, "-0.05*log(x)": 0.05}[load]
+    assert _weight(problem) == pytest.approx(right, rel=0.02)
+    problem.close()
+
+
+_JUMPS = {
+    "a gap": ("contact__gap", "0.01 if x < 0.43 else 0", "contact.gap", "facet"),
+    "a wavy gap": ("contact__gap", "0.01*cos(40*x)", "contact.gap", "facet"),
+    "friction": (
+        "friction__coefficient",
+        "0.3 if x < 0.43 else 0.1",
+        "friction.coefficient",
+        "facet",
+    ),
+    "friction in a spot": (
+        "friction__coefficient",
+        "0.3*exp(-((x - 0.5)/0.01)**2)",
+        "friction.coefficient",
+        "facet",
+    ),
+    "a limit": (
+        "material__locking_limit",
+        "0.02 if x < 0.47 else 0.1",
+        "material.locking_limit",
+        "cell",
+    ),
+    "a limit in a layer": (
+        "material__locking_limit",
+        "0.02 - 0.019*exp(-((y - 0.5)/0.01)**2)",
+        "material.locking_limit",
+        "cell",
+    ),
+    "a limit in a half": (
+        "material__locking_limit",
+        "0.02 if x < 0.47 else inf",
+        "material.locking_limit",
+        "cell",
+    ),
+    "a set of strains": (
+        "material",
+        {"locking": [{"norm": "deviator", "at_most": "0.02 if x < 0.47 else 0.1"}]},
+        "material.locking.0.at_most",
+        "cell",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", _JUMPS)
+def test_a_jump_or_a_spot_inside_of_a_cell_or_facet_is_warned_of_once(name: str) -> None:
+    where, value, key, entity = _JUMPS[name]
+    problem = _block(**{where: value})
+    (warning,) = problem.warnings
+    assert warning.startswith(f"{key}: changes from ")
+    assert f"inside a {entity} near x = 0." in warning and "refine the mesh there" in warning
+    assert ("to inf" in warning) == (name == "a limit in a half")
+    problem.close()
+
+
+def test_friction_in_a_spot_at_a_node_is_warned_of() -> None:
+    """The node stands for its neighbourhood, where there is no friction."""
+    problem = _block(0.25, friction__coefficient="0.3*exp(-((x - 0.5)/1e-4)**2)")
+    (warning,) = problem.warnings
+    assert warning.startswith("friction.coefficient: its mean is ")
+    problem.close()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"contact__gap": "0.01*x*x"},
+        {"friction__coefficient": "0.1 + 0.3*x"},
+        {"friction__coefficient": "0.6 - 0.4*s/(s + 0.01)"},
+        {"friction__coefficient": "0.3 if x < 0.4 else 0.1"},
+        {"material__locking_limit": "0.01 + 0.09*y"},
+        {"material__locking_limit": "0.02 if x < 0.4 else 0.1"},
+        {"material__locking_limit": "0.02 if x < 0.4 else inf"},
+        {"material__locking_limit": "0.02 + 0.01*sin(6*x)"},
+    ],
+)
+def test_data_that_the_mesh_sees_are_not_warned_of(changes: dict[str, Any]) -> None:
+    """Slopes, bends, and jumps at nodes and between cells."""
+    problem = _block(**changes)
+    assert problem.warnings == []
+    problem.close()
+
+
+def test_values_that_are_no_numbers_at_single_points_are_passed_over() -> None:
+    problem = _block(material__locking_limit="0.02*(1 + abs(x - 0.5)/abs(x - 0.5))")
+    assert problem.warnings == []
+    assert np.allclose(problem.material.limit.x.array, 0.04)
+    problem.close()
