@@ -27,6 +27,10 @@ _TOLERANCE = 1e-8
 _MARGIN = 100.0
 # One product or one direct solve applies R: rounding leaves 1e-14.
 _CONSTANTS = 1e-10
+#: The criterion about foundations that enter between the nodes.
+ENTRY = "penetration_between_nodes"
+# A foundation that enters between the nodes by half of its indentation is missed by the nodes.
+_ENTRY = 0.5
 
 
 def law_limit(state: SolvedState, margin: float = _MARGIN) -> float:
@@ -61,6 +65,22 @@ def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Crite
         gap += found["friction_complementarity"].value
     found["duality_gap"] = Criterion(float(gap), law, "duality gap")
     return found
+
+
+def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
+    """Whether the foundations stay out of the body between the nodes of Gamma_C, too; collective.
+
+    The conditions of contact hold at the nodes.  A foundation that is narrower than a facet may
+    enter between them, where nothing keeps it out, to any depth.
+    """
+    if not state.contacts:
+        return {}
+    share = max(fields.entry.share for fields in state.contacts)
+    return {
+        ENTRY: Criterion(
+            share, _ENTRY, "depth of a foundation between the nodes, as a share of its indentation,"
+        )
+    }
 
 
 def _friction_criteria(

@@ -15,7 +15,7 @@ from contact_locking.certificate.criteria import Criterion, complaints
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
-from contact_locking.certificate.laws import law_criteria
+from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.penalty_error import penalty_error
 from contact_locking.certificate.solved_state import SolvedState
@@ -99,7 +99,9 @@ def certify(state: SolvedState) -> Certificate:
             errors["guaranteed"], squares = guaranteed_error(state, lifting)
             shares = None if squares is None else cell_field(state, "error_bound", squares)
     return Certificate(
-        criteria=balance.criteria(state.settings.tolerance) | law_criteria(state),
+        criteria=balance.criteria(state.settings.tolerance)
+        | law_criteria(state)
+        | entry_criterion(state),
         bounds=bounds,
         constants=constants(state),
         resultants={

@@ -61,6 +61,11 @@ class Polyline:
         x, y = (self.corners - self.corners[0]).T
         return float(0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
 
+    def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
+        """The corners (c, 2) in a box (2, 2)."""
+        inside = np.all((self.corners >= box[0]) & (self.corners <= box[1]), axis=1)
+        return np.asarray(self.corners[inside])
+
     def reversed(self) -> Polyline:
         """The line with the foundation on its other side."""
         return Polyline(self.corners[::-1])

@@ -17,6 +17,8 @@ _NEAR = 1e-6
 # A ray runs along a triangle if the cosine of its angle with the normal is smaller, and a ray that
 # misses a triangle by this share of its size is rounding.
 _GRAZING = 1e-9
+# The cosine of the angle between the normals beside a sharp edge, 10 degrees.
+_SHARP = 0.985
 
 
 class TriangulatedSurface:
@@ -69,6 +71,39 @@ class TriangulatedSurface:
             return None
         a, b, c = (self.facets - self.points.mean(axis=0)).transpose(1, 0, 2)
         return float(np.sum(a * np.cross(b, c)) / 6.0)
+
+    def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
+        """The corners in a box (2, 3), and points ``spacing`` apart of sharp edges: (c, 3)."""
+        inside = np.all((self.points >= box[0]) & (self.points <= box[1]), axis=1)
+        found = [self.points[inside]]
+        start, end = self.points[self._sharp_edges].transpose(1, 0, 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ways = np.sort((box[:, None] - start) / (end - start), axis=0)
+        # Along a side of the box an edge is within the box for all of its length or for nothing.
+        between = (start >= box[0]) & (start <= box[1])
+        never, always = np.array([np.inf, -np.inf])[:, None, None], np.array([0.0, 1.0])
+        ways = np.where(start == end, np.where(between, always[:, None, None], never), ways)
+        first = np.maximum(ways[0].max(axis=1, initial=0.0), 0.0)
+        last = np.minimum(ways[1].min(axis=1, initial=1.0), 1.0)
+        for a, b, low, high in zip(start, end, first, last, strict=True):
+            if low < high:
+                length = float(np.linalg.norm(b - a)) * (high - low)
+                shares = np.linspace(low, high, int(np.ceil(length / spacing)) + 1)
+                found.append(a + shares[:, None] * (b - a))
+        return np.concatenate(found)
+
+    @cached_property
+    def _sharp_edges(self) -> IntArray:
+        """The edges (e, 2) between triangles whose normals differ by more than 10 degrees."""
+        a, b, c = self.facets.transpose(1, 0, 2)
+        normals = np.cross(b - a, c - a)
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        order = np.lexsort(sides.T)
+        sides, owner = sides[order], order // 3
+        pairs = np.flatnonzero(np.all(sides[1:] == sides[:-1], axis=1))
+        cosine = np.sum(normals[owner[pairs]] * normals[owner[pairs + 1]], axis=1)
+        return np.asarray(sides[pairs[cosine < _SHARP]])
 
     def reversed(self) -> TriangulatedSurface:
         """The surface with the foundation on its other side."""

@@ -79,7 +79,7 @@ def build_contacts(
             surface=surface,
             obstacle=obstacle,
             normal=surface.vector_function(normals, "contact_normal"),
-            gap=surface.scalar_function(surface.limited_values(gap), "gap"),
+            gap=surface.scalar_function(surface.limited_gap(gap), "gap"),
             friction=bound,
             regularisation=fem.Constant(domain.mesh, slip),
             free=free,
@@ -115,7 +115,7 @@ class MovingGap:
         contact, surface = self.contact, self.contact.surface
         gap, normals = contact.obstacle.at_nodes(surface)
         drag = contact.obstacle.drag(surface, self.since)
-        contact.place_obstacle(surface.limited_values(gap), normals, drag)
+        contact.place_obstacle(surface.limited_gap(gap), normals, drag)
         if not contact.obstacle.moves:
             return
         free, sides = surface.free_nodes(normals, self.constraints), surface.sides(normals)

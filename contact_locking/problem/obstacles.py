@@ -73,11 +73,13 @@ class Obstacle(Protocol):
     """What the body at one contact does not enter; it may depend on the time of a clock.
 
     ``is_timed`` says that gap or normal change with the time, and ``moves`` that the obstacle has a
-    motion, which drags the body by friction.
+    motion, which drags the body by friction.  ``is_distance`` says that its distance is exact
+    everywhere, so that the distance changes by no more than the way.
     """
 
     is_timed: bool
     moves: bool
+    is_distance: bool
 
     def gap(self, x: FloatArray) -> FloatArray:
         """The gap (k,) at points (d, k) of Gamma_C at the present time; collective."""
@@ -85,9 +87,23 @@ class Obstacle(Protocol):
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         """The gap (k,) and the contact normal (k, d) at the nodes at present; collective."""
 
-    def depth(self, x: FloatArray) -> FloatArray:
-        """How deep (k,) any points (d, k) are inside at present, 0 outside and where that is not
-        known; collective.
+    def distance(self, x: FloatArray) -> FloatArray:
+        """The distance (k,) of any points (d, k) at present, negative inside.
+
+        The distance is inf where it is not known; collective.
+        """
+
+    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
+        """How far (k,) points x (d, k) of Gamma_C are away after they moved to ``moved`` (d, k).
+
+        ``u_normal`` (k,) is the displacement along the contact normal; collective.
+        """
+
+    def corners(self, box: FloatArray, spacing: float) -> FloatArray:
+        """Points (c, d) at present in a box (2, d) where the obstacle may enter a flat facet first.
+
+        These are the corners of an obstacle of facets, and points of its sharp edges that are
+        ``spacing`` apart.
         """
 
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
@@ -112,7 +128,7 @@ class GivenGap:
     With the time, gaps that are small beside earlier ones are zero with rounding.
     """
 
-    moves = False
+    moves = is_distance = False
 
     def __init__(self, comm: MPI.Intracomm, given: ContactParameters, clock: Clock) -> None:
         self._comm, self._gap, self._clock = comm, given.gap, clock
@@ -129,9 +145,15 @@ class GivenGap:
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         return self.gap(surface.points.T), surface.body_normals()
 
-    def depth(self, x: FloatArray) -> FloatArray:
+    def distance(self, x: FloatArray) -> FloatArray:
         # A gap is a distance along the normal of Gamma_C, and says nothing of other points.
-        return np.zeros(x.shape[1])
+        return np.full(x.shape[1], np.inf)
+
+    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
+        return self.gap(x) - u_normal
+
+    def corners(self, box: FloatArray, spacing: float) -> FloatArray:
+        return np.empty((0, box.shape[1]))
 
     def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
         return np.zeros_like(surface.points)
@@ -167,6 +189,7 @@ class Tool:
         timed_shape = text is not None and is_timed(
             parse(text, (*AXES, TIME), tables=site.clock.tables)
         )
+        self.is_distance = not isinstance(self._body, LevelSet)
         self.is_timed = self.moves = self._motion is not None or timed_shape
 
     def gap(self, x: FloatArray) -> FloatArray:
@@ -293,14 +316,26 @@ class Tool:
             raise Misplaced(_TOO_FAR_IN, self._key)
         return -depth, -(motion.turn @ normals).T
 
-    def depth(self, x: FloatArray) -> FloatArray:
+    def distance(self, x: FloatArray) -> FloatArray:
         try:
-            depth = -self._evaluated(self.now.gap, x)
+            distance = self._evaluated(self.now.gap, x)
         except InputError:
             # An expression need have a value on Gamma_C only.
-            return np.zeros(x.shape[1])
-        is_known = np.isfinite(depth) & ~self._at_open_end(x)
-        return np.where(is_known, np.maximum(depth, 0.0), 0.0)
+            return np.full(x.shape[1], np.inf)
+        is_known = np.isfinite(distance) & ~self._at_open_end(x)
+        return np.where(is_known, distance, np.inf)
+
+    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
+        return self.distance(moved)
+
+    def corners(self, box: FloatArray, spacing: float) -> FloatArray:
+        if not isinstance(self._body, TriangulatedSurface | Polyline):
+            return np.empty((0, box.shape[1]))
+        motion, middle = self.motion(self._site.clock.now), box.mean(axis=0)
+        # The box around the ball around the box, where the tool was at rest.
+        reach = 0.5 * float(np.linalg.norm(box[1] - box[0]))
+        at_rest = motion.origin(middle[:, None])[:, 0] + np.array([[-reach], [reach]])
+        return motion.place(self._body.sharp_points(at_rest, spacing).T).T
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         """What is probably not intended with the gap (k,) at the nodes at present; collective."""

@@ -129,6 +129,22 @@ def about_held_nodes(
     ]
 
 
+def about_an_entry(key: str, depth: float, share: float, place: Sequence[float]) -> list[str]:
+    """A warning about a foundation that enters between the nodes of Gamma_C.
+
+    ``depth`` is how deep it enters, ``share`` the depth as a share of its indentation, and
+    ``place`` where.
+    """
+    if share <= _NOTABLE:
+        return []
+    at = ", ".join(f"{x:.3g}" for x in place)
+    return [
+        f"{key}: between the nodes near ({at}) the foundation enters the body by {depth:.3g}, "
+        f"{100.0 * share:.0f} % of its indentation; the conditions of contact hold at the nodes "
+        "alone: refine the mesh there by mesh.h_contact or adapt, or take a rounder tool"
+    ]
+
+
 def about_uncovered_boundary(
     key: str, depth: float, place: Sequence[float], displacement: float
 ) -> list[str]:

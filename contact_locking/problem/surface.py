@@ -161,6 +161,22 @@ class ContactSurface:
         """The limited values (k,) of a scalar field with nodal values (k,); collective."""
         return self.limited.of_function(self.scalar_function(values))
 
+    def limited_gap(self, gap: FloatArray) -> FloatArray:
+        """The limited values (k,) of a gap (k,) at the nodes; collective.
+
+        They are between the least and the largest gap at the nodes of an edge.  The control value
+        of a gap that has a kink, as beside the edge of a tool, would be far off.
+        """
+        if self.limited.are_nodal:
+            return gap
+        function = self.scalar_function(gap)
+        middles, ends = self.limited.edges(function)
+        values, found = function.x.array, self.limited_values(gap)
+        around = np.concatenate([values[ends], values[middles][:, None]], axis=1)
+        rows = np.searchsorted(self.nodes, middles)
+        found[rows] = np.clip(found[rows], around.min(axis=1), around.max(axis=1))
+        return found
+
     def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
         """A vector function with the given values (k, d) on Gamma_C; collective."""
         function = fem.Function(self.vector_space, name=name)

@@ -87,7 +87,7 @@ class PointValues:
         nodes: IndexArray,
         blocks: IndexArray,
     ) -> None:
-        self._nodes, self._blocks, self.space = nodes, blocks, limited
+        self._nodes, self.blocks, self.space = nodes, blocks, limited
         #: Whether the limited values are the nodal values.
         self.are_nodal = not trace.controls
         self._middles: IndexArray = np.empty(0, np.int32)
@@ -98,11 +98,11 @@ class PointValues:
     @cached_property
     def matrix(self) -> csr_matrix:
         """The map (k, n) from the values of a displacement at its local blocks."""
-        return self._map(self._nodes, self._blocks, own=2.0, end=-0.5)
+        return self._map(self._nodes, self.blocks, own=2.0, end=-0.5)
 
     @cached_property
     def _of_scalars(self) -> csr_matrix:
-        return self._map(self._nodes, np.arange(len(self._blocks)), own=2.0, end=-0.5)
+        return self._map(self._nodes, np.arange(len(self.blocks)), own=2.0, end=-0.5)
 
     def of(self, v: Expr) -> Expr:
         """A function or an argument of ``space`` with the degrees of freedom of ``v``."""
@@ -116,7 +116,7 @@ class PointValues:
         """The limited values (k,) of a scalar or (k, d) of a vector function."""
         shape = function.ufl_shape
         if self.are_nodal:
-            nodes = self._blocks[self._nodes] if shape else self._nodes
+            nodes = self.blocks[self._nodes] if shape else self._nodes
             return np.asarray(function.x.array.reshape(-1, *shape)[nodes])
         if shape == ():
             return np.asarray(self._of_scalars @ function.x.array)
@@ -126,7 +126,7 @@ class PointValues:
         """The midpoints (m,) of edges, and the ends (m, 2), as nodes or blocks of a function."""
         if function.ufl_shape == ():
             return self._middles, self._ends
-        return self._blocks[self._middles], self._blocks[self._ends]
+        return self.blocks[self._middles], self.blocks[self._ends]
 
     def inverse(self, nodes: IndexArray, numbers: IndexArray) -> csr_matrix:
         """The map from limited to nodal values (k, m), for numbers (n,) < m of the local nodes."""
@@ -137,7 +137,7 @@ class PointValues:
         # `check` does without SciPy, whose import takes a tenth of its time.
         from scipy.sparse import csr_matrix
 
-        row = np.full(len(self._blocks), -1)
+        row = np.full(len(self.blocks), -1)
         row[nodes] = np.arange(len(nodes))
         middles = row[self._middles]
         diagonal = np.ones(len(nodes))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from contact_locking.problem.domain import Domain
 from contact_locking.problem.pushed_tool import PushedTool
 from contact_locking.problem.tool_outline import box_around
 from contact_locking.problem.trace import make_nodal
+from contact_locking.results.between_nodes import Entry, entry_between_nodes
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic
 from contact_locking.solver.multipliers import ContactForces, Multipliers
@@ -57,6 +59,12 @@ class ContactFields:
         self.bound = contact.bounds.copy()
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
+        self._u = u
+
+    @cached_property
+    def entry(self) -> Entry:
+        """The deepest entry of the foundation between the nodes; the first use is collective."""
+        return entry_between_nodes(self.contact, self._u, self.state != OPEN)
 
     def gather(self) -> tuple[ContactPoints, IntArray] | None:
         """All points and facets on rank 0, otherwise None; collective.
@@ -103,6 +111,7 @@ class ContactFields:
         force = 0.0 - surface.integral(self.pressure[:, None] * self.normal)
         return {
             "penetration_max": maximum(surface.domain.comm, self.u_normal - self.gap),
+            "penetration_between_nodes": self.entry.depth,
             "contact_force": force.tolist(),
             "friction_force": surface.integral(self.traction).tolist(),
             "contact_area": float(surface.integral((self.state != OPEN).astype(float))),
@@ -134,6 +143,7 @@ def contact_summary(
     """The keys of summary.json about all contacts together, and about each contact; collective."""
     total: dict[str, Any] = {
         "penetration_max": 0.0,
+        "penetration_between_nodes": 0.0,
         "contact_force": [0.0] * dim,
         "friction_force": [0.0] * dim,
         "contact_area": 0.0,
@@ -141,7 +151,8 @@ def contact_summary(
     }
     found = [fields.summary() for fields in contacts]
     for one in found:
-        total["penetration_max"] = max(total["penetration_max"], one["penetration_max"])
+        for key in ("penetration_max", "penetration_between_nodes"):
+            total[key] = max(total[key], one[key])
         for key in ("contact_force", "friction_force"):
             total[key] = np.add(total[key], one[key]).tolist()
         for key in ("contact_area", "slip_area"):

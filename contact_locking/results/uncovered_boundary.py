@@ -36,7 +36,7 @@ def uncovered_entry(domain: Domain, u: fem.Function, contact: Contact) -> Uncove
     places = space.tabulate_dof_coordinates()[nodes, :dim]
     moved = places + u.x.array.reshape(-1, dim)[nodes]
     # A foundation that a force has moved is entered like one at rest by a body that moved back.
-    depths = contact.obstacle.depth((moved - contact.travel).T)
+    depths = np.maximum(-contact.obstacle.distance((moved - contact.travel).T), 0.0)
     found: tuple[float, list[float]] = (0.0, [])
     if len(depths):
         deepest = int(np.argmax(depths))

@@ -9,6 +9,7 @@ from typing import Any
 from dolfinx import fem
 
 from contact_locking.certificate import Certificate
+from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError
 from contact_locking.monitor import Monitor
@@ -38,6 +39,9 @@ _WAY_OUT_OF_SLIDING = (
 )
 _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
+)
+_WAY_OUT_OF_ENTRY = (
+    "Refine the mesh where the foundation enters: mesh.h_contact, or adapt; or take a rounder tool."
 )
 
 
@@ -215,6 +219,11 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
             contact.friction.depends_on_slip for contact in data.contacts
         ):
             warnings += plausibility.about_the_friction_used(touching["friction_used"])
+        for fields in state.contacts:
+            between = fields.entry
+            warnings += plausibility.about_an_entry(
+                fields.contact.key, between.depth, between.share, between.place
+            )
         for contact in data.contacts:
             entry = uncovered_entry(domain, u, contact)
             warnings += plausibility.about_uncovered_boundary(
@@ -261,10 +270,11 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
     if not report.converged and load is not None and load["infeasible"]:
         most = f"{100.0 * load['load_factor'][1]:.3g}"
         summary["reason"] += f"; on no mesh can more than {most} % of them be followed"
+    solved = certificate.criteria[ENTRY].holds if state.contacts else True
     if report.converged and certificate.complaint:
         summary |= {
             "converged": False,
             "reason": certificate.complaint,
-            "suggestion": _WAY_OUT_OF_COMPLAINTS,
+            "suggestion": _WAY_OUT_OF_COMPLAINTS if solved else _WAY_OUT_OF_ENTRY,
         }
     return summary

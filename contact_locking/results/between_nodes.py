@@ -1,0 +1,261 @@
+"""Where a foundation enters the body between the nodes of Gamma_C, where the conditions act.
+
+On a facet with the moved points y(s) the depth is ``d(s) = -phi(y(s))``, with the distance phi of
+the foundation, or ``u_nu - gap`` of a given gap.  The entry between the nodes is the largest
+``d(s) - sum_i N_i(s) [d_i]^+``: the depth beyond that of the nodes of the facet, where penalties,
+held nodes and the linearisation of the gap leave some.  Sought is the largest over a lattice of
+points of each facet and, from the best of them, by a search with steps that halve, which finds the
+deepest point where the foundation is convex.  The corners and sharp edges of a foundation that is
+made of facets are looked for behind the facets of the body.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+
+from contact_locking import _compat
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.parallel import maximum
+from contact_locking.problem.contact import Contact
+from contact_locking.problem.surface import ContactSurface
+
+# Each edge of a facet is divided into so many parts, by the dimension of the body, and the steps of
+# the search from the best point are halved so often.
+_DIVISIONS, _HALVINGS = {2: 16, 3: 6}, 5
+# The normals of a foundation that the nodes of a facet know turn by less between them.
+_KNOWN = 0.7
+# A corner of the foundation is looked for as deep as this multiple of the radius of a facet.
+_REACH = 1.5
+# Sharp edges are looked for at points that are this share of the least radius of a facet apart.
+_SPACING = 0.25
+# A corner above the edge of two facets is above both, to rounding.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The deepest entry of a foundation between the nodes of Gamma_C.
+
+    ``depth`` is a length, and ``place`` (d,) is the point before the body moved.  ``share`` is the
+    depth as a share of the indentation: of how far the foundation would enter there, or does enter
+    at a node, if contact did not act, from the largest displacement of the body along the normal of
+    the facet.  All are 0 where nothing enters.
+    """
+
+    depth: float = 0.0
+    share: float = 0.0
+    place: tuple[float, ...] = ()
+
+
+def entry_between_nodes(contact: Contact, u: fem.Function, touches: BoolArray) -> Entry:
+    """The deepest entry of a contact for a displacement; collective.
+
+    ``touches`` (k,) marks the owned nodes of Gamma_C where the body touches.
+    """
+    facets = _Facets(contact, u, touches)
+    weights, excess = facets.search()
+    number = int(np.argmax(excess)) if len(excess) else -1
+    found: tuple[float, list[float]] = (0.0, [])
+    if number >= 0 and excess[number] > 0.0:
+        found = float(excess[number]), facets.place(number, weights[number])
+    behind = facets.corners_behind()
+    if behind is not None and behind[0] > found[0]:
+        found = behind[0], facets.place(behind[1], behind[2])
+        number, weights[behind[1]] = behind[1], behind[2]
+    comm = contact.surface.domain.comm
+    told = comm.allgather(found)
+    depth, place = max(told)
+    if depth == 0.0:
+        return Entry()
+    rank = told.index((depth, place))
+    direction, along = comm.bcast(
+        facets.motion(number, weights[number]) if comm.rank == rank else None, rank
+    )
+    moved = float(maximum(comm, u.x.array.reshape(-1, contact.surface.domain.dim) @ direction))
+    overlap = max(depth - along, maximum(comm, -contact.gaps, -np.inf))
+    return Entry(depth, depth / max(depth, moved + overlap), tuple(place))
+
+
+class _Facets:
+    """The facets of Gamma_C of this rank, moved by u, with the values at their nodes.
+
+    Barycentric coordinates of points of the facets are (m, q, d), for q points of each of m facets.
+    """
+
+    def __init__(self, contact: Contact, u: fem.Function, touches: BoolArray) -> None:
+        surface = contact.surface
+        self._contact, self._dim = contact, surface.domain.dim
+        dim, nodes = self._dim, surface.facet_nodes
+        blocks = surface.limited.blocks[nodes]
+        self._quadratic = nodes.shape[1] > dim
+        self._x = surface.scalar_space.tabulate_dof_coordinates()[nodes, :dim]
+        self._u = u.x.array.reshape(-1, dim)[blocks]
+        normals = contact.normal.x.array.reshape(-1, dim)[blocks]
+        self._u_normal = np.sum(self._u * normals, axis=2)
+        self._moved = self._x[:, :dim] + self._u[:, :dim] - contact.travel
+        self._outward = _outward(surface, self._x[:, :dim])
+        away = self._moved - self._moved.mean(axis=1, keepdims=True)
+        self._radius = np.linalg.norm(away, axis=2).max(axis=1, initial=0.0)
+        eye = np.eye(dim)[None].repeat(len(nodes), axis=0)
+        self._at_corners = np.maximum(self._depth(eye, np.arange(len(nodes))), 0.0)
+        self._known = self._known_curvature(normals[:, :dim], nodes[:, :dim], touches)
+
+    def place(self, number: int, weights: FloatArray) -> list[float]:
+        """The point (d,) of a facet before the body moved."""
+        return list(map(float, self._basis(weights[None, None])[0, 0] @ self._x[number]))
+
+    def motion(self, number: int, weights: FloatArray) -> tuple[FloatArray, float]:
+        """The outward normal (d,) of a facet, and the displacement along it at a point."""
+        normal = self._outward[number]
+        return normal, float(self._basis(weights[None, None])[0, 0] @ self._u[number] @ normal)
+
+    def search(self) -> tuple[FloatArray, FloatArray]:
+        """The barycentric coordinates (m, d) of the deepest points, and the depths (m,).
+
+        The depths are those beyond the depths at the corners.  Collective.
+        """
+        dim, count = self._dim, len(self._x)
+        parts = _DIVISIONS[dim]
+        lattice = np.array(
+            [p for p in itertools.product(range(parts + 1), repeat=dim) if sum(p) == parts]
+        )
+        points = (lattice / parts)[None].repeat(count, axis=0)
+        obstacle = self._contact.obstacle
+        near: IntArray = np.arange(count)
+        if obstacle.is_distance:
+            # The distance changes by no more than the way.
+            centres = self._basis(np.full((count, 1, dim), 1.0 / dim))[:, 0]
+            middles = np.einsum("mn,mni->im", centres, self._x + self._u)
+            distances = obstacle.distance(middles - self._contact.travel[:, None])
+            near = np.flatnonzero(distances < 2.0 * self._radius)
+        best, deepest = self._best(points[near], near)
+        ways = [np.eye(dim)[i] - np.eye(dim)[j] for i, j in itertools.permutations(range(dim), 2)]
+        for halving in range(1, _HALVINGS + 1):
+            steps = np.array([np.zeros(dim), *ways]) / (parts * 2.0**halving)
+            around = np.maximum(best[:, None] + steps, 0.0)
+            around /= around.sum(axis=2, keepdims=True)
+            best, deepest = self._best(around, near)
+        weights, excess = np.full((count, dim), 1.0 / dim), np.zeros(count)
+        weights[near], excess[near] = best, deepest - self._known[near]
+        return weights, excess
+
+    def corners_behind(self) -> tuple[float, int, FloatArray] | None:
+        """The corner of the foundation deepest behind a facet; collective.
+
+        Returns the depth, the number of the facet, and the barycentric coordinates of the point
+        above the corner.
+        """
+        from scipy.spatial import cKDTree
+
+        obstacle, centres = self._contact.obstacle, self._moved.mean(axis=1)
+        reach = _REACH * self._radius
+        box = np.stack(
+            [
+                (centres - reach[:, None]).min(axis=0, initial=np.inf),
+                (centres + reach[:, None]).max(axis=0, initial=-np.inf),
+            ]
+        )
+        corners = obstacle.corners(box, _SPACING * self._radius.min(initial=np.inf))
+        tree = cKDTree(corners) if len(corners) else None
+        spans = (self._moved[:, 1:] - self._moved[:, :1]).transpose(0, 2, 1)
+        normals = _across(spans)
+        normals *= np.sign(np.sum(normals * self._outward, axis=1))[:, None]
+        inverse = np.linalg.pinv(spans)
+        depths, weights = (
+            np.zeros(len(centres)),
+            np.full((len(centres), self._dim), 1.0 / self._dim),
+        )
+        for number, (centre, radius) in enumerate(zip(centres, reach, strict=True)):
+            some = tree.query_ball_point(centre, radius) if tree else []
+            if not some:
+                continue
+            away = corners[some] - self._moved[number, 0]
+            rest = away @ inverse[number].T
+            shares = np.concatenate([1.0 - rest.sum(axis=1, keepdims=True), rest], axis=1)
+            behind = -(away @ normals[number])
+            behind = np.where(shares.min(axis=1) >= -_ROUNDING, behind, 0.0)
+            deepest = int(np.argmax(behind))
+            depths[number], weights[number] = behind[deepest], shares[deepest]
+        above = obstacle.distance(np.einsum("md,mdi->im", weights, self._moved))
+        depths -= np.sum(weights * self._at_corners, axis=1) + self._known
+        # The point above a corner may be on the side of the tool, to rounding.
+        depths[above > _ROUNDING * self._radius] = 0.0
+        if not len(depths) or depths.max() <= 0.0:
+            return None
+        best = int(np.argmax(depths))
+        return float(depths[best]), best, weights[best]
+
+    def _best(self, weights: FloatArray, facets: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Of points (m, q, d) of each of m facets the deepest (m, d), and its depth (m,)."""
+        at_corners = np.einsum("mqd,md->mq", weights, self._at_corners[facets])
+        excess = self._depth(weights, facets) - at_corners
+        best = np.argmax(excess, axis=1)
+        rows = np.arange(len(best))
+        return weights[rows, best], excess[rows, best]
+
+    def _depth(self, weights: FloatArray, facets: IntArray) -> FloatArray:
+        """``-phi`` or ``u_nu - gap`` (m, q) at points (m, q, d) of m facets; collective."""
+        shape, basis = weights.shape[:2], self._basis(weights)
+
+        def of(values: FloatArray) -> FloatArray:
+            found = np.einsum("mqn,mni->imq", basis, values[facets])
+            return found.reshape(len(found), -1)
+
+        opening = self._contact.obstacle.opening(
+            of(self._x),
+            of(self._u_normal[:, :, None])[0],
+            of(self._x + self._u) - self._contact.travel[:, None],
+        )
+        return -opening.reshape(shape)
+
+    def _basis(self, weights: FloatArray) -> FloatArray:
+        """The nodal functions (m, q, n) of a facet at points (m, q, d)."""
+        if not self._quadratic:
+            return weights
+        # The middles of edges stand in the order of the corners opposite to them.
+        ends = [(0, 1)] if self._dim == 2 else [(1, 2), (0, 2), (0, 1)]
+        middles = [4.0 * weights[..., i] * weights[..., j] for i, j in ends]
+        return np.concatenate(
+            [weights * (2.0 * weights - 1.0), np.stack(middles, axis=-1)], axis=-1
+        )
+
+    def _known_curvature(
+        self, normals: FloatArray, corners: IndexArray, touches: BoolArray
+    ) -> FloatArray:
+        """How far (m,) a foundation enters facets all of whose corners touch it, as they know.
+
+        Between the corners of a facet of length h, where the normals of the foundation turn by an
+        angle a, it enters by ``h a/8`` if it is round, and by up to ``h a/4`` if it has an edge.
+        This is the error of the mesh of a body that follows the foundation.
+        """
+        surface = self._contact.surface
+        marks = surface.scalar_function(touches.astype(float)).x.array[corners]
+        known = np.zeros(len(corners))
+        for i, j in itertools.combinations(range(self._dim), 2):
+            turn = np.linalg.norm(normals[:, i] - normals[:, j], axis=1)
+            length = np.linalg.norm(self._x[:, i] - self._x[:, j], axis=1)
+            known = np.maximum(known, np.where(turn < _KNOWN, 0.25 * length * turn, 0.0))
+        return np.where(marks.min(axis=1, initial=1.0) > 0.0, known, 0.0)
+
+
+def _across(spans: FloatArray) -> FloatArray:
+    """The unit normals (m, d) of facets with the edges (m, d, d - 1) from their first corner."""
+    normals = np.stack([spans[:, 1, 0], -spans[:, 0, 0]], axis=1)
+    if spans.shape[1] == 3:
+        normals = np.asarray(np.cross(spans[:, :, 0], spans[:, :, 1]), dtype=float)
+    size = np.linalg.norm(normals, axis=1)
+    return np.asarray(normals / np.where(size > 0.0, size, 1.0)[:, None])
+
+
+def _outward(surface: ContactSurface, corners: FloatArray) -> FloatArray:
+    """The outward unit normals (m, d) of facets with the corners (m, d, d) at rest."""
+    domain = surface.domain
+    cells = _compat.cell_nodes(domain.mesh)[domain.owners(surface.facets)]
+    inside = domain.mesh.geometry.x[cells][:, :, : domain.dim].mean(axis=1)
+    normals = _across((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    side = np.sum(normals * (corners[:, 0] - inside), axis=1)
+    return np.asarray(normals * np.sign(side)[:, None])

@@ -1,0 +1,163 @@
+"""A foundation that enters the body between the nodes of Gamma_C is never missed in silence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tool_files import binary_stl, box
+
+from contact_locking import Solution, solve, solve_steps
+from contact_locking.study_file import from_mapping
+
+# The top of a strip [10, 3] has a node at each whole number, and a block in space at each half.
+STRIP = {"builder": "block", "size": [10, 3], "h": 1.0, "structured": True}
+CUBE = {"builder": "block", "dim": 3, "size": [2, 2, 1], "h": 0.5, "structured": True}
+
+
+def given(mesh: dict[str, Any], contact: dict[str, Any], **changes: Any) -> Any:
+    """A body that is held at its bottom."""
+    zero = [0] * mesh.get("dim", 2)
+    return from_mapping(
+        {
+            "mesh": mesh,
+            "material": {"elasticity": {"young": 5.0, "poisson": 0.45}},
+            "loads": {"displacements": [{"on": "bottom", "value": zero}]},
+            "contact": {"on": "top", **contact},
+            "output": {"picture": False},
+        }
+        | changes
+    )
+
+
+def pressed(foundation: dict[str, Any], mesh: dict[str, Any] = STRIP, **changes: Any) -> Solution:
+    return solve(given(mesh, {"foundation": foundation}, **changes))
+
+
+def assert_missed(solution: Solution, depth: float, at: str) -> None:
+    """The criterion fails, and a warning has the depth and the place."""
+    criterion = solution.summary["certificate"]["criteria"]["penetration_between_nodes"]
+    assert not solution.converged and not criterion["holds"]
+    assert "depth of a foundation between the nodes" in solution.summary["reason"]
+    assert "mesh.h_contact" in solution.summary["suggestion"]
+    assert solution.summary["penetration_between_nodes"] == pytest.approx(depth, rel=0.05)
+    (warning,) = [text for text in solution.summary["warnings"] if "between the nodes" in text]
+    assert at in warning
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    ("foundation", "depth"),
+    [
+        (
+            {"polyline": [[5.7, 3], [5.7, 5], [5.3, 5], [5.3, 3], [5.5, 2.7], [5.7, 3]]},
+            0.3,
+        ),
+        # No point of a lattice is inside of a needle.
+        ({"polyline": [[5.531, 2.7], [5.532, 5], [5.53, 5], [5.531, 2.7]]}, 0.3),
+        ({"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}}, 0.02),
+        ({"sphere": {"centre": [5.53, 3.04], "radius": 0.06}}, 0.02),
+        ({"expression": "sqrt((x - 5.53)**2 + (y - 3.18)**2) - 0.2"}, 0.02),
+    ],
+    ids=["wedge", "needle", "roller", "small roller", "expression"],
+)
+def test_a_tool_between_two_nodes_fails_a_criterion(
+    foundation: dict[str, Any], depth: float, degree: int
+) -> None:
+    # With degree 2 the nodes are half as far apart.
+    moved = foundation | {"motion": [-0.25 * (degree - 1), 0.0]}
+    solution = pressed(moved, discretisation={"degree": degree})
+    assert_missed(solution, depth, {1: "near (5.5", 2: "near (5.2"}[degree])
+
+
+def test_a_gap_with_a_bump_between_two_nodes_fails_a_criterion() -> None:
+    gap = {"gap": "0.2 - 0.3*exp(-((x - 5.5)/0.1)**2)"}
+    assert_missed(solve(given(STRIP, gap)), 0.1, "near (5.5, 3)")
+
+
+def test_a_body_that_moves_onto_a_tool_between_nodes_fails_a_criterion() -> None:
+    # The body travels by 1 and touches the tool for the last 0.05 of the way.
+    up = {"displacements": [{"on": "bottom", "value": [0, 1.0]}]}
+    roller = {"cylinder": {"centre": [5.5, 4.05], "radius": 0.1}}
+    assert_missed(pressed(roller, loads=up), 0.05, "near (5.5, 3)")
+
+
+def test_a_tool_that_a_force_pushes_in_between_nodes_fails_a_criterion() -> None:
+    teeth = [[0.4, 3], [0.5, 2.9], [0.6, 3], [9.4, 3], [9.5, 2.9], [9.6, 3], [9.6, 5], [0.4, 5]]
+    solution = pressed({"polyline": [*teeth, teeth[0]], "force": [0.0, -0.1]})
+    assert_missed(solution, 0.1, "near (")
+
+
+def test_a_roller_that_slides_from_node_to_node_stops_where_it_is_missed() -> None:
+    roller = {"cylinder": {"centre": [4, 3.28], "radius": 0.3}, "motion": ["t", 0]}
+    steps = {"to": 2, "count": 8}
+    parameters = given(STRIP, {"foundation": roller}, steps=steps)
+    (solution,) = solve_steps(parameters)
+    assert solution.time == 0.25
+    assert_missed(solution, 0.02, "near (4.25, 3)")
+    # Facets of a third of its width do not miss it.
+    fine = dict(STRIP, size=[3, 0.5], h=0.05)
+    roller = {"cylinder": {"centre": [0.8, 0.78], "radius": 0.3}, "motion": ["t", 0]}
+    parameters = given(fine, {"foundation": roller}, steps={"to": 0.33, "count": 3})
+    forces = []
+    for solution in solve_steps(parameters):
+        assert solution.converged, solution.summary["reason"]
+        assert solution.summary["warnings"] == []
+        forces.append(solution.summary["contact_force"][1])
+    assert len(forces) == 3
+    assert max(forces) / min(forces) > 0.8
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {"sphere": {"centre": [1.17, 1.08, 1.08], "radius": 0.1}},
+        {"cylinder": {"centre": [1.17, 0.0, 1.08], "radius": 0.1}},
+        {"cylinder": {"centre": [1.17, 0.0, 1.08], "radius": 0.1, "axis": [1, 0, 0]}},
+        {"expression": "sqrt((x - 1.17)**2 + (y - 1.08)**2 + (z - 1.08)**2) - 0.1"},
+    ],
+    ids=["ball", "cylinder along y", "cylinder along x", "expression"],
+)
+def test_a_round_tool_between_the_nodes_of_a_block_fails_a_criterion(shape: dict[str, Any]) -> None:
+    if shape.get("cylinder", {}).get("axis"):
+        shape = {"cylinder": shape["cylinder"] | {"centre": [0.0, 1.23, 1.08]}}
+    assert_missed(pressed(shape, CUBE), 0.02, "near (")
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        ([1.16, 1.06, 0.97], [1.2, 1.1, 2.0]),
+        # A knife across the whole block, thinner than the lattice.
+        ([-1.0, 1.2, 0.97], [3.0, 1.201, 2.0]),
+        # A needle.
+        ([1.17, 1.08, 0.97], [1.171, 1.081, 2.0]),
+    ],
+    ids=["pin", "knife", "needle"],
+)
+def test_a_surface_between_the_nodes_of_a_block_fails_a_criterion(
+    corners: tuple[list[float], list[float]], tmp_path: Path
+) -> None:
+    file = tmp_path / "tool.stl"
+    file.write_bytes(binary_stl(box(*corners)))
+    assert_missed(pressed({"surface": str(file)}, CUBE), 0.03, "near (")
+
+
+def test_a_ring_on_a_body_of_revolution_that_is_missed_fails_a_criterion() -> None:
+    body = {"builder": "block", "size": [1, 1], "h": 0.5, "structured": True}
+    expression = "sqrt((x - 0.27)**2 + (y - 1.08)**2) - 0.1"
+    missed = pressed({"expression": expression}, body | {"axisymmetric": True})
+    assert_missed(missed, 0.02, "near (0.27, 1)")
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_what_the_nodes_see_is_not_warned_of(degree: int) -> None:
+    element = {"degree": degree}
+    flat = {"half_space": {"point": [0.0, 2.95], "normal": [0.0, -1.0]}}
+    large = {"cylinder": {"centre": [5.0, 102.95], "radius": 100.0}}
+    for foundation in (flat, large):
+        solution = pressed(foundation, discretisation=element)
+        assert solution.converged
+        assert solution.summary["warnings"] == []
+    assert pressed(flat).summary["penetration_between_nodes"] == pytest.approx(0.0, abs=1e-12)
