@@ -10,6 +10,28 @@ from sweep.case import Case, Truth, clamp, study
 
 #: There is a solution, and everything that is told of it is right.
 SOLVED: dict[str, Case] = {
+    "a strip on a floor that friction alone holds along it, lifted at one end": Case(
+        study(
+            block(30.0, 1.0, h=1.0, structured=True),
+            {
+                "body_force": [0.0, -1e-7],
+                "displacements": [{"on": "right", "value": [None, 2.5e-3]}],
+            },
+            friction=0.2,
+            smoothing=smoothed("none"),
+        ),
+        CARRIED,
+    ),
+    "a coefficient of ten thousand under a block that sticks": Case(
+        study(
+            block(2.0, 1.0, h=0.2),
+            moved(0.0, -0.02),
+            poisson=0.49,
+            friction=1e4,
+            smoothing=smoothed("none"),
+        ),
+        CARRIED,
+    ),
     # Friction bounds that do not settle by being updated.
     "full slip at large friction": Case(
         study(

@@ -20,6 +20,7 @@ from contact_locking.laws.elasticity import (
     isotropic_stiffness,
     isotropic_stress,
     lame_from_young,
+    mean_young,
 )
 from contact_locking.laws.foundation import HalfSpace, Round
 from contact_locking.laws.friction import friction_energy, friction_traction
@@ -100,6 +101,16 @@ def test_isotropic_eigenvalues_are_those_of_the_mandel_matrix(dim: int) -> None:
     shear, volume = isotropic_eigenvalues(-0.3, 1.2, dim)
     eigenvalues = np.linalg.eigvalsh(isotropic_stiffness(-0.3, 1.2, dim))
     assert {round(v, 12) for v in eigenvalues} == {round(shear, 12), round(volume, 12)}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_modulus_of_every_elliptic_matrix_is_positive(dim: int) -> None:
+    size = 3 if dim == 2 else 6
+    roots = np.random.default_rng(0).standard_normal((200, size, size))
+    matrices = roots @ np.swapaxes(roots, 1, 2)
+    assert np.all(mean_young(matrices, dim) >= np.linalg.eigvalsh(matrices)[:, 0])
+    isotropic = isotropic_stiffness(*lame_from_young(2.0, 0.3), dim)
+    assert mean_young(isotropic[None], dim) == pytest.approx(2.0)
 
 
 def test_tangents_have_no_nan_at_zero_strain_and_zero_slip(point: Point) -> None:

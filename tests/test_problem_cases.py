@@ -181,6 +181,64 @@ def test_friction_alone_holds_a_pressed_and_sheared_block(kernel: str) -> None:
     assert np.abs(points.u_tangent).max() <= 1e-6 * np.abs(found.displacement.x.array).max()
 
 
+def _lifted_sheet(height: float, **more: Any) -> Study:
+    """A sheet of steel of 300 to 1 on a floor, lifted at one end; N, mm, per mm of width."""
+    loads = {
+        "body_force": [0.0, -7.7e-5],
+        "displacements": [{"on": "right", "value": [None, height]}],
+    }
+    mesh = {"builder": "block", "dim": 2, "size": [300.0, 1.0], "h": 1.0, "structured": True}
+    data = study(mesh, loads, young=2e5, **more)
+    data["material"]["plane"] = "stress"
+    data["discretisation"] = {"degree": 2}
+    return data
+
+
+@pytest.mark.parametrize(("height", "close"), [(1.0, 1e-4), (1e-7, 1e-2)])
+def test_a_sheet_that_is_lifted_needs_the_same_force_held_by_friction_and_by_a_roller(
+    height: float, close: float
+) -> None:
+    """A beam that is lifted over the length L by h: ``h = w L^4/(24 E I)``, and the force w L/2.
+
+    The lower height lifts a part that is hardly longer than thick, where friction acts a little.
+    """
+    rubbing = _lifted_sheet(height, friction=0.2, smoothing={"kernel": "none"})
+    rolling = _lifted_sheet(height)
+    rolling["loads"]["displacements"].append({"on": "left", "value": [0.0, None]})
+    forces = [solution_of(data).summary["reactions"]["right"][1] for data in (rubbing, rolling)]
+    assert forces[0] == pytest.approx(forces[1], rel=close)
+    if height == 1.0:
+        stiffness, weight = 2e5 / 12.0, 7.7e-5
+        lifted = (24.0 * stiffness * height / weight) ** 0.25
+        assert forces[0] == pytest.approx(0.5 * weight * lifted, rel=0.03)
+
+
+def test_a_load_on_held_nodes_alone_does_nothing_by_newtons_method() -> None:
+    data = study(
+        {"builder": "block", "dim": 2, "h": 0.25},
+        {"pressures": [{"on": "left", "value": 0.01}], "displacements": [clamp(2)]},
+        gap=0.01,
+        friction=0.3,
+        penalty={"n": 1000.0},
+    )
+    data["solver"] = {"method": "newton"}
+    found = solution_of(data)
+    assert not found.displacement.x.array.any()
+
+
+@pytest.mark.parametrize("method", ["newton", "interior_point"])
+def test_friction_is_regularised_over_a_positive_slip_for_every_elliptic_matrix(
+    method: str,
+) -> None:
+    """The isotropic tensor that is nearest to this matrix has a negative Young's modulus."""
+    data = _pressed(1.0, 0.01, penalty={"n": 1000.0})
+    data["material"] = {"elasticity": {"stiffness": [[1.0, -0.8, 0], [-0.8, 1.0, 0], [0, 0, 4.0]]}}
+    data["solver"] = {"method": method}
+    found = solution_of(data)
+    # The smallest eigenvalue is 0.2.
+    assert found.summary["penalty"]["regularisation"] == pytest.approx(0.2 / 1000.0)
+
+
 def test_a_penalty_that_is_soft_for_the_material_is_warned_of_with_one_that_does() -> None:
     """Steel in pascals on a foundation of 1/epsilon = n = 1e4 Pa/m, which it hardly feels."""
     soft = solution_of(_pressed(2e11, 1e8, penalty={"n": 1e4}))

@@ -98,16 +98,19 @@ def isotropic_stiffness(
 
 
 def mean_young(stiffness: FloatArray, dim: int) -> FloatArray:
-    """Young's modulus of the isotropic tensor that is nearest to A in the Frobenius norm (Voigt).
+    """``max(E, alpha)``, which is positive for every elliptic A.
 
-    ``stiffness`` holds Mandel matrices (k, s, s), and the result is (k,).  For an isotropic A the
-    result is the Young's modulus of A.
+    E is Young's modulus of the isotropic tensor that is nearest to A in the Frobenius norm (Voigt),
+    and alpha the smallest eigenvalue of A.  In the plane E may be negative although A is elliptic.
+    ``stiffness`` holds Mandel matrices (k, s, s), and the result is (k,).  For an isotropic A with
+    a Poisson's ratio of at least -1/2 the result is the Young's modulus of A.
     """
     # I : A : I = d (2 mu + d lambda), and tr A = (2 mu + d lambda) + 2 mu (s - 1).
     volumetric = stiffness[:, :dim, :dim].sum(axis=(1, 2)) / dim
     trace = np.trace(stiffness, axis1=1, axis2=2)
     lame_mu = 0.5 * (trace - volumetric) / (stiffness.shape[1] - 1)
-    return young_from_lame((volumetric - 2.0 * lame_mu) / dim, lame_mu)
+    young = young_from_lame((volumetric - 2.0 * lame_mu) / dim, lame_mu)
+    return np.maximum(young, np.linalg.eigvalsh(stiffness)[:, 0])
 
 
 def young_from_lame(lame_lambda: Any, lame_mu: Any) -> Any:

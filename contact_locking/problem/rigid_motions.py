@@ -225,6 +225,9 @@ def driven_slide(
             b_ub=np.zeros(len(rows)),
             bounds=[(-1, 1)] * count + [(0, None)],
         )
+        if found.status != 0:
+            # Friction beside which the push is rounding.
+            break
         motion = np.asarray(found.x[:count])
         cuts.append(np.asarray(slides.T @ rub(slides @ motion) / size))
         net = float((push / size - cuts[-1]) @ motion)

@@ -73,6 +73,9 @@ class CriticalPointStep:
 
     def _length(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec, y: PETSc.Vec) -> float:
         start = -f.dot(y)
+        if start == 0.0:
+            # Nothing is unbalanced: loads on held nodes alone, for example.
+            return 1.0
         if not start < 0.0:
             raise NotConverged("the tangent is not positive definite")
         trial, gradient = x.duplicate(), f.duplicate()

@@ -70,10 +70,20 @@ class FrictionCones(LorentzCones):
 
     def start(self, level: float, least: float) -> None:
         """Without a traction, under a bound of 1 that :meth:`set_bound` replaces."""
-        rest, least = self._fixed_rows(), max(least, self.regularisation)
-        self.x = np.vstack([np.sqrt(dot(rest, rest) + least**2), rest])
+        self._open(np.full(len(self.weights), max(least, self.regularisation)))
         self.z = np.zeros_like(self.x)
         self.z[0] = 1.0
+
+    def start_under(self, bound: FloatArray, pressure: FloatArray, least: float) -> None:
+        """Start under a bound (k,), with the products of contact where it exceeds the pressure."""
+        share = np.minimum(pressure / bound, 1.0)
+        self._open(np.maximum(share * least, self.regularisation))
+        self.set_bound(bound)
+
+    def _open(self, least: FloatArray) -> None:
+        """Open the cones by ``least`` (k,)."""
+        rest = self._fixed_rows()
+        self.x = np.vstack([np.sqrt(dot(rest, rest) + least**2), rest])
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         self.nodes.enter(self.reactions, multipliers.contacts[self.nodes.number].friction)

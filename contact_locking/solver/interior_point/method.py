@@ -182,9 +182,9 @@ class InteriorPoint:
         opening = tuning.opening(self.approach, elastic.overstrain())
         least = opening * elastic.retreat() * target.length
         for family in tangent.families:
-            family.start(tuning.start_level * energy, least)
+            family.start(tuning.start_level * elastic.energy(), least)
         for bound in bounds:
-            bound.start(self._bound_moves)
+            bound.start(self._bound_moves, least)
         self._iterate = Iterate(tangent, tuning.band)
         self._moving = [
             bound for bound in bounds if self._bound_moves and bound.friction.takes_part

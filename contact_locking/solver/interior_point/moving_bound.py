@@ -28,7 +28,7 @@ class MovingBound:
     friction: FrictionCones
     least: float
 
-    def start(self, moves: bool) -> None:
+    def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
 
         Where it is zero, there is no friction to account for; collective.
@@ -37,7 +37,8 @@ class MovingBound:
             self.contact.bounds = self.wanted()
         self.friction.takes_part = not self.is_zero()
         if self.friction.takes_part:
-            self.friction.set_bound(self.friction.nodes.of_all(self.contact.bounds))
+            bound = self.friction.nodes.of_all(self.contact.bounds)
+            self.friction.start_under(bound, self.pressing.z, least)
 
     def is_zero(self) -> bool:
         """Whether the bound is zero everywhere; collective."""

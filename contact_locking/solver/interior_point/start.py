@@ -25,12 +25,15 @@ class ElasticStart:
         self._tolerance, self._tuning = task.settings.tolerance, tuning
         #: The strain of the elastic displacement, which others are compared with.
         self.strain = 0.0
+        self._carried = 0.0
 
     def solve(self) -> bool:
         """Put the elastic displacement into the system; True if it is the solution; collective."""
         tangent, tuning = self._tangent, self._tuning
         self._move_rigidly()
         self._look()
+        if self._system.held_by_contact:
+            self._carried = abs(tangent.load_work())
         push = self._set_springs()
         # The springs would shake a body without loads by their rounding.
         is_pushed = any(tool.pushes for tool in self._system.tools)
@@ -70,6 +73,15 @@ class ElasticStart:
             self._look()
             if tangent.residual_norms([])[0] <= self._tolerance * tangent.force_scale:
                 break
+
+    def energy(self) -> float:
+        """The density of energy that the multipliers start from.
+
+        Where contact carries loads that prescribed displacements have moved as a rigid body, the
+        strain says nothing of the pressure: the work of these loads does.
+        """
+        elastic = self._target.ellipticity * self.strain**2
+        return max(elastic, self._carried / self._target.volume)
 
     def overstrain(self) -> float:
         """The elastic strain over the mean of the limits, 0 where there are none; collective."""

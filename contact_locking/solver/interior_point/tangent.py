@@ -78,6 +78,10 @@ class Tangent:
         self.force_scale = self.system.rounding.raise_above(self.acting, self._tolerance)
         self._unbalanced.waxpy(-1.0, self._load, self._stretched)
 
+    def load_work(self) -> float:
+        """``(f, u)`` of the displacement visited last; collective."""
+        return float(self._load.dot(self._answer))
+
     def refresh(self) -> None:
         """Set up linear solves for the present blocks of all families; collective."""
         for family in self.families:

@@ -173,7 +173,7 @@ class Tuning:
     locking_share: float = 1e-2
     #: This share of the elastic energy at the start, in (0, 1), stands for the energy if that is
     #: smaller.
-    least_energy: float = 1e-10
+    least_energy: float = 1e-18
     #: Multipliers that have grown by this factor, > 1, while the laws stay violated may prove that
     #: no displacement is admissible.
     diverged: float = 1e2
