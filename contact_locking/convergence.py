@@ -14,7 +14,7 @@ from dolfinx import fem
 
 from contact_locking import _compat
 from contact_locking.errors import InputError
-from contact_locking.files.atomic import write_text
+from contact_locking.files.ownership import write_text
 from contact_locking.laws.convex import squared_norm
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.domain import Domain

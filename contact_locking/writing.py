@@ -14,7 +14,7 @@ from mpi4py import MPI
 from contact_locking import checkpoint as checkpoints
 from contact_locking import plotting, report, study_file
 from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom
-from contact_locking.files import atomic
+from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import make_folders
 from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
 from contact_locking.results.heap import give_back
@@ -23,25 +23,23 @@ from contact_locking.results.names import (
     CONTACT,
     FACETS,
     FIELDS,
+    FILES_OF_RUN,
     HISTORY,
     MESHES,
     PARAMETERS,
-    PICTURE,
     PROBES,
-    SNAPSHOT,
     SUMMARY,
     XDMF,
-    XDMF_DATA,
 )
-from contact_locking.results.output_folder import TEXTS_BYTES, explained_in, on_root_of
+from contact_locking.results.output_folder import (
+    KEY,
+    TEXTS_BYTES,
+    explained_in,
+    on_root_of,
+    require_own,
+)
 from contact_locking.results.solution import Solution
 from contact_locking.results.summary import summary_text
-
-# The summary is the last file: a folder with a summary has all other files.
-_ORDER = (
-    *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
-    *(PROBES, SNAPSHOT, PICTURE, ANIMATION, checkpoints.NAME, SUMMARY),
-)
 
 
 class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
@@ -95,17 +93,19 @@ def write(
     adds history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of the fields
     of this step, and ``animation`` is on rank 0 the content of animation.gif.  The files are
     written into a staging folder and moved when all are complete.  No file of an earlier run stays
-    in the folder.
+    in the folder, and a file that no run has written is neither replaced nor removed.
 
     If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
-    InputError for a folder that cannot be written to, and ContactLockingError for a full disk; if
-    only the picture or the checkpoint has no room, all other files are written first.
+    InputError for a folder that cannot be written to or holds files of others in place of these,
+    and ContactLockingError for a full disk; if only the picture or the checkpoint has no room, all
+    other files are written first.
     """
     comm, target = solution.domain.comm, Path(directory)
     wanted = solution.parameters.output
     warnings: list[str] = []
     refused: list[str] = []
     give_back()
+    on_root_of(comm, target, partial(require_own, target))
     with _staging(comm, target) as staging:
         if series is not None:
             on_root_of(comm, target, partial(_move, series, staging / FIELDS))
@@ -134,8 +134,7 @@ def write(
                 (staging / ANIMATION).write_bytes(animation)
             adapted_meshes.save(solution.meshes, staging / MESHES)
             report.discard(target)
-            for name in _ORDER:
-                atomic.put_in_place(staging / name, target / name)
+            ownership.replace(target, staging, FILES_OF_RUN, KEY)
 
         on_root_of(comm, target, finish)
     if refused:
@@ -147,21 +146,22 @@ def save(solution: Solution, directory: str | Path) -> None:
     """Save a checkpoint in ``directory``/checkpoint, for ``restart=directory``; collective.
 
     Any number of ranks can read the checkpoint on the same mesh.  Raises ContactLockingError if
-    adios4dolfinx is missing, and InputError for a folder that cannot be written to.
+    adios4dolfinx is missing, and InputError for a folder that cannot be written to or holds a
+    checkpoint of others.
     """
-    save_at(solution, Path(directory), Path(directory) / checkpoints.NAME)
+    save_as(solution, Path(directory), checkpoints.NAME)
 
 
-def save_at(solution: Solution, directory: Path, place: Path) -> None:
-    """Save a checkpoint at a place in ``directory``, whole or not at all; collective.
+def save_as(solution: Solution, directory: Path, name: str) -> None:
+    """Save a checkpoint as ``directory``/``name``, whole or not at all; collective.
 
     Raises as :func:`save`.
     """
     comm = solution.domain.comm
     with _staging(comm, directory) as staging:
-        _write_checkpoint(solution, directory, staging)
-        whole = staging / checkpoints.NAME
-        on_root_of(comm, directory, lambda: atomic.put_in_place(whole, place))
+        folder = staging / name
+        _write_checkpoint(solution, directory, folder)
+        on_root_of(comm, directory, lambda: ownership.replace(directory, staging, [name], KEY))
 
 
 def _write_fields(solution: Solution, target: Path, path: Path) -> None:
@@ -176,7 +176,7 @@ def _write_fields(solution: Solution, target: Path, path: Path) -> None:
 def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
     """Write a checkpoint and return None, or return why it failed; collective."""
     try:
-        _write_checkpoint(solution, target, staging)
+        _write_checkpoint(solution, target, staging / checkpoints.NAME)
         return None
     except ContactLockingError as error:
         reason = str(error).splitlines()[0]
@@ -188,13 +188,13 @@ def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
     return reason
 
 
-def _write_checkpoint(solution: Solution, target: Path, staging: Path) -> None:
-    folder, comm = staging / checkpoints.NAME, solution.domain.comm
+def _write_checkpoint(solution: Solution, target: Path, folder: Path) -> None:
+    comm = solution.domain.comm
     # The text files are written later and need room as well.
     size = checkpoints.size(solution) + TEXTS_BYTES
 
     def make_folder() -> None:
-        atomic.require_room(staging, size)
+        atomic.require_room(folder.parent, size)
         folder.mkdir()
 
     on_root_of(comm, target, make_folder)

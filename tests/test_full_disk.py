@@ -20,6 +20,7 @@ from report_folder import run_folder
 from study_folder import FAKE, Folder
 
 from contact_locking import checkpoint
+from contact_locking.files import ownership
 from contact_locking.plotting.snapshot_file import load
 
 pytestmark = pytest.mark.serial
@@ -92,7 +93,8 @@ def full(done: subprocess.CompletedProcess[str], what: str) -> None:
     assert "ake room" in done.stderr and done.stdout == ""
 
 
-FILES = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", "fields.bp"}
+TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", ownership.LIST}
+FILES = TEXTS | {"fields.bp"}
 DRAWN = FILES | {"picture.png", "snapshot.npz"}
 
 

@@ -141,13 +141,15 @@ def test_a_run_under_nohup_goes_on_when_its_terminal_is_closed(study: Path) -> N
 
 def test_only_abandoned_folders_of_this_program_are_removed(tmp_path: Path) -> None:
     with staging(tmp_path) as used:
-        abandoned = tmp_path / ".partial-a1b2c3_4"
+        prefix = ".partial-contact-locking-"
+        abandoned = tmp_path / f"{prefix}a1b2c3_4"
         (abandoned / "fields.bp").mkdir(parents=True)
-        (tmp_path / ".partial-of-the-user").mkdir()
-        (tmp_path / ".partial-12345678").write_text("a file")
-        (tmp_path / ".partial-abcdefgh").symlink_to(tmp_path / ".partial-of-the-user")
+        users = tmp_path / ".partial-download"
+        users.mkdir()
+        (tmp_path / f"{prefix}12345678").write_text("a file")
+        (tmp_path / f"{prefix}abcdefgh").symlink_to(users)
         remove_abandoned(tmp_path)
-        kept = {used.name, ".partial-of-the-user", ".partial-12345678", ".partial-abcdefgh"}
+        kept = {used.name, users.name, f"{prefix}12345678", f"{prefix}abcdefgh"}
         assert {path.name for path in tmp_path.iterdir()} == kept
     assert not used.exists()
 

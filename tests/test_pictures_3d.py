@@ -21,6 +21,7 @@ from solutions import made_up, snapshot
 from contact_locking import writing
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NoRendering
+from contact_locking.files import ownership
 from contact_locking.plotting import camera, offscreen, snapshot_file, views
 
 Image = npt.NDArray[np.uint8]
@@ -29,7 +30,7 @@ needs_pyvista = pytest.mark.skipif(
     importlib.util.find_spec("pyvista") is None or shutil.which("xvfb-run") is None,
     reason="PyVista or xvfb-run is not installed",
 )
-TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
+TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", ownership.LIST}
 FILES = TEXTS | {"snapshot.npz", "picture.png"}
 ABORT = "import os; os.abort()"
 RENDER_ALL = """

@@ -16,6 +16,9 @@ from report_folder import page, quick, run_folder
 
 from contact_locking import report
 from contact_locking.errors import InputError
+from contact_locking.files import ownership
+from contact_locking.report import run_page
+from contact_locking.report.charts import Chart
 from contact_locking.report.shown import shown
 from contact_locking.report.templates import environment
 from contact_locking.results import names as result_files
@@ -168,7 +171,8 @@ def test_the_report_of_an_earlier_run_goes_with_its_results(tmp_path: Path) -> N
     report.write(tmp_path)
     run_folder(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {
-        *(result_files.SUMMARY, result_files.PARAMETERS, result_files.CONTACT, result_files.FACETS)
+        *(result_files.SUMMARY, result_files.PARAMETERS, result_files.CONTACT, result_files.FACETS),
+        ownership.LIST,
     }
 
 
@@ -177,7 +181,7 @@ def test_a_folder_of_the_same_name_that_is_no_report_is_left_alone(tmp_path: Pat
     own = tmp_path / "report" / "thesis.tex"
     own.parent.mkdir()
     own.touch()
-    with pytest.raises(InputError, match="more than charts"):
+    with pytest.raises(InputError, match=r"thesis\.tex: was not written by an earlier run"):
         report.write(tmp_path)
     (tmp_path / "report.html").write_text("<title>mine</title>")
     run_folder(tmp_path)
@@ -185,13 +189,21 @@ def test_a_folder_of_the_same_name_that_is_no_report_is_left_alone(tmp_path: Pat
 
 
 @quick
-def test_a_report_replaces_the_one_before_and_leaves_nothing_else(own_run: Path) -> None:
+def test_a_report_replaces_the_one_before_and_leaves_nothing_else(
+    own_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = set(os.listdir(own_run))
     report.write(own_run)
-    (own_run / "report" / "old.svg").touch()
+    charts = set(os.listdir(own_run / "report"))
+    with monkeypatch.context() as patch:
+        one = Chart("old", "", "<svg>", b"")
+        patch.setattr(run_page, "run_page", lambda results: ("", [one]))
+        report.write(own_run)
+    assert set(os.listdir(own_run / "report")) == {"old.svg", "old.png"}
     report.write(own_run)
-    assert set(os.listdir(own_run)) == before | {report.PAGE, report.CHARTS}
-    assert not (own_run / "report" / "old.svg").exists()
+    added = {ownership.LIST, report.PAGE, report.CHARTS}
+    assert set(os.listdir(own_run)) == before | added
+    assert set(os.listdir(own_run / "report")) == charts
 
 
 def test_reports_need_no_dolfinx(own_run: Path) -> None:

@@ -13,6 +13,7 @@ from study_folder import Folder, wait_for
 
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError
+from contact_locking.files import ownership
 from contact_locking.studies import slurm
 
 pytestmark = pytest.mark.serial
@@ -110,7 +111,7 @@ def test_the_job_of_a_stopped_study_has_ended_before_the_next_submits(folder: Fo
     folder.write("{vary: {penalty.n: [10]}}")
     folder.run()
     job = folder.output / "cases" / slurm.JOB
-    job.write_text("42")
+    ownership.write_text(job, "42")
     completing = folder.path / "completing"
     completing.write_text("\n" * 3)
     folder.write("{vary: {penalty.n: [20]}}")
@@ -127,7 +128,7 @@ def test_a_job_that_does_not_end_holds_the_next_up_for_some_time(
     monkeypatch.setattr(slurm, "_ENDING_SECONDS", 0.2)
     folder.write("{vary: {penalty.n: [10]}}")
     folder.run()
-    (folder.output / "cases" / slurm.JOB).write_text("42")
+    ownership.write_text(folder.output / "cases" / slurm.JOB, "42")
     completing = folder.path / "completing"
     completing.write_text("\n" * 10_000)
     folder.write("{vary: {penalty.n: [20]}}")

@@ -16,6 +16,7 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking import InputError, Parameters, report, save, solve_steps, study_file
+from contact_locking.files import ownership
 from contact_locking.monitor import Monitor
 from contact_locking.results.history import History, read_history
 from contact_locking.running import run_steps
@@ -23,6 +24,7 @@ from contact_locking.running import run_steps
 RUN = """
 import os, signal, sys
 from contact_locking import load
+from contact_locking.files import ownership
 from contact_locking.monitor import Monitor
 from contact_locking.running import run_steps
 
@@ -34,6 +36,7 @@ class Killing(Monitor):
 run_steps(load(sys.argv[1]).parameters, sys.argv[2], monitor=Killing())
 """
 FILES = {
+    ownership.LIST,
     "summary.json",
     "parameters.yaml",
     "contact.csv",

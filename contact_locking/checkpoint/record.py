@@ -15,11 +15,12 @@ from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.errors import InputError
 from contact_locking.plain_text import defect
+from contact_locking.results.names import CHECKPOINT
 
 # A change of the written files raises this number.
 FORMAT = 4
 # The folder of a checkpoint in the folder of a run, and the names in this folder.
-NAME, RECORD, FIELDS, MESH = "checkpoint", "record.json", "state.bp", "mesh"
+NAME, RECORD, FIELDS, MESH = CHECKPOINT, "record.json", "state.bp", "mesh"
 _AGAIN = "save it again with contact-locking run --checkpoint"
 
 

@@ -8,16 +8,16 @@ from pathlib import Path
 
 from contact_locking._version import __version__
 from contact_locking.checkpoint.record import RECORD
-from contact_locking.files.atomic import write_text
+from contact_locking.files import ownership
 
 #: The folder of the saved steps in the folder of a run; it is removed when the run has ended.
 FOLDER = "steps"
 _RUN = "run.json"
 
 
-def place(directory: Path, number: int) -> Path:
-    """The folder of the step with this number, counted from 1."""
-    return directory / FOLDER / f"{number:06d}"
+def name_of(number: int) -> str:
+    """The name of the folder of the step with this number, counted from 1."""
+    return f"{number:06d}"
 
 
 def saved_steps(directory: Path) -> list[Path]:
@@ -31,25 +31,26 @@ def unfinished(directory: Path, fingerprint: str) -> list[Path]:
     """The saved steps of a killed run with the same parameters; empty if there is none.
 
     For rank 0.  The saved steps of other parameters are removed, and the folder is prepared for the
-    steps of these.  Raises OSError.
+    steps of these.  Raises OSError, and InputError if there is a folder of others in its place.
     """
     folder = directory / FOLDER
     mark = json.dumps({"version": __version__, "fingerprint": fingerprint}) + "\n"
     if (folder / _RUN).is_file() and (folder / _RUN).read_text(encoding="utf-8") == mark:
         return [path.parent for path in sorted(folder.glob(f"[0-9]*/{RECORD}"))]
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    write_text(folder / _RUN, mark)
+    ownership.discard(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    ownership.require_own(folder.parent, [FOLDER], "output.directory")
+    ownership.write_text(folder / _RUN, mark)
     return []
 
 
 def remove_before(directory: Path, number: int) -> None:
     """Remove the saved steps before a step; for rank 0."""
     for path in (directory / FOLDER).glob("[0-9]*"):
-        if path.name < place(directory, number).name:
+        if path.name < name_of(number) and ownership.is_own(path):
             shutil.rmtree(path, ignore_errors=True)
 
 
 def remove(directory: Path) -> None:
     """Remove all saved steps; for rank 0."""
-    shutil.rmtree(directory / FOLDER, ignore_errors=True)
+    ownership.discard(directory / FOLDER)

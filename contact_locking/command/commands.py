@@ -106,14 +106,14 @@ def study(arguments: argparse.Namespace) -> int:
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
-    from contact_locking.report import print_page, write
+    from contact_locking.report import print_page, write_all
 
     if terminal.is_root():
         try:
-            page = write(arguments.directory)
-            print(f"{page}: written")
-            if arguments.pdf:
-                print(f"{print_page(page)}: written")
+            for page in write_all(arguments.directory):
+                print(f"{page}: written")
+                if arguments.pdf:
+                    print(f"{print_page(page)}: written")
         except ImportError as error:
             raise ContactLockingError(f"a report takes Matplotlib and Jinja2: {error}") from error
     return 0

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from contact_locking.files.lock import try_lock
 
-_PREFIX = ".partial-"
+_PREFIX = ".partial-contact-locking-"
 # tempfile.mkdtemp ends its names with eight of these characters.
 _NAME = re.compile(re.escape(_PREFIX) + r"[a-z0-9_]{8}")
 # The errors of file systems that cannot reserve disk space.

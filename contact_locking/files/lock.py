@@ -6,6 +6,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,8 @@ from pathlib import Path
 from contact_locking.errors import InputError
 
 _NAME = ".lock"
+# What a run or study writes into the file, or a killed one has left there.
+_CONTENT = re.compile(r"(a \w+, process \d+ on .*\n?)?")
 # PATH_MAX of Linux minus the longest path of a result in a folder.
 _LONGEST_PATH = 4096 - 160
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EINVAL)
@@ -23,8 +26,8 @@ def locked(directory: Path, what: str) -> Iterator[bool]:
     """Hold the lock of a folder for ``what``; yields False if the file system has no locks.
 
     The operating system releases the lock when the process ends, so that the lock file of a killed
-    process locks nothing.  Raises InputError if another process holds the lock, and OSError if the
-    folder cannot be written to.
+    process locks nothing.  Raises InputError if another process holds the lock or if the
+    file is of another program, and OSError if the folder cannot be written to.
     """
     path = directory / _NAME
     with contextlib.ExitStack() as stack:
@@ -40,6 +43,12 @@ def locked(directory: Path, what: str) -> Iterator[bool]:
             raise InputError(
                 f"results are being written to {directory} already, by {holder}; wait until that "
                 "has ended, stop it, or give another folder with --output"
+            )
+        file.seek(0)
+        if not _CONTENT.fullmatch(file.read(1000)):
+            raise InputError(
+                f"{path}: is not the lock of a run, and would be replaced; move it away, or give "
+                "another folder with --output"
             )
         try:
             file.truncate(0)

@@ -8,11 +8,7 @@ import subprocess
 from pathlib import Path
 
 from contact_locking.errors import ContactLockingError, explained
-from contact_locking.files import atomic
-
-from .files import CHARTS
-
-PDF = "report.pdf"
+from contact_locking.files import atomic, ownership
 
 _PROGRAMS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 _OPTIONS = (
@@ -34,12 +30,14 @@ def print_page(page: Path) -> Path:
             f"a PDF file takes Chromium, and none of {', '.join(_PROGRAMS)} is installed: "
             f"apt-get install chromium, or print {page} from a browser"
         )
-    folder = page.parent / CHARTS
+    folder = page.with_suffix("")
+    name = f"{folder.name}/{folder.name}.pdf"
     with (
         explained(f"no PDF file can be written in {folder}", folder),
         atomic.staging(folder) as unfinished,
     ):
-        made, profile = unfinished / PDF, unfinished / "profile"
+        made, profile = unfinished / name, unfinished / "profile"
+        made.parent.mkdir()
         # Chromium refuses to run as root with its sandbox, and the page runs no script of others.
         sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []
         command = [program, *_OPTIONS, *sandbox, f"--user-data-dir={profile}"]
@@ -50,8 +48,8 @@ def print_page(page: Path) -> Path:
             raise ContactLockingError(f"{program} could not print {page}: {_why(error)}") from error
         if not made.exists():
             raise ContactLockingError(f"{program} has printed nothing of {page}")
-        atomic.put_in_place(made, folder / PDF)
-    return folder / PDF
+        ownership.replace(page.parent, unfinished, [name])
+    return page.parent / name
 
 
 def _why(error: subprocess.CalledProcessError | subprocess.TimeoutExpired) -> str:

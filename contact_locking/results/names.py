@@ -16,6 +16,13 @@ PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
 ANIMATION = "animation.gif"
 #: The meshes of a run with adapted meshes.
 MESHES = "meshes.npz"
+#: The folder of the saved state.
+CHECKPOINT = "checkpoint"
+#: All of a run in the order in which they are put in place: a folder with a summary has the others.
+FILES_OF_RUN = (
+    *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
+    *(PROBES, SNAPSHOT, PICTURE, ANIMATION, CHECKPOINT, SUMMARY),
+)
 #: The table of a study, in CSV and in JSON lines.
 TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"
 

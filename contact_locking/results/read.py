@@ -68,18 +68,21 @@ class StudyResults:
         return path if path.is_dir() else None
 
 
-def read(folder: Path) -> RunResults | StudyResults:
-    """The results in a folder.
+def read_all(folder: Path) -> list[RunResults | StudyResults]:
+    """The results in a folder: of a run, of a study, or of both in this order.
 
     Raises InputError if the folder has no results, or results of another version.
     """
     if not folder.is_dir():
         there = "is no folder" if folder.exists() else "there is no such folder"
         raise InputError(f"{folder}: {there}; give the folder of a run or of a study")
-    if (folder / TABLE_LINES).exists():
-        return _study(folder)
+    found: list[RunResults | StudyResults] = []
     if (folder / SUMMARY).exists():
-        return _run(folder)
+        found.append(_run(folder))
+    if (folder / TABLE_LINES).exists():
+        found.append(_study(folder))
+    if found:
+        return found
     if (folder / PARAMETERS).exists():
         raise InputError(f"{folder}: is not finished: there is no {SUMMARY}; solve it again")
     raise InputError(

@@ -89,6 +89,6 @@ def run_steps(
 def _save(solution: Solution, target: Path, parameters: Parameters) -> None:
     """Save a step; only fields and probes of all steps need the steps before it; collective."""
     number = len(solution.history)
-    writing.save_at(solution, target, saved_steps.place(target, number))
+    writing.save_as(solution, target / saved_steps.FOLDER, saved_steps.name_of(number))
     if not parameters.output.fields and not parameters.output.probes:
         on_root(solution.domain.comm, lambda: saved_steps.remove_before(target, number))

@@ -15,14 +15,18 @@ from typing import Any, Literal
 
 from contact_locking import study_file
 from contact_locking._version import __version__
-from contact_locking.files.atomic import remove_abandoned, write_text
+from contact_locking.files import ownership
+from contact_locking.files.atomic import remove_abandoned
 from contact_locking.results.in_words import weakest
-from contact_locking.results.names import PARAMETERS, SUMMARY
+from contact_locking.results.names import FILES_OF_RUN, PARAMETERS, SUMMARY
 from contact_locking.results.read import read_mapping
 
 from .cases import Case
 
 FAILURE, PROGRESS, LOG = "failure.json", "progress.json", "log.txt"
+#: With Slurm, the exit code of the command that has solved a case.
+EXIT_CODE = "exit_code.txt"
+_BESIDE_RESULTS = (FAILURE, PROGRESS, LOG, EXIT_CODE)
 
 State = Literal["converged", "not converged", "failed", "not run"]
 
@@ -74,13 +78,23 @@ def other_version(case: Case) -> str | None:
     return str(summary.get("version", "unknown"))
 
 
+def require_own(case: Case) -> None:
+    """Raise InputError if files of others stand where those of a case belong."""
+    ownership.require_own(case.folder, (*FILES_OF_RUN, *_BESIDE_RESULTS), "output.directory")
+
+
 def begin(case: Case) -> None:
-    """Prepare the folder for `run`, and remove the files of an earlier attempt. Raises OSError."""
+    """Prepare the folder for `run`, and remove the files of an earlier attempt.
+
+    Raises OSError, and InputError as `require_own`.
+    """
     case.folder.mkdir(parents=True, exist_ok=True)
     remove_abandoned(case.folder)
-    for name in (FAILURE, PROGRESS, LOG):
+    # A damaged summary is one of a case that is not finished.
+    ownership.claim(case.folder, (*_BESIDE_RESULTS, SUMMARY))
+    for name in _BESIDE_RESULTS:
         (case.folder / name).unlink(missing_ok=True)
-    write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))
+    ownership.write_text(case.folder / PARAMETERS, study_file.dump(case.parameters))
 
 
 def conclude(case: Case, why: Callable[[], str]) -> Outcome:
@@ -93,7 +107,8 @@ def conclude(case: Case, why: Callable[[], str]) -> Outcome:
         return found
     reason = why()
     record = {"version": __version__, "fingerprint": case.name, "reason": reason}
-    write_text(case.folder / FAILURE, json.dumps(record, indent=2, ensure_ascii=False) + "\n")
+    text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
+    ownership.write_text(case.folder / FAILURE, text)
     return Outcome("failed", reason)
 
 

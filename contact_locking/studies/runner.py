@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 from contact_locking import study_file
 from contact_locking.errors import explained
-from contact_locking.files.atomic import remove_abandoned, write_text
+from contact_locking.files import ownership
+from contact_locking.files.atomic import remove_abandoned
 from contact_locking.files.lock import locked, make_folders
 from contact_locking.plain_text import duration
-from contact_locking.results.names import PARAMETERS, TABLE_CSV, not_writable
+from contact_locking.results.names import PARAMETERS, TABLE_CSV, TABLE_LINES, not_writable
 from contact_locking.studies.signals import stoppable
 from contact_locking.study_file import StudyFile
 
@@ -29,8 +30,10 @@ from .outcome import (
     conclude,
     other_version,
     outcome,
+    require_own,
     strangers,
 )
+from .slurm import FILES as SLURM_FILES
 from .slurm import SlurmExecutor, require_slurm
 from .view import View
 
@@ -100,6 +103,7 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
             with View(console, len(todo)) as view:
                 if not held:
                     view.line(f"warning: the file system of {directory} has no locks", "yellow")
+                _require_own(study, todo)
                 _announce(study, todo, view)
                 _prepare(study, file)
                 try:
@@ -109,6 +113,14 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
                     view.line(f"{of} cases are finished; the same command does the others")
                     raise
     return study
+
+
+def _require_own(study: Study, todo: Sequence[Case]) -> None:
+    """Raise InputError, before the first case, for files of others in place of any results."""
+    ownership.require_own(study.directory, (PARAMETERS, TABLE_CSV, TABLE_LINES), KEY)
+    ownership.require_own(study.directory / "cases", (INDEX, *SLURM_FILES), KEY)
+    for case in todo:
+        require_own(case)
 
 
 def _announce(study: Study, todo: Sequence[Case], view: View) -> None:
@@ -129,8 +141,8 @@ def _prepare(study: Study, file: StudyFile) -> None:
     for folder in (study.directory, study.directory / "cases"):
         remove_abandoned(folder)
     lines = [f"{case.name}  {case.label}\n" for case in study.cases]
-    write_text(study.directory / "cases" / INDEX, "".join(lines))
-    write_text(study.directory / PARAMETERS, study_file.dump(file.parameters))
+    ownership.write_text(study.directory / "cases" / INDEX, "".join(lines))
+    ownership.write_text(study.directory / PARAMETERS, study_file.dump(file.parameters))
     study.write_table()
 
 

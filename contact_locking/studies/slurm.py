@@ -15,15 +15,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.files.atomic import write_text
+from contact_locking.files.ownership import claim, write_text
 
 from .case_command import command, environment, explain
 from .cases import Case
 from .executor import Plan
-from .outcome import LOG, begin
+from .outcome import EXIT_CODE, LOG, begin
 
 SCRIPT, MESSAGES, JOB = "slurm.sh", "slurm.txt", "slurm-job.txt"
-EXIT_CODE = "exit_code.txt"
+#: The files in the folder of the cases.
+FILES = (SCRIPT, MESSAGES, JOB)
 
 # Slurm's MaxArraySize is 1001 by default, and task numbers begin at 0.
 _LARGEST_ARRAY = 1000
@@ -96,10 +97,10 @@ class SlurmExecutor:
         cases, self._waiting = self._waiting[:_LARGEST_ARRAY], self._waiting[_LARGEST_ARRAY:]
         for case in cases:
             begin(case)
-            (case.folder / EXIT_CODE).unlink(missing_ok=True)
         self._array = [_Task(case) for case in cases]
         script = self._folder / SCRIPT
         write_text(script, self._script(cases))
+        claim(self._folder, [MESSAGES])
         with (self._folder / MESSAGES).open("wb") as messages:
             self._submission = subprocess.Popen(
                 ["sbatch", "--wait", "--parsable", str(script)],

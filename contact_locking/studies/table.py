@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from contact_locking.files.atomic import write_text
+from contact_locking.files.ownership import write_text
 from contact_locking.plain_text import spreadsheet_cell
 from contact_locking.results.names import TABLE_CSV, TABLE_LINES
 from contact_locking.results.read import Row
