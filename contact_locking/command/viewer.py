@@ -12,7 +12,7 @@ from pathlib import Path
 from contact_locking.errors import InputError, NoRendering
 from contact_locking.plotting import offscreen, snapshot_file
 from contact_locking.results.names import PICTURE, SNAPSHOT
-from contact_locking.results.read import StudyResults, read
+from contact_locking.results.read import StudyResults, read_all
 
 _PROGRAM = "contact_locking.plotting.window"
 
@@ -24,7 +24,7 @@ def view(directory: str | Path) -> None:
     another version, and NoRendering where no window can be opened.
     """
     folder = Path(directory)
-    results = read(folder)
+    results = read_all(folder)[0]
     if isinstance(results, StudyResults):
         known = (results.case_folder(row) for row in results.rows)
         case = next((path for path in known if path is not None), folder / "cases" / "CASE")

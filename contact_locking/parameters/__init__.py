@@ -180,6 +180,13 @@ class Parameters(Section):
                 "does not go with steps, whose friction remembers the slip on one mesh; leave out "
                 "one of the two sections",
             )
+        element = self.discretisation
+        if self.mesh.axisymmetric and element.degree > 1 and element.limit_at == "vertices":
+            yield Fault(
+                ("discretisation", "limit_at"),
+                "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is no number "
+                "at a vertex on the axis; take gauss, or leave the key out",
+            )
         yield from self._table_faults()
         if self.steps is None:
             yield from self._timed_faults()

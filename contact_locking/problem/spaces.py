@@ -17,7 +17,6 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import InputError
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.parameters import DiscretisationParameters
 from contact_locking.problem import gauss_points
@@ -206,16 +205,7 @@ _OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
 
 def element_of(given: DiscretisationParameters, axisymmetric: bool = False) -> Element:
-    """The element that a study file asks for.
-
-    Raises InputError for limits at the vertices of the cells of an axisymmetric body.
-    """
-    if not axisymmetric:
-        return _ELEMENTS[given.degree, given.limit_at]
-    if given.degree > 1 and given.limit_at == "vertices":
-        raise InputError(
-            "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is not a number at "
-            "a vertex on the axis; take gauss",
-            "discretisation.limit_at",
-        )
-    return _OF_REVOLUTION[given.degree]
+    """The element that a study file asks for."""
+    if axisymmetric:
+        return _OF_REVOLUTION[given.degree]
+    return _ELEMENTS[given.degree, given.limit_at or "vertices"]

@@ -126,6 +126,8 @@ def _require_own(study: Study, todo: Sequence[Case]) -> None:
 def _announce(study: Study, todo: Sequence[Case], view: View) -> None:
     before = f", {study.finished} finished before" if study.finished else ""
     view.line(f"{len(study.cases)} cases in {study.directory}{before}")
+    if repeated := len(study.cases) - len(study.outcomes):
+        view.line(f"warning: {repeated} repeat the values of others, and are solved once", "yellow")
     versions = Counter(version for case in todo if (version := other_version(case)) is not None)
     for version, number in versions.items():
         view.line(f"{number} with results of version {version} are solved again")

@@ -95,26 +95,35 @@ def _line(origin: int | str | None) -> int:
 
 
 def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[Fault]]:
-    """The parameters, or the faults of the file and of the first wrong case of its study."""
+    """The parameters, or the faults of the file and of all cases of its study."""
     parameters, faults = _validate(data, folder)
     if parameters is None or parameters.study is None:
         return parameters, faults
     cases = parameters.study.cases()
     if fault := _too_much(data, cases):
         return None, [fault]
+    wrong: dict[str, list[str]] = {}
     for case, shown in zip(cases, labels(cases), strict=True):
         try:
-            changed = _with_values(data, case)
+            _, faults = _validate(_with_values(data, case), folder)
         except KeyError as error:
-            return None, [Fault(("study",), f"in the case {shown}: {error.args[0]}")]
-        valid, faults = _validate(changed, folder)
-        if valid is None:
-            # An unknown key is often what another one is missing for.
-            unknown = [fault for fault in faults if fault.message.startswith("unknown key")]
-            fault = (unknown or faults)[0]
-            first = tell(fault.message, _key(fault))
-            return None, [Fault(("study",), f"in the case {shown}: {first}")]
+            faults = [Fault((), error.args[0])]
+        # An unknown key is often what another one is missing for.
+        unknown = [fault for fault in faults if fault.message.startswith("unknown key")]
+        for fault in unknown or faults:
+            told = tell(fault.message, _key(fault)) if fault.place else fault.message
+            wrong.setdefault(told, []).append(shown)
+    if wrong:
+        listed = [f"{_in_cases(shown)}: {told}" for told, shown in wrong.items()]
+        return None, [Fault(("study",), text) for text in listed[:MOST_FAULTS]]
     return parameters, []
+
+
+def _in_cases(shown: Sequence[str]) -> str:
+    """The cases with a fault: the first one, and the number of the others."""
+    first, more = shown[0], len(shown) - 1
+    others = f" and {more} other{'s' * (more > 1)}" if more else ""
+    return f"in the case {first}{others}"
 
 
 def _too_much(data: dict[str, Any], cases: Sequence[Mapping[str, Any]]) -> Fault | None:
