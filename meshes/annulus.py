@@ -50,6 +50,11 @@ class Annulus(Geometry):
         return self.angle / 2 * (self.outer_radius**2 - self.inner_radius**2)
 
     @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Where the zone is."""
+        return ("inner",)
+
+    @property
     def zone(self) -> Zone:
         """Two layers of elements around the hole."""
         reach = self.inner_radius + 2 * self.finest

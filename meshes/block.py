@@ -1,6 +1,7 @@
 """The block: a rectangle or a box."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +45,11 @@ class Box(Geometry):
     def sides(self) -> tuple[str, ...]:
         """The names of the sides of the block, two for each axis."""
         return ("left", "right", *("front", "back")[: 2 * (self.dim - 2)], "bottom", "top")
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Where the zone is."""
+        return ("bottom",)
 
     @property
     def zone(self) -> Zone:
@@ -113,10 +119,10 @@ class Block(Box):
             return super().estimated_cells()
         return math.factorial(self.dim) * math.prod(self.divisions)
 
-    def set_sizes(self, model: Any) -> None:
+    def set_sizes(self, model: Any, sides: Sequence[int] = ()) -> None:
         """Prescribe the grid of a structured block, else the element size of the base class."""
         if not self.structured:
-            super().set_sizes(model)
+            super().set_sizes(model, sides)
             return
         for _, tag in model.getEntities(1):
             box = model.getBoundingBox(1, tag)

@@ -52,6 +52,11 @@ class Round(Geometry):
         return self.radius / 4 if self.contact_width is None else self.contact_width
 
     @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Where the zone is."""
+        return ("contact",)
+
+    @property
     def rise(self) -> float:
         """The height at which the contact part ends."""
         return self.radius - math.sqrt(self.radius**2 - self.reach**2)

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from numbers import Real
 from typing import Any, Self
@@ -21,6 +21,8 @@ DIGITS = 14
 MOST_CELLS = 20_000_000
 #: Growth of the element size per unit of distance from the refined zone.
 GROWTH = 0.3
+# The points along a side from which Gmsh measures distances, by dimension.
+_MOST_POINTS = {2: 100_000, 3: 300}
 
 
 def parameter(default: Any, unit: str, description: str) -> Any:
@@ -51,7 +53,7 @@ class Geometry(ABC):
 
     h: float = parameter(0.1, "length", "target element size")
     h_contact: float | None = parameter(
-        None, "length", "element size at the contact zone, from where it grows to h; null: h"
+        None, "length", "element size near contact.on, from where it grows to h; null: h"
     )
 
     def __post_init__(self) -> None:
@@ -103,7 +105,12 @@ class Geometry(ABC):
     @property
     @abstractmethod
     def zone(self) -> Zone:
-        """The region that ``h_contact`` refines."""
+        """The region that ``h_contact`` refines for contact on ``contact_names``."""
+
+    @property
+    @abstractmethod
+    def contact_names(self) -> tuple[str, ...]:
+        """The boundary parts in the zone, where contact is by default."""
 
     @property
     @abstractmethod
@@ -171,8 +178,11 @@ class Geometry(ABC):
             return coarse
         return coarse + self._cells(self.zone.measure, self.h_contact)
 
-    def build(self, model: Any) -> None:
-        """Shape, name and mesh the body in the empty current ``model`` = ``gmsh.model``."""
+    def build(self, model: Any, contact: Collection[str] = ()) -> None:
+        """Shape, name and mesh the body in the empty current ``model`` = ``gmsh.model``.
+
+        ``contact`` names the boundary parts that ``h_contact`` refines; empty: ``contact_names``.
+        """
         parts = self.shape(model.occ)
         model.occ.synchronize()
         # A point without a curve, such as the centre of an arc, would become a node without a cell.
@@ -188,17 +198,39 @@ class Geometry(ABC):
         for dim, groups in ((self.dim, parts), (self.dim - 1, facets)):
             for number, (name, tags) in enumerate(groups.items(), start=1):
                 model.addPhysicalGroup(dim, tags, number, name=name)
-        self.set_sizes(model)
+        sides = [tag for name in contact for tag in facets[name]]
+        self.set_sizes(model, [] if set(contact) <= set(self.contact_names) else sides)
         model.mesh.generate(self.dim)
 
-    def set_sizes(self, model: Any) -> None:
-        """Prescribe the element size: ``h_contact`` in the zone, growing outside it up to ``h``."""
+    def set_sizes(self, model: Any, sides: Sequence[int] = ()) -> None:
+        """Prescribe the element size: ``h_contact`` in the zone, growing outside it up to ``h``.
+
+        In place of the zone there are two layers of elements at the boundary entities ``sides``.
+        """
         size = model.mesh.field
-        tag = size.add(self.zone.kind)
         # Gmsh divides by the thickness, so it may be small but not zero.
         thickness = max((self.h - self.finest) / GROWTH, 1e-3 * self.h)
+        if sides and self.h_contact is not None:
+            self._set_sizes_at(size, sides, thickness)
+            return
+        tag = size.add(self.zone.kind)
         values = {"VIn": self.finest, "VOut": self.h, "Thickness": thickness}
         for option, value in (self.zone.options | values).items():
+            size.setNumber(tag, option, value)
+        size.setAsBackgroundMesh(tag)
+
+    def _set_sizes_at(self, size: Any, sides: Sequence[int], thickness: float) -> None:
+        """Let the element size grow with the distance from boundary entities."""
+        distance = size.add("Distance")
+        size.setNumbers(distance, "CurvesList" if self.dim == 2 else "SurfacesList", sides)
+        # Gmsh measures the distance from so many points along each side.
+        points = min(self.extent / self.finest, _MOST_POINTS[self.dim])
+        size.setNumber(distance, "Sampling", math.ceil(points) + 1)
+        tag = size.add("Threshold")
+        near = 2 * self.finest
+        limits = {"DistMin": near, "DistMax": near + thickness}
+        sizes = {"SizeMin": self.finest, "SizeMax": self.h}
+        for option, value in {"InField": distance, **limits, **sizes}.items():
             size.setNumber(tag, option, value)
         size.setAsBackgroundMesh(tag)
 

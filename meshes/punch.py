@@ -40,6 +40,11 @@ class Punch(Box):
         return ("symmetry", "right", *sides, "bottom", "top", "contact")
 
     @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Where the zone is."""
+        return ("contact",)
+
+    @property
     def zone(self) -> Zone:
         """Two layers of elements below and beside the punch."""
         margin = 2 * self.finest

@@ -2,7 +2,7 @@
 
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -48,8 +48,13 @@ def empty_model(model_name: str = "body") -> Iterator[Any]:
 
 
 @contextmanager
-def build(geometry: Geometry, model_name: str = "body") -> Iterator[Any]:
+def build(
+    geometry: Geometry, model_name: str = "body", contact: Collection[str] = ()
+) -> Iterator[Any]:
     """``gmsh.model`` with the mesh of ``geometry``, until the end of the block; for one process.
+
+    ``contact`` names the boundary parts that ``h_contact`` refines, by default those of
+    ``geometry.contact_names``.
 
     Raises RuntimeError if Gmsh cannot make the mesh. See also `empty_model`.
     """
@@ -57,7 +62,7 @@ def build(geometry: Geometry, model_name: str = "body") -> Iterator[Any]:
     with empty_model(model_name) as model:
         try:
             # The geometry kernel has absolute tolerances for lengths around 1.
-            geometry.in_units_of(unit).build(model)
+            geometry.in_units_of(unit).build(model, contact)
             if unit != 1.0:
                 model.mesh.affineTransform([unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0])
         except Exception as error:  # Gmsh raises Exception itself
@@ -65,10 +70,11 @@ def build(geometry: Geometry, model_name: str = "body") -> Iterator[Any]:
         yield model
 
 
-def write(geometry: Geometry, path: str | os.PathLike[str]) -> None:
+def write(geometry: Geometry, path: str | os.PathLike[str], contact: Collection[str] = ()) -> None:
     """Mesh ``geometry`` and write a Gmsh file (format 4.1), complete or not at all.
 
-    Raises ValueError if the name does not end in .msh, and OSError if the file cannot be written.
+    ``contact`` as for `build`.  Raises ValueError if the name does not end in .msh, and OSError if
+    the file cannot be written.
     """
     import gmsh
 
@@ -78,7 +84,7 @@ def write(geometry: Geometry, path: str | os.PathLike[str]) -> None:
     with staging(target.parent) as folder:
         unfinished = folder / target.name
         unfinished.touch()
-        with build(geometry, target.stem):
+        with build(geometry, target.stem, contact):
             gmsh.write(str(unfinished))
         _check_complete(unfinished)
         os.replace(unfinished, target)

@@ -211,7 +211,7 @@ BAD: dict[str, tuple[str, str, str]] = {
     "an entity": ("<Xdmf", '<!DOCTYPE x [<!ENTITY a "b">]><Xdmf', "XML entities"),
     "no XML": ("<Xdmf", "<Xdmf <", "is not an XML file"),
     "data elsewhere": ("body.h5:/Mesh", "../other.h5:/Mesh", "other data than those in body.h5"),
-    "numbers in the file itself": ('Format="HDF"', 'Format="XML"', "other data than those"),
+    "numbers in the file itself": ('Format="HDF"', 'Format="XML"', "numbers in the text of XDMF"),
     "a curved cell": ('"Triangle"', '"Tri_6"', "only first-order triangles and tetrahedra"),
     "a group twice": ('Name="top"', 'Name="left"', "two grids named 'left'"),
     "a name that ends an XPath": ('Name="top"', 'Name="t\'op"', "is no name"),

@@ -103,8 +103,8 @@ def _warnings(expected: Estimate, comm: MPI.Intracomm) -> list[str]:
     needed, present = max(found)
     return [
         f"the solve would need about {gigabytes(needed)} of memory, by an estimate, and this "
-        f"machine has {gigabytes(present)}; take a coarser mesh (mesh.h), a fine mesh at the "
-        "contact only (mesh.h_contact), or several machines"
+        f"machine has {gigabytes(present)}; take a coarser mesh, a fine mesh at the contact "
+        "only (with a builder mesh.h and mesh.h_contact), or several machines"
     ]
 
 

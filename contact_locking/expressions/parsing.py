@@ -37,6 +37,10 @@ from .tree import Apply, Expression, Lookup, Name, Node, Number
 # Such as 210 GPa.
 _WITH_UNIT = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)? *[^\W\d_]+(/\w+)?\d?", re.IGNORECASE)
 
+_GRAMMAR = (
+    f"numbers, names, + - * / **, if-else and the functions {', '.join(FUNCTIONS)} are allowed"
+)
+
 
 def parse(
     value: float | str,
@@ -127,6 +131,8 @@ class _Parser:
                 if abs(exponent) > MAX_EXPONENT:
                     self.refuse(right, f"exponents are limited to {MAX_EXPONENT:g}")
                 return self.apply(node, OPERATORS[type(op)], a, b)
+            case ast.BinOp(op=ast.Mod()):
+                self.refuse(node, f"there is no remainder %, only {_GRAMMAR}")
             case ast.BinOp(op=ast.BitXor()):
                 self.refuse(node, "a power is written **, not ^")
             case ast.IfExp(test=test, body=body, orelse=orelse):
@@ -138,7 +144,7 @@ class _Parser:
                 return self.call(node, name, args, below)
             case ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
                 self.refuse(node, "a condition is not a number; write '1 if ... else 0'")
-        self.refuse(node, "only numbers, names, + - * / **, if-else and functions are allowed")
+        self.refuse(node, f"only {_GRAMMAR}")
 
     def condition(self, node: ast.expr, depth: int) -> Node:
         self.check_depth(node, depth)

@@ -19,6 +19,9 @@ _KEY = "mesh.file"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 # A grid takes less than 1 kB, and a mesh does not have thousands of groups.
 _LARGEST = 1_000_000
+_WRITE = "write them to an HDF5 file, as dolfinx.io.XDMFFile does, or meshio with data_format='HDF'"
+# Where the version of the superblock of HDF5 stands, and by version the end of the file.
+_VERSION, _END = 8, {0: 40, 1: 44, 2: 28, 3: 28}
 _DIMENSIONS = {"polyline": 1, "triangle": 2, "tetrahedron": 3}
 
 
@@ -67,16 +70,9 @@ def read_grids(path: Path) -> Grids:
     Raises InputError for a file that is no mesh of triangles or tetrahedra.
     """
     require_file(path)
-    require_file(data_file(path))
-    with data_file(path).open("rb") as stream:
-        if stream.read(len(_HDF5)) != _HDF5:
-            raise InputError(f"{data_file(path)} is not an HDF5 file", _KEY)
     if path.stat().st_size > _LARGEST:
-        raise InputError(
-            f"{path} has {path.stat().st_size / 1e6:.1f} MB, and holds its numbers itself; write "
-            "them to an HDF5 file, as dolfinx.io.XDMFFile does",
-            _KEY,
-        )
+        size = f"{path.stat().st_size / 1e6:.1f} MB"
+        raise InputError(f"{path} has {size}, and holds its numbers itself; {_WRITE}", _KEY)
     content = path.read_bytes()
     if b"<!ENTITY" in content:
         raise InputError(f"{path} defines XML entities, which are not read", _KEY)
@@ -84,7 +80,11 @@ def read_grids(path: Path) -> Grids:
         root = ElementTree.fromstring(content)
     except ElementTree.ParseError as error:
         raise InputError(f"{path} is not an XML file: {error}", _KEY) from None
-    for item in root.iter("DataItem"):
+    items = list(root.iter("DataItem"))
+    if any(item.get("Format") == "XML" for item in items):
+        raise InputError(f"{path}: numbers in the text of XDMF are not read; {_WRITE}", _KEY)
+    _require_whole(data_file(path))
+    for item in items:
         if item.get("Format") != "HDF" or not _is_beside(item.text, path):
             raise InputError(
                 f"{path} refers to other data than those in {data_file(path).name}: DOLFINx reads "
@@ -109,6 +109,19 @@ def read_grids(path: Path) -> Grids:
     if twice:
         raise InputError(f"{path} has two grids named {min(twice)!r}", _KEY)
     return Grids(cells, tuple(groups))
+
+
+def _require_whole(path: Path) -> None:
+    """Raise InputError unless an HDF5 file has all its bytes: HDF5 would print its own errors."""
+    require_file(path)
+    with path.open("rb") as stream:
+        head = stream.read(64)
+    if not head.startswith(_HDF5):
+        raise InputError(f"{path} is not an HDF5 file", _KEY)
+    place = _END.get(head[_VERSION] if len(head) > _VERSION else -1, 0)
+    end, size = int.from_bytes(head[place : place + 8], "little"), path.stat().st_size
+    if place and size < end:
+        raise InputError(f"{path} is truncated: it has {size} of {end} bytes; write it again", _KEY)
 
 
 def _grid(grid: ElementTree.Element, path: Path) -> Grid:

@@ -215,7 +215,7 @@ def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     """The mesh of the study, which is the first mesh where meshes are adapted; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
-        return domains.from_geometry(geometry, comm)
+        return domains.from_geometry(geometry, comm, parameters.contact_names)
     assert parameters.mesh.file is not None
     path = Path(parameters.mesh.file)
     if not is_xdmf(path):

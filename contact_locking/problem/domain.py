@@ -5,7 +5,7 @@ Boundary parts and regions have the names of Gmsh's physical groups.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -157,14 +157,17 @@ class Domain:
         return table[name]
 
 
-def from_geometry(geometry: Any, comm: MPI.Intracomm) -> Domain:
-    """Generate a geometry of ``meshes`` with Gmsh on rank 0 and distribute it; collective."""
+def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = ()) -> Domain:
+    """Generate a geometry of ``meshes`` with Gmsh on rank 0 and distribute it; collective.
+
+    ``contact`` names the boundary parts that ``h_contact`` refines.
+    """
     origin = type(geometry).__name__.lower()
 
     def make() -> tuple[MeshData, Diagnosis]:
         from contact_locking.meshes import build
 
-        with build(geometry) as model:
+        with build(geometry, contact=contact) as model:
             mesh = extract(model, origin)
         return mesh, Diagnosis.of_sound(mesh)
 

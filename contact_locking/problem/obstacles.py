@@ -74,12 +74,14 @@ class Obstacle(Protocol):
 
     ``is_timed`` says that gap or normal change with the time, and ``moves`` that the obstacle has a
     motion, which drags the body by friction.  ``is_distance`` says that its distance is exact
-    everywhere, so that the distance changes by no more than the way.
+    everywhere, so that the distance changes by no more than the way, and ``is_plane`` that it is a
+    half space.
     """
 
     is_timed: bool
     moves: bool
     is_distance: bool
+    is_plane: bool
 
     def gap(self, x: FloatArray) -> FloatArray:
         """The gap (k,) at points (d, k) of Gamma_C at the present time; collective."""
@@ -128,7 +130,7 @@ class GivenGap:
     With the time, gaps that are small beside earlier ones are zero with rounding.
     """
 
-    moves = is_distance = False
+    moves = is_distance = is_plane = False
 
     def __init__(self, comm: MPI.Intracomm, given: ContactParameters, clock: Clock) -> None:
         self._comm, self._gap, self._clock = comm, given.gap, clock
@@ -181,6 +183,7 @@ class Tool:
         assert given.foundation is not None
         self._site, self._on, self._key = site, f"{given.key}.on", site.key
         self._shape, value = given.foundation.shape
+        self.is_plane = self._shape == "half_space"
         self._body = build(self._shape, value, site)
         # A tool is judged once, at its first place, whether its orientation fits the body.
         self._is_oriented = False

@@ -21,6 +21,8 @@ from contact_locking.plain_text import nearest
 # A larger file is no table of loads.
 _MOST_BYTES, _MOST_ROWS, _LONGEST_LINE = 50_000_000, 1_000_000, 100_000
 
+_SEPARATORS = {";": "semicolons", "\t": "tabs"}
+
 
 def read_tables(comm: MPI.Intracomm, given: Mapping[str, TableParameters]) -> dict[str, Table]:
     """The tables by name, which rank 0 reads; collective.
@@ -91,10 +93,18 @@ def _columns(
 
 
 def _place(column: str, header: list[str], path: Path) -> int:
+    if column not in header and len(header) == 1:
+        for separator, name in _SEPARATORS.items():
+            if separator in header[0]:
+                raise InputError(
+                    f"{path} has {name} between its columns, as Excel writes them in some "
+                    "languages; save it with commas, and with points in the numbers"
+                )
     if header.count(column) != 1:
         count = "no column" if column not in header else "several columns"
+        guess = nearest(column, header) if column not in header else ""
         raise InputError(
-            f"{path} has {count} '{column[:60]}'{nearest(column, header)}; its first row is "
+            f"{path} has {count} '{column[:60]}'{guess}; its first row is "
             f"{', '.join(header)[:200]!r}"
         )
     return header.index(column)

@@ -10,6 +10,7 @@ from contact_locking.plain_text import count, per_cent
 
 # A result whose weakest number is above this share of the solution is a rough one.
 ROUGH = 0.1
+NOT_USEFUL = "there is no useful bound (below 100 %) of"
 
 _UNIQUENESS = {
     "covered by theory": "proved: no other displacement solves the problem on this mesh",
@@ -103,7 +104,9 @@ def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
     errors = _errors(summary)
     if (mesh := _relative(errors, "mesh")) is not None:
         words = f"the error of the mesh is about {_roughly(mesh)}, by an estimate"
-        yield Weakness(mesh, words, "a smaller mesh.h")
+        # Meshes are not adapted in steps.
+        adapt = "" if summary.get("steps") else ", or the section adapt"
+        yield Weakness(mesh, words, f"a finer mesh{adapt}")
     measured, bound = _relative(errors, "penalty_measured"), _relative(errors, "penalty")
     if measured:
         words = f"the penalty changes the solution by {per_cent(measured)}, as measured"
@@ -112,6 +115,8 @@ def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
         words = f"the penalty changes the solution by at most {per_cent(bound)}, by a proved bound"
         if _has_friction(summary):
             words += " for the friction bound reached"
+        if bound > 1.0:
+            words = f"{NOT_USEFUL} what the penalty changes"
         advice = "certificate.limit: true, which measures the change, or a larger penalty.n"
         yield Weakness(bound, words, advice)
 
@@ -163,7 +168,7 @@ def _locked(share: float) -> str:
 def _areas(summary: Mapping[str, Any]) -> str:
     touching, slipping = summary["contact_area"], summary["slip_area"]
     # Without friction every point of contact is free to slip, whether it does or not.
-    if slipping > 0.0 and not any(summary["friction_force"]):
+    if not (_has_friction(summary) or any(summary["friction_force"])):
         return f"{touching:.4g}, without friction"
     return f"{touching:.4g}, of which {slipping:.4g} slips"
 
@@ -239,13 +244,20 @@ def _proved(summary: Mapping[str, Any]) -> str:
     held = sum(entry["holds"] is True for entry in bounds.values())
     told = []
     if (whole := _relative(errors, "guaranteed")) is not None:
-        told.append(f"the whole error is at most {per_cent(whole)}{under}")
+        told.append(_at_most("the whole error is", whole, "the whole error", under))
     if distance := _relative(errors, "penalty"):
-        change = f"the penalty changes the solution on this mesh by at most {per_cent(distance)}"
-        told.append(f"{change}{under}")
+        change = "the penalty changes the solution on this mesh by"
+        told.append(_at_most(change, distance, "what the penalty changes", under))
     if held:
         told.append(f"{count(held, 'bound')} of the theory, which the result keeps")
     return "; ".join(told) or "no bound applies"
+
+
+def _at_most(change: str, bound: float, what: str, under: str) -> str:
+    """A proved bound relative to the solution; above 100 % it says nothing of the solution."""
+    if bound > 1.0:
+        return f"{NOT_USEFUL} {what}"
+    return f"{change} at most {per_cent(bound)}{under}"
 
 
 def _not_bounded(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:

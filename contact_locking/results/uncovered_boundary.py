@@ -8,8 +8,13 @@ import numpy as np
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.parallel import maximum
 from contact_locking.problem.contact import Contact
 from contact_locking.problem.domain import Domain
+
+# Of the extent of the body.
+_FLAT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,10 @@ class UncoveredEntry:
 
 
 def uncovered_entry(domain: Domain, u: fem.Function, contact: Contact) -> UncoveredEntry:
-    """The deepest entry of the moved boundary ``x + u(x)``, judged at its nodes; collective."""
+    """The deepest entry of the moved boundary ``x + u(x)``, judged at its nodes; collective.
+
+    The rest of a flat side, of which a part is pressed by a half space, is left out.
+    """
     dim, space = domain.dim, u.function_space
     exterior = dmesh.exterior_facet_indices(domain.mesh.topology)
     nodes = np.setdiff1d(
@@ -34,6 +42,10 @@ def uncovered_entry(domain: Domain, u: fem.Function, contact: Contact) -> Uncove
     )
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
     places = space.tabulate_dof_coordinates()[nodes, :dim]
+    if contact.obstacle.is_plane:
+        # A flat punch is a half space that ends where the part of the flat side ends.
+        apart = ~_on_flat_side(domain, contact, places)
+        nodes, places = nodes[apart], places[apart]
     moved = places + u.x.array.reshape(-1, dim)[nodes]
     # A foundation that a force has moved is entered like one at rest by a body that moved back.
     depths = np.maximum(-contact.obstacle.distance((moved - contact.travel).T), 0.0)
@@ -43,3 +55,15 @@ def uncovered_entry(domain: Domain, u: fem.Function, contact: Contact) -> Uncove
         found = float(depths[deepest]), places[deepest].tolist()
     depth, place = max(domain.comm.allgather(found))
     return UncoveredEntry(depth, tuple(place))
+
+
+def _on_flat_side(domain: Domain, contact: Contact, places: FloatArray) -> BoolArray:
+    """Which places (k, d) lie in the plane of one contact's part of Gamma_C if it is flat."""
+    normals, points = contact.surface.body_normals(), contact.surface.points
+    own = [(normals[0], points[0])] if len(points) else []
+    normal, point = next(pair for pairs in domain.comm.allgather(own) for pair in pairs)
+    near = _FLAT * domain.extent()
+    heights = np.abs((points - point) @ normal)
+    if maximum(domain.comm, heights) > near:
+        return np.zeros(len(places), dtype=bool)
+    return np.asarray(np.abs((places - point) @ normal) <= near)

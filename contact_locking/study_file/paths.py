@@ -26,6 +26,8 @@ def with_absolute_paths(data: dict[str, Any], folder: Path) -> tuple[dict[str, A
         if not os.path.isfile(file):
             if os.path.isdir(file):
                 faults.append(Fault(place, f"is a folder: {file}"))
+            elif os.path.exists(file):
+                faults.append(Fault(place, f"is a pipe or a device, and no file: {file}"))
             else:
                 hint = similar(Path(file))
                 faults.append(Fault(place, f"there is no such file: {file}{hint}"))

@@ -158,7 +158,9 @@ def _index(data: Any, part: str, place: str) -> Any:
         raise KeyError(f"'{place}' is a value, it has no '{part}'")
     if not (part.isascii() and part.isdecimal() and len(part) < 9 and int(part) < len(data)):
         entries = f"0 to {len(data) - 1}" if data else "none"
-        raise KeyError(f"'{place}' is a list with the indices {entries}, not '{part}'")
+        inside = data and isinstance(data[0], dict) and not part.isdecimal()
+        guess = f" (did you mean '{place}.0.{part}'?)" if inside else ""
+        raise KeyError(f"'{place}' is a list with the indices {entries}, not '{part}'{guess}")
     return int(part)
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.command import arguments
-from contact_locking.expressions import CONSTANTS, FUNCTIONS
 from contact_locking.study_file.listing import Row, rows
 
 
@@ -30,13 +29,6 @@ def study_file_keys() -> str:
             lines += [f"Default: {_code(first.default)}"]
         parts.append("\n".join(lines))
     return "\n\n".join(parts) + "\n"
-
-
-def expression_words() -> str:
-    """What expressions are made of."""
-    functions = ", ".join(f"`{name}`" for name in FUNCTIONS)
-    constants = " and ".join(f"`{name}`" for name in CONSTANTS)
-    return f"Functions: {functions}. Constants: {constants}.\n"
 
 
 def command_line() -> str:
@@ -61,7 +53,6 @@ def commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPars
 
 MARKS: dict[str, Callable[[], str]] = {
     "<!-- study file keys -->": study_file_keys,
-    "<!-- expression words -->": expression_words,
     "<!-- command line -->": command_line,
 }
 
