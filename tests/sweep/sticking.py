@@ -1,4 +1,4 @@
-"""Families of bodies that friction holds: strips and sheets that are lifted, and large coefficients."""
+"""Families of bodies that friction holds: strips that are lifted, and large coefficients."""
 
 from __future__ import annotations
 
