@@ -6,15 +6,17 @@ import math
 from typing import Any
 
 import pytest
+import ufl
 from certified import solved
 from problems import block, column, under_a_plate, with_changes
 
 from contact_locking.certificate import elliptic
+from contact_locking.results.derived import integral
 from contact_locking.solver.linear.ksp import iterative_options
 
 
-def stretched(limit: float, n: float) -> dict[str, Any]:
-    """A bar with A = alpha I, alpha = 2, under a uniform stress f = 0.04; its bounds."""
+def stretched(limit: float, n: float, **more: Any) -> dict[str, Any]:
+    """A bar with A = alpha I, alpha = 2, under a uniform stress f = 0.04; its summary."""
     bar = with_changes(
         {
             "mesh": {"builder": "block", "h": 0.5},
@@ -25,14 +27,15 @@ def stretched(limit: float, n: float) -> dict[str, Any]:
             },
             "contact": {"on": []},
             "penalty": {"n": n},
+            **more,
         }
     )
-    return dict(solved(bar).summary["bounds"])
+    return dict(solved(bar).summary)
 
 
 def test_the_bound_of_the_locking_work_is_attained_for_n_infinite() -> None:
     # alpha M = f/2, so |Z| = f/2 and M |Z| = f^2/(4 alpha).
-    bounds = stretched(0.01, math.inf)
+    bounds = stretched(0.01, math.inf)["bounds"]
     assert set(bounds) == {"displacement_norm", "locking_work"}
     assert bounds["locking_work"]["value"] == pytest.approx(0.04**2 / 8.0, rel=1e-6)
     assert bounds["locking_work"]["bound"] == pytest.approx(0.04**2 / 8.0, rel=1e-9)
@@ -41,9 +44,37 @@ def test_the_bound_of_the_locking_work_is_attained_for_n_infinite() -> None:
 
 def test_the_bound_of_the_locking_penalty_is_attained_by_a_limit_near_zero() -> None:
     # alpha e + 2n (e - M) = f with 2n = alpha and M << e: 2n e^2 = f^2/(4 alpha).
-    penalty = stretched(1e-6, 1.0)["locking_penalty"]
+    penalty = stretched(1e-6, 1.0)["bounds"]["locking_penalty"]
     assert penalty["value"] == pytest.approx(0.04**2 / 8.0, rel=1e-3)
     assert penalty["value"] <= penalty["bound"] <= 0.04**2 / 8.0 * (1.0 + 1e-9)
+
+
+def _distance_of(summary: dict[str, Any]) -> float:
+    """``a(e, e)`` of the measured change by the penalty."""
+    return float(summary["certificate"]["errors"]["penalty_measured"]["energy_norm"] ** 2)
+
+
+@pytest.mark.parametrize(("n", "share"), [(0.2, 0.56), (1.0, 1.0), (10.0, 0.33)])
+def test_the_estimate_of_the_penalty_by_the_locking_stress_is_attained_for_2n_of_alpha(
+    n: float, share: float
+) -> None:
+    """``a(e, e) <= |Z|^2/8n`` with Z = f - alpha M, and ``e = Z/(alpha + 2n)`` in the bar."""
+    bound = 0.02**2 / (8.0 * n)
+    found = _distance_of(stretched(0.01, n, certificate={"limit": True}))
+    assert found <= bound * (1.0 + 1e-6)
+    assert found == pytest.approx(share * bound, rel=0.02)
+
+
+@pytest.mark.parametrize("n", [10.0, 1e2, 1e3, 1e4])
+def test_without_friction_the_multipliers_bound_what_the_penalty_changes(n: float) -> None:
+    """``a(e, e) <= |Z|^2/8n + eps |p|^2/4`` with the multipliers of n = inf on the same mesh."""
+    exact = solved(block(penalty__n=math.inf, friction__coefficient=0.0))
+    stress, (contact,) = exact.locking_stress, exact.contacts
+    dx = ufl.Measure("dx", exact.domain.mesh)
+    bound = integral(exact.domain, ufl.inner(stress, stress) * dx) / (8.0 * n)
+    bound += float(contact.surface.integral(contact.pressure**2)) / (4.0 * n)
+    penalised = block(penalty__n=n, friction__coefficient=0.0, certificate__limit=True)
+    assert 0.001 * bound < _distance_of(dict(solved(penalised).summary)) <= bound
 
 
 @pytest.mark.parametrize("n", [1e2, 1e5, math.inf])
