@@ -145,7 +145,7 @@ class GivenGap:
         return np.zeros_like(found) if is_zero else found
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
-        return self.gap(surface.points.T), surface.body_normals()
+        return self.gap(surface.places.T), surface.body_normals()
 
     def distance(self, x: FloatArray) -> FloatArray:
         # A gap is a distance along the normal of Gamma_C, and says nothing of other points.
@@ -239,7 +239,7 @@ class Tool:
         return now.step_from(self.motion(since), surface.points.T).T
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
-        body, points, comm = self.now, surface.points.T, self._site.comm
+        body, points, comm = self.now, surface.places.T, self._site.comm
         gap = self._evaluated(body.gap, points)
         # A tool that is back where it touched would press by the rounding of the coordinates.
         gap = np.where(np.abs(gap) <= _TOUCH * maximum(comm, np.abs(points)), 0.0, gap)

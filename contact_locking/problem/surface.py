@@ -31,6 +31,8 @@ _PRESCRIBED = 1e-6
 # The cosines of the angles by which contact normals turn between two sides of Gamma_C, and by which
 # they are off the normals of the body: 40 and 60 degrees.
 _TURNED, _FACING = 0.766, 0.5
+# The sine of the angle, 15 degrees, by which the normal of a smooth boundary is off that of a chord.
+_CORNER = 0.26
 
 
 class ContactSurface:
@@ -96,6 +98,40 @@ class ContactSurface:
             # The facets around a point of the axis are those of a whole circle.
             normals[self.points[:, 0] == 0.0, 0] = 0.0
         return normals / np.linalg.norm(normals, axis=1)[:, None]
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """Where the nodes (k, d) are on the curved boundary that the facets are chords of.
+
+        The middle of an edge from corner 1 to 2 is off the chord by the sagitta
+        ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
+        body at the corners and the tangent t of the edge.  At a corner of the body itself, where
+        nu is more than 15 degrees off that of the edge, the edge is straight, and at an end of
+        Gamma_C it is as curved as at its other end.  The first use is collective.
+        """
+        found = self.points.copy()
+        if self.limited.are_nodal:
+            return found
+        function = self.vector_function(self.body_normals())
+        count = fem.Function(self.scalar_space)
+        np.add.at(count.x.array, self.facet_nodes[:, : self.domain.dim], 1.0)
+        count.x.scatter_reverse(la.InsertMode.add)
+        count.x.scatter_forward()
+        middles, ends = self.limited.edges(function)
+        nodes, corners = self.limited.edges(count)
+        normals = function.x.array.reshape(-1, self.domain.dim)
+        x = self.scalar_space.tabulate_dof_coordinates()[corners, : self.domain.dim]
+        along = x[:, 1] - x[:, 0]
+        length = np.linalg.norm(along, axis=1)
+        slopes = np.einsum("mni,mi->mn", normals[ends], along / length[:, None])
+        slopes[np.abs(slopes) > _CORNER] = 0.0
+        if self.domain.dim == 2:
+            is_end = count.x.array[corners] == 1.0
+            slopes = np.where(is_end, -slopes[:, ::-1], slopes)
+        sagitta = length * (slopes[:, 1] - slopes[:, 0]) / 8.0
+        rows = np.searchsorted(self.nodes, nodes)
+        found[rows] += sagitta[:, None] * normals[middles]
+        return found
 
     def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
         """(k,) the nodes whose normal displacement is not prescribed.
