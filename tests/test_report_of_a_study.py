@@ -11,6 +11,7 @@ import pytest
 from report_folder import REASON, page, quick, rows, run_folder, study_folder
 
 from contact_locking import report
+from contact_locking.report.titles import titles_in
 from contact_locking.report.trends import Differences
 
 pytestmark = pytest.mark.serial
@@ -108,3 +109,40 @@ def test_charts_of_extreme_numbers_are_drawn(key: str, tmp_path: Path) -> None:
     for row, value in zip(table, (1e-300, 1e300, 0.0, -1e300, 1e-320), strict=False):
         row[key] = value
     assert "<svg" in page(study_folder(tmp_path, table))
+
+
+@quick
+def test_what_rounding_changes_is_neither_drawn_nor_a_column(tmp_path: Path) -> None:
+    table = rows()
+    for number, row in enumerate(table):
+        row |= {"elastic_energy": 0.15 * (1.0 + 1e-11 * number), "slip_area": 0.0}
+        row |= {"compliance": 1.0 + number, "iterations.tangents": 10 + number}
+    text = page(study_folder(tmp_path, table))
+    drawn = {path.stem.partition("-over-")[0] for path in (tmp_path / "report").glob("*.svg")}
+    assert {"compliance", "penetration_max", "iterations.tangents"} <= drawn
+    assert not {"elastic_energy", "slip_area"} & drawn
+    columns = re.findall(r'<th scope="col"([^>]*)data-key="([^"]+)"', text)
+    shown = {key for kind, key in columns if "more" not in kind}
+    assert "compliance" in shown
+    assert not {"elastic_energy", "slip_area", "iterations.tangents"} & shown
+    assert text.index("The work of the solver") > text.index("Over the")
+
+
+def test_keys_in_lists_are_named_by_the_boundary_part_and_the_axis() -> None:
+    data = {
+        "loads": {
+            "tractions": [{"on": ["top"], "value": [0, -1]}],
+            "displacements": [{"on": ["left", "right"], "value": [0, 0]}],
+            "body_force": [0, 1],
+        },
+        "contact": [{"on": ["bottom"], "friction": {"coefficient": 0.1}}],
+    }
+    named = {
+        "loads.tractions.0.value.1": "traction on top, y",
+        "loads.tractions.0.value": "traction on top",
+        "loads.displacements.0.value.0": "displacement on left, right, x",
+        "loads.body_force.1": "body force, y",
+        "contact.0.friction.coefficient": "contact friction coefficient on bottom",
+        "friction.coefficient": "friction coefficient μ",
+    }
+    assert titles_in(list(named), data) == named

@@ -185,7 +185,7 @@ def test_a_study_of_many_cases_has_one_line_per_case_at_any_width(
         "new Set([...document.querySelectorAll('.charts > figure')].slice(0, 6)"
         ".map(figure => figure.getBoundingClientRect().top)).size"
     )
-    assert charts == {420: 6, 1400: 3, 2500: 2}[width]
+    assert charts == {420: 6, 1400: 4, 2500: 3}[width]
 
 
 def test_the_filter_finds_states_numbers_and_words_of_visible_columns(

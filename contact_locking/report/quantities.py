@@ -15,7 +15,8 @@ class Quantity:
 
     A study plots a quantity that is ``plotted`` over the keys that vary.  The differences of a
     quantity that ``settles`` have a rate; counts of cells, points and iterations change in jumps
-    and have none.  A quantity that ``vanishes`` has a rate itself.
+    and have none.  A quantity that ``vanishes`` has a rate itself.  One that is ``internal``
+    is about the solver, and a page shows it on demand.
     """
 
     key: str
@@ -25,6 +26,7 @@ class Quantity:
     plotted: bool = True
     settles: bool = True
     vanishes: bool = False
+    internal: bool = False
 
 
 QUANTITIES = (
@@ -76,8 +78,9 @@ QUANTITIES = (
         "tangents factorised or preconditioned",
         "1",
         settles=False,
+        internal=True,
     ),
-    Quantity("wall_seconds", "time", "time of the whole solve", "s", settles=False),
+    Quantity("wall_seconds", "time", "time of the whole solve", "s", settles=False, internal=True),
     Quantity(
         "certificate.errors.mesh.relative",
         "mesh error",

@@ -15,7 +15,7 @@ from .pictures import thumbnail
 from .shown import shown
 from .study_table import cases, weakness
 from .templates import render
-from .titles import title, titles
+from .titles import titles_in
 from .trend_charts import trend_charts
 from .trends import Trend, axes, trends, varied
 from .varied_texts import VariedTexts
@@ -30,28 +30,35 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     data = source.read(name).data
     what = varied(data, name)
     keys = [*what.zip, *what.vary]
-    texts = VariedTexts(study.rows, keys)
+    texts = VariedTexts(study.rows, titles_in(keys, data))
     pictures = _pictures(study, keys, texts)
-    found = [trend for axis in axes(what, study.rows) for trend in trends(axis, study.rows, texts)]
-    drawn: dict[str, list[tuple[Trend, list[Chart]]]] = {}
-    for trend in found:
-        drawn.setdefault(trend.axis.key, []).append((trend, trend_charts(trend)))
+    found = [
+        trend
+        for axis in axes(what, study.rows, texts.titles)
+        for trend in trends(axis, study.rows, texts)
+    ]
+    drawn = [(trend, trend_charts(trend)) for trend in found]
+    over: dict[str, list[tuple[Trend, list[Chart]]]] = {}
+    for trend, charts in drawn:
+        if not trend.quantity.internal:
+            over.setdefault(trend.axis.title, []).append((trend, charts))
     html = render(
         "study.html.j2",
         title=shown(data.get("title") or "Study"),
-        varied=[(title(key), key, _values(texts.all_of(key))) for key in keys],
+        varied=[(texts.titles[key], key, _values(texts.all_of(key))) for key in keys],
         example=_example(keys, study.rows),
         rough=sum(_is_rough(row) for row in study.rows),
         side_by_side=len(what.zip) > 1,
         table=cases(study.rows, keys, pictures, texts),
-        trends=list(drawn.items()),
+        trends=list(over.items()),
+        internals=[pair for pair in drawn if pair[0].quantity.internal],
         rates=any(trend.differences for trend in found),
         pictures=pictures,
         most_pictures=_MOST_PICTURES,
         parameter_file=study.parameters,
         **_states(study.rows),
     )
-    return html, [chart for trends in drawn.values() for _, charts in trends for chart in charts]
+    return html, [chart for _, charts in drawn for chart in charts]
 
 
 def _states(rows: Sequence[Row]) -> dict[str, Any]:
@@ -94,8 +101,7 @@ def _pictures(
         if folder is None or row["case"] in found or len(found) == _MOST_PICTURES:
             continue
         if (image := thumbnail(folder / PICTURE)) is not None:
-            names = zip(titles(keys), keys, strict=True)
-            label = ", ".join(f"{name} = {texts.of(key, row)}" for name, key in names)
+            label = ", ".join(f"{texts.titles[key]} = {texts.of(key, row)}" for key in keys)
             state = "" if row["state"] == "converged" else f" ({row['state']})"
             found[row["case"]] = (image, f"{label}{state}")
     return found

@@ -12,10 +12,11 @@ from contact_locking.results.read import Row, number
 
 from .quantities import QUANTITIES
 from .shown import shown
-from .titles import title, titles
+from .titles import title
+from .trends import differ
 from .varied_texts import VariedTexts
 
-_MAIN = frozenset(quantity.key for quantity in QUANTITIES if quantity.plotted)
+_MAIN = frozenset(entry.key for entry in QUANTITIES if entry.plotted and not entry.internal)
 _NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
 _ROW_KIND = {"converged": None, "not run": "waiting"}
 #: The column with the reason of a failure, the warnings and the weakness of a result.
@@ -62,8 +63,10 @@ def cases(
     front = ["state", *keys, REMARKS]
     names = dict.fromkeys(name for row in rows for name in row)
     order = [*front, *(name for name in names if name not in (*front, *_NOT_BETWEEN)), "case"]
-    named = dict(zip(keys, titles(keys), strict=True))
-    columns = [Column(name, named.get(name) or title(name), _kind(name, front)) for name in order]
+    columns = [
+        Column(name, texts.titles.get(name) or title(name), _kind(name, front, rows))
+        for name in order
+    ]
     remarks = [remark(row) for row in rows]
     if not any(remarks):
         columns = [column for column in columns if column.key != REMARKS]
@@ -109,11 +112,20 @@ def _text(row: Row, key: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _kind(name: str, front: Sequence[str]) -> str | None:
+def _kind(name: str, front: Sequence[str], rows: Sequence[Row]) -> str | None:
     if name == REMARKS:
         return "why"
     vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
-    return None if name in front or name == "case" or {name, vector} & _MAIN else "more"
+    if name in front or name == "case":
+        return None
+    return None if {name, vector} & _MAIN and _tells_apart(name, rows) else "more"
+
+
+def _tells_apart(name: str, rows: Sequence[Row]) -> bool:
+    """Whether a number differs between the cases by more than rounding."""
+    values = [number(row.get(name)) for row in rows if row.get("converged") is True]
+    known = [value for value in values if value is not None]
+    return len(known) > 1 and (len(known) < len(values) or differ(known))
 
 
 def _remark_cell(text: str) -> Cell:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from contact_locking.arrays import AXES
 
@@ -24,6 +25,13 @@ _TITLES: Mapping[str, str] = {
     "dofs": "unknowns",
     "dolfinx": "DOLFINx",
     **{quantity.key: quantity.name for quantity in QUANTITIES},
+}
+# What the entries of the lists of loads are.
+_LOADS: Mapping[str, str] = {
+    "tractions": "traction",
+    "pressures": "pressure",
+    "displacements": "displacement",
+    "supports": "support",
 }
 # The names of values of a certificate that are not their keys with blanks, and of the iterations.
 _WORDS: Mapping[str, str] = {
@@ -52,12 +60,47 @@ def title(key: str) -> str:
     return " ".join(words).replace("_", " ")
 
 
+def titles_in(keys: Sequence[str], data: Any) -> dict[str, str]:
+    """The names of keys by key, with the boundary parts that the data of a study file names.
+
+    Such as ``traction on top, y`` for ``loads.tractions.0.value.1``.
+    """
+    found = [_title_in(key.split("."), data) for key in keys]
+    return dict(zip(keys, found if len(set(found)) == len(found) else keys, strict=True))
+
+
+def _title_in(parts: list[str], data: Any) -> str:
+    *above, last = parts
+    entry = _at(data, above)
+    if last.isdecimal() and isinstance(entry, list) and not any(isinstance(e, dict) for e in entry):
+        axis = AXES[int(last)] if int(last) < len(AXES) else last
+        return f"{_title_in(above, data)}, {axis}"
+    match parts:
+        case ["loads", kind, index, *rest] if kind in _LOADS:
+            what = " ".join([_LOADS[kind], *(part for part in rest if part != "value")])
+            return f"{what} on {_on(data, parts[:2], index)}".replace("_", " ")
+        case ["contact", index, *rest] if index.isdecimal() and rest:
+            what = _title_in(["contact", *rest], data)
+            return f"{what} on {_on(data, parts[:1], index)}"
+    return title(".".join(parts))
+
+
+def _on(data: Any, place: list[str], index: str) -> str:
+    """The boundary parts of an entry of a list, its number if it names none."""
+    on = _at(data, [*place, index, "on"])
+    return ", ".join(map(str, on)) if isinstance(on, list) else str(on or index)
+
+
+def _at(data: Any, place: Sequence[str]) -> Any:
+    """The value at a place of a study file, None if there is none."""
+    for part in place:
+        if isinstance(data, list):
+            data = data[int(part)] if part.isdecimal() and int(part) < len(data) else None
+        else:
+            data = data.get(part) if isinstance(data, dict) else None
+    return data
+
+
 def words(name: str) -> str:
     """The name of a value of a certificate, which may be dotted, or of a count of iterations."""
     return _WORDS.get(name) or name.replace(".", ", ").replace("_", " ")
-
-
-def titles(keys: Sequence[str]) -> list[str]:
-    """The names of several keys; whole keys where names would be the same."""
-    found = [title(key) for key in keys]
-    return found if len(set(found)) == len(found) else list(keys)

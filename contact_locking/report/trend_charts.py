@@ -16,7 +16,6 @@ from contact_locking.plotting import style
 
 from .charts import Chart, chart
 from .shown import shown
-from .titles import title, titles
 from .trends import Trend
 
 _COLOURS = (style.BLUE, style.VERMILION, "#009E73", "#CC79A7", style.ORANGE, style.SKY)
@@ -36,7 +35,7 @@ def trend_charts(trend: Trend) -> list[Chart]:
     if trend.differences and trend.compared == "zero":
         return [_rate_chart(trend, stem)]
     rows = 0 if _has_bar(trend) else 1 + sum(bool(curve.label) for curve in trend.curves)
-    description = f"{trend.quantity.name} over the {title(trend.axis.key)}"
+    description = f"{trend.quantity.name} over the {trend.axis.title}"
     found = [chart(stem, description, _PLOT + rows * _ROW, lambda figure: _values(figure, trend))]
     if trend.differences:
         found.append(_rate_chart(trend, stem))
@@ -44,7 +43,7 @@ def trend_charts(trend: Trend) -> list[Chart]:
 
 
 def _rate_chart(trend: Trend, stem: str) -> Chart:
-    over = title(trend.axis.key)
+    over = trend.axis.title
     description = f"{trend.quantity.name} over the {over}: distance from {trend.compared}"
     rows = 1 if _has_bar(trend) else 1 + len(trend.differences)
     height = _PLOT + _ROW * rows
@@ -63,7 +62,7 @@ def _values(figure: Figure, trend: Trend) -> None:
         if curve.limit is not None:
             axes.axhline(curve.limit, color=drawing["color"], lw=1.0, ls=(0, (5, 3)), zorder=0.5)
     if any(curve.limit is not None for curve in trend.curves):
-        at = f"at {title(trend.axis.key)} = ∞"
+        at = f"at {trend.axis.title} = ∞"
         axes.plot([], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=_plain(at))
     _name_curves(figure, trend)
 
@@ -110,7 +109,7 @@ def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
             axes.minorticks_off()
     elif len(x) <= _MOST_TICKS:
         axes.set_xticks(x)
-    axes.set_xlabel(_plain(title(trend.axis.key)))
+    axes.set_xlabel(_plain(trend.axis.title))
     axes.set_ylabel(label)
     axes.grid(color=style.PALE, lw=0.6)
     axes.set_axisbelow(True)
@@ -157,7 +156,7 @@ def _name_curves(figure: Figure, trend: Trend) -> None:
     values = [_plain(trend.curves[number].values) for number in marked]
     bar.set_ticks(list(marked), labels=values)
     bar.minorticks_off()
-    bar.set_label(_plain(", ".join(titles(trend.axis.others))))
+    bar.set_label(_plain(", ".join(trend.axis.other_titles)))
 
 
 def _plain(text: str) -> str:

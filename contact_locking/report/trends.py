@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,7 +15,6 @@ from contact_locking.parameters.study import StudyParameters
 from contact_locking.results.read import Row, number
 
 from .quantities import QUANTITIES, Quantity
-from .titles import titles
 from .varied_texts import VariedTexts
 
 Compared = Literal["zero", "the value at infinity", "the next value"]
@@ -25,6 +24,8 @@ _WIDE = 50.0
 _SAME_RATIO = 0.05
 # Smaller differences, relative to the largest value, may come from the tolerance of the solver.
 _TOLERANCE = 1e-8
+# Values that differ by less, relative to the largest one, are constant.
+_ROUNDING = 1e-7
 _FEWEST = 3
 _FALLS = 2.0
 # The largest standard deviation of the logarithms from a line that still defines a rate: some 35 %.
@@ -42,6 +43,8 @@ class Axis:
     others: tuple[str, ...]
     geometric: bool
     one_ratio: bool
+    title: str
+    other_titles: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -106,8 +109,11 @@ def varied(data: Any, name: str) -> StudyParameters:
         raise InputError(f"{name}: is damaged: study: {first}") from None
 
 
-def axes(study: StudyParameters, rows: Sequence[Row]) -> list[Axis]:
-    """The keys of a study with at least two different numbers, geometric sequences first."""
+def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str]) -> list[Axis]:
+    """The keys of a study with at least two different numbers, geometric sequences first.
+
+    ``titles`` names the keys.
+    """
     found = []
     for key in (*study.zip, *study.vary):
         values = [number(row.get(key)) for row in rows]
@@ -120,7 +126,8 @@ def axes(study: StudyParameters, rows: Sequence[Row]) -> list[Axis]:
         enough = len(finite) >= _FEWEST and finite[0] > 0.0
         one_ratio = enough and _has_one_ratio(finite)
         geometric = enough and (one_ratio or finite[-1] / _WIDE >= finite[0])
-        found.append(Axis(key, others, geometric, one_ratio))
+        other_titles = tuple(titles[other] for other in others)
+        found.append(Axis(key, others, geometric, one_ratio, titles[key], other_titles))
     return sorted(found, key=lambda axis: not axis.geometric)
 
 
@@ -130,7 +137,7 @@ def trends(axis: Axis, rows: Iterable[Row], texts: VariedTexts) -> list[Trend]:
     for row in rows:
         if row.get("converged") is True:
             groups.setdefault(tuple(texts.of(key, row) for key in axis.others), []).append(row)
-    names = titles(axis.others)
+    names = axis.other_titles
     labels = {
         group: ", ".join(f"{name} = {value}" for name, value in zip(names, group, strict=True))
         for group in groups
@@ -142,9 +149,17 @@ def trends(axis: Axis, rows: Iterable[Row], texts: VariedTexts) -> list[Trend]:
             for group, members in groups.items()
             if len((curve := _curve(axis.key, quantity, members, labels[group], group)).x)
         ]
-        if any(len(np.unique(curve.y)) > 1 for curve in curves):
+        if any(differ(curve.y) for curve in curves):
             found.append(_trend(quantity, axis, curves))
     return found
+
+
+def differ(values: Sequence[float] | FloatArray) -> bool:
+    """Whether numbers differ by more than rounding and the tolerance of the solver explain."""
+    given = np.asarray(values, dtype=float)
+    if not np.isfinite(given).all():
+        return len(np.unique(given)) > 1
+    return bool(np.ptp(given) > _ROUNDING * np.abs(given).max())
 
 
 def value(quantity: Quantity, row: Row) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 
 from contact_locking.parameters.telling_apart import told_apart
 from contact_locking.results.read import Row
@@ -11,11 +11,12 @@ from .shown import shown
 
 
 class VariedTexts:
-    """The texts of all values of ``keys`` in the rows of a study."""
+    """The texts of all values of keys in the rows of a study; ``titles`` names these keys."""
 
-    def __init__(self, rows: Sequence[Row], keys: Iterable[str]) -> None:
+    def __init__(self, rows: Sequence[Row], titles: Mapping[str, str]) -> None:
+        self.titles = titles
         self._texts: dict[str, dict[str, str]] = {}
-        for key in keys:
+        for key in titles:
             values = [row.get(key) for row in rows]
             self._texts[key] = dict(zip(map(repr, values), told_apart(values, shown), strict=True))
 
