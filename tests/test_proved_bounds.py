@@ -157,3 +157,14 @@ def test_dual_norm_by_cg_with_rigid_motions_is_that_of_the_direct_solver(
     direct = bound()
     monkeypatch.setattr(elliptic, "default_options", lambda *_: iterative_options())
     assert bound() == pytest.approx(direct, rel=1e-7)
+
+
+def test_a_load_on_a_part_with_a_contact_is_not_lost() -> None:
+    """The springs that carry the load act on the part on which the load acts."""
+    rollers = [{"on": "left", "value": [0.0, None]}]
+    pressed = {"tractions": [{"on": "top", "value": [0.0, -3e-4]}], "displacements": rollers}
+    both = {"on": ["bottom", "top"], "gap": 0.01}
+    given = block(h=0.25, loads=pressed, contact=both, friction__coefficient=0, penalty__n=math.inf)
+    for entry in solved(given).summary["bounds"].values():
+        assert entry["holds"] is None
+        assert "not carried by a pressure all over Gamma_C" in entry["reason"]

@@ -9,6 +9,8 @@ have forms of their own, so that no cell stores coefficients of Gamma_C.
 FFCx 0.9 takes what it finds at the only point of a quadrature rule for constant in the cell, and
 uses that in the other rules of the same form, too.  So integrals that evaluate the coordinates in
 one point, as all of an axisymmetric body do with linear displacements, have forms of their own.
+The same of arguments loses a traction, in one point of a facet, beside the nodes of a contact
+there: the rules of facets have forms of their own.
 """
 
 from __future__ import annotations
@@ -31,13 +33,15 @@ _SHARED = "shared_with_dolfinx"
 def by_space(form: ufl.Form) -> list[ufl.Form]:
     """The integrals of a form, in forms that can be compiled together, those of cells first.
 
-    These are one form for each space of the arguments and for each of cells and facets, or two if
-    some integrals evaluate the coordinates in one point.
+    These are one form for each space of the arguments, for the cells and for each quadrature rule
+    of the facets, or two if some integrals evaluate the coordinates in one point.
     """
     groups: dict[Any, list[Any]] = {}
     for integral in form.integrals():
         arguments = ufl.algorithms.extract_arguments(integral.integrand())
-        key = arguments[0].ufl_element(), integral.integral_type(), _is_at_one_point(integral)
+        kind, rule = integral.integral_type(), integral.metadata().get("quadrature_rule")
+        of_facets = None if kind == "cell" else rule
+        key = arguments[0].ufl_element(), kind, of_facets, _is_at_one_point(integral)
         groups.setdefault(key, []).append(integral)
     every = sorted(groups.values(), key=lambda group: group[0].integral_type() != "cell")
     return [ufl.Form(integrals) for integrals in every]

@@ -37,6 +37,8 @@ from contact_locking.problem.rigid_motions import (
 
 # A push that exceeds what friction holds by less than this share does not prove a slide.
 _ROUNDING = 1e-6
+# The same of a friction bound that a solver reached and did not settle.
+_REACHED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -319,11 +321,13 @@ class _Motions:
         words = self._words(motion)
         rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
         push, held = float(self.work @ motion), float(rub(motion) @ motion)
-        if not push > held * (1.0 + _ROUNDING):
+        if not push > held * (1.0 + _REACHED):
             return None
+        depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
+        of_which = "the solver reached" + ", which another slip changes" * depends
         return (
-            "friction cannot hold the body with the friction bound that the solver reached: it "
-            f"slides (rigid motion: {words}), which needs {push / rate:.4g}, and friction holds "
+            f"friction cannot hold the body with the friction bound that {of_which}: it slides "
+            f"(rigid motion: {words}), which needs {push / rate:.4g}, and friction holds "
             f"{held / rate:.4g}"
         )
 

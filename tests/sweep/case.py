@@ -25,7 +25,9 @@ class Truth:
     there is a contact force.  ``translation`` is the displacement of all nodes.  ``homogeneous``
     says that the displacement scales with the loads.  ``refused`` is a part of the message of a
     refusal that is right; then a solution is wrong, also one that the judge finds no fault with: in
-    a displacement that is large enough, rounding hides that forces do not balance.
+    a displacement that is large enough, rounding hides that forces do not balance.  ``unique`` says
+    whether another displacement solves the problem; ``other`` is a translation to such a solution,
+    or its opposite.  ``slip`` (d - 1,) is the slip along the axes at all nodes of Gamma_C.
     """
 
     admissible: bool | None = None
@@ -33,6 +35,9 @@ class Truth:
     translation: tuple[float, ...] | None = None
     homogeneous: bool = False
     refused: str | None = None
+    unique: bool | None = None
+    other: tuple[float, ...] | None = None
+    slip: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from mpi4py import MPI
 
@@ -19,6 +21,8 @@ from .transforms import Transform
 # Agreement with the conic solver in energy, and in displacement by the energy of the difference;
 # the latter for the problem in other units.
 _ENERGY, _DIFFERENCE, _TRANSFORMED = 1e-6, 2e-6, 1e-14
+# Agreement with a slip that is known, relative to it.
+_SLIP = 1e-6
 
 
 def against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
@@ -41,6 +45,39 @@ def against_truth(truth: Truth, discrete: Discrete, state: State) -> list[str]:
         if not truth.touches and force > 1e-9 * scale:
             found.append(f"nothing touches, but there is a force of {force:.1e}")
     return found
+
+
+def slip_of_truth(truth: Truth, discrete: Discrete, state: State) -> str:
+    """How far the slip is off where it is known; "" if it is right.
+
+    It is compared with the displacement by the strain as well, from which it is a difference.
+    """
+    if truth.slip is None:
+        return ""
+    assert discrete.contact is not None
+    found = state.u.reshape(-1, discrete.dim)[discrete.contact.nodes, :-1]
+    off = float(np.abs(found - truth.slip).max())
+    size = float(np.linalg.norm(truth.slip)) + float(np.linalg.norm(discrete.strains(state.u)[0]))
+    return f"the slip is off by {off:.1e}" if off > _SLIP * size else ""
+
+
+def about_other_solutions(truth: Truth, solution: Solution) -> str:
+    """A verdict on uniqueness that is false, or not as sharp as it can be; "" if it is right."""
+    verdict = str(solution.summary["certificate"]["constants"]["uniqueness"]["verdict"])
+    wanted = {None: verdict, True: "covered by theory", False: "not unique"}[truth.unique]
+    return "" if verdict == wanted else f"{wanted}, but told to be: {verdict}"
+
+
+def another(truth: Truth, parameters: Parameters, discrete: Discrete, state: State) -> str:
+    """Why the translation of the truth leads to no solution on either side; "" if it does."""
+    if truth.other is None:
+        return ""
+    told = []
+    for side in (1.0, -1.0):
+        moved = state.u + side * np.tile(truth.other, len(discrete.geometry.x))
+        there = dataclasses.replace(state, u=moved)
+        told.append(judge.complaint(judge.violations(parameters, discrete, there)))
+    return "" if "" in told else f"the other solution is none: {told}"
 
 
 def exported(solution: Solution) -> str:

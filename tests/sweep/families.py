@@ -6,12 +6,12 @@ import zlib
 
 import numpy as np
 
-from . import frictions, materials, processes, rest, scales, shapes, sticking, supports
+from . import frictions, held, materials, processes, rest, scales, shapes, sticking, supports
 from .case import FAMILIES, Case
 
 __all__ = ["FAMILIES", "MODULES", "case_of"]
 
-MODULES = (scales, rest, supports, frictions, materials, shapes, sticking, processes)
+MODULES = (scales, rest, supports, held, frictions, materials, shapes, sticking, processes)
 
 
 def case_of(name: str, seed: int, linear: str = "auto") -> Case:

@@ -112,7 +112,7 @@ def _solve_process(case: Case, problem: Problem, outcome: Outcome, checks: bool)
         elif "cannot hold the body" in told and cannot_balance(case.study, found[-1].time):
             outcome.kind = REFUSED
         return
-    wrong = stepwise.complaint(found)
+    wrong = stepwise.complaint(found) or comparisons.about_other_solutions(case.truth, found[-1])
     if checks and not wrong:
         assert case.twin is not None
         twins = list(Steps(assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)))
@@ -170,6 +170,9 @@ def _judge(
     outcome.notes = {name: float(f"{value:.3g}") for name, value in found.items()}
     wrong = [judge.complaint(found), *comparisons.against_truth(truth, discrete, state)]
     wrong.append(comparisons.exported(solution))
+    wrong.append(comparisons.about_other_solutions(truth, solution))
+    wrong.append(comparisons.slip_of_truth(truth, discrete, state))
+    wrong.append(comparisons.another(truth, solution.parameters, discrete, state))
     if checks:
         try:
             wrong.append(comparisons.against_reference(discrete, state))
