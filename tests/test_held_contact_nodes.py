@@ -11,7 +11,10 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking import Solution, assemble, solve, solve_assembled
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.problem.assembly import Problem
+from contact_locking.problem.conditions import Constraints
+from contact_locking.problem.surface import ContactSurface
 
 _PUSH = -0.02
 
@@ -99,3 +102,31 @@ def test_every_method_leaves_a_held_node_that_slides_without_friction(kernel: st
     newton, penalised, exact = forces
     assert newton == pytest.approx(penalised, rel=1e-6, abs=1e-9)
     assert newton == pytest.approx(exact, rel=1e-3, abs=1e-9)
+
+
+def _every_node_is_free(surface: ContactSurface, normal: FloatArray, _: Constraints) -> BoolArray:
+    return np.ones(len(normal), dtype=bool)
+
+
+def _one_more_node_is_held(
+    surface: ContactSurface, normal: FloatArray, constraints: Constraints
+) -> BoolArray:
+    found = _free_nodes(surface, normal, constraints)
+    return found & (np.abs(surface.points[:, 0] - 0.5) > 1e-9)
+
+
+_free_nodes = ContactSurface.free_nodes
+
+
+@pytest.mark.parametrize("method", ["newton", "interior_point"])
+@pytest.mark.parametrize(
+    ("mask", "caught"),
+    [(_every_node_is_free, "held_nodes"), (_one_more_node_is_held, "contact_violation")],
+)
+def test_a_wrong_mask_of_the_solver_is_caught_by_the_certificate(
+    mask: Any, caught: str, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ContactSurface, "free_nodes", mask)
+    found = solve_assembled(_guided(n=1e4, solver__method=method))
+    criteria = found.summary["certificate"]["criteria"]
+    assert not criteria[caught]["holds"] and not found.converged

@@ -118,7 +118,7 @@ def test_a_load_that_falls_between_all_points_is_warned_of() -> None:
     problem.close()
 
 
-_POLES = {
+_POLES: dict[str, tuple[str, Any, str]] = {
     "a gap": ("contact__gap", "1/(x - 0.23)", "contact.gap"),
     "a small pole of a gap": ("contact__gap", "0.1 + 1e-3/(x - 0.23)", "contact.gap"),
     "friction": ("friction__coefficient", "0.3/abs(x - 0.5)", "friction.coefficient"),
@@ -155,8 +155,9 @@ _POLES = {
 @pytest.mark.parametrize("name", _POLES)
 def test_a_pole_between_the_points_in_use_is_refused_with_its_place(name: str) -> None:
     where, value, key = _POLES[name]
+    changes: dict[str, Any] = {where: value}
     with pytest.raises(InputError, match="grows without bound near x = 0") as caught:
-        _block(**{where: value})
+        _block(**changes)
     assert caught.value.key == key
 
 
@@ -168,7 +169,7 @@ def test_a_load_that_grows_slowly_towards_a_point_is_no_pole(load: str) -> None:
     problem.close()
 
 
-_JUMPS = {
+_JUMPS: dict[str, tuple[str, Any, str, str]] = {
     "a gap": ("contact__gap", "0.01 if x < 0.43 else 0", "contact.gap", "facet"),
     "a wavy gap": ("contact__gap", "0.01*cos(40*x)", "contact.gap", "facet"),
     "friction": (
@@ -213,7 +214,8 @@ _JUMPS = {
 @pytest.mark.parametrize("name", _JUMPS)
 def test_a_jump_or_a_spot_inside_of_a_cell_or_facet_is_warned_of_once(name: str) -> None:
     where, value, key, entity = _JUMPS[name]
-    problem = _block(**{where: value})
+    changes: dict[str, Any] = {where: value}
+    problem = _block(**changes)
     (warning,) = problem.warnings
     assert warning.startswith(f"{key}: changes from ")
     assert f"inside a {entity} near x = 0." in warning and "refine the mesh there" in warning

@@ -67,8 +67,9 @@ class Equilibrium:
 def equilibrium(state: SolvedState) -> Equilibrium:
     """Balance the stored stress, pressure and traction with the loads; collective.
 
-    The contact forces are sums over the nodes with the nodal weights.  They do not use the forms of
-    the solver, so that a wrong sign in either place shows.
+    The contact forces are sums over the nodes with the nodal weights.  They do not use the solver's
+    forms of contact, so that a wrong sign in either place shows.  Loads and elastic forces are the
+    forms of the solver.
     """
     u, data, constraints = state.problem.u, state.problem.data, state.problem.constraints
     space = u.function_space

@@ -61,10 +61,10 @@ class Touch:
     bound: FloatArray
 
     @classmethod
-    def of(cls, fields: ContactFields) -> Touch:
+    def of(cls, state: SolvedState, fields: ContactFields) -> Touch:
         """The contact of a solved state."""
         return cls(
-            weights=_weights(fields),
+            weights=state.weights(fields),
             displacement=fields.u_normal[:, None] * fields.normal + fields.u_tangent,
             normal=fields.normal,
             gap=fields.gap,
@@ -74,12 +74,18 @@ class Touch:
         )
 
     @classmethod
-    def at_rest(cls, fields: ContactFields) -> Touch:
+    def at_rest(cls, state: SolvedState, fields: ContactFields) -> Touch:
         """The contact before the first step, where an obstacle that would overlap touches."""
         vectors, scalars = np.zeros_like(fields.normal), np.zeros_like(fields.gap)
         gap = np.maximum(fields.gap, 0.0)
         return cls(
-            _weights(fields), vectors, fields.normal, gap, scalars, vectors.copy(), scalars.copy()
+            state.weights(fields),
+            vectors,
+            fields.normal,
+            gap,
+            scalars,
+            vectors.copy(),
+            scalars.copy(),
         )
 
     def room(self, displacement: FloatArray) -> FloatArray:
@@ -110,7 +116,7 @@ class Moment:
         return cls(
             displacement=state.problem.u.x.array.copy(),
             forces=_external_forces(state),
-            contacts=tuple(Touch.of(fields) for fields in state.contacts),
+            contacts=tuple(Touch.of(state, fields) for fields in state.contacts),
             stored=_stored(state),
             work=state.work,
             negligible=state.system.rounding.in_forces() / state.settings.tolerance,
@@ -130,7 +136,7 @@ class Moment:
             v = ufl.TestFunction(u.function_space)
             forces = nodal_forces(forms.own_forces(rest, v, data))[: len(forces)]
             stored = integral(state.problem.domain, data.own_energy(rest))
-        contacts = tuple(Touch.at_rest(fields) for fields in state.contacts)
+        contacts = tuple(Touch.at_rest(state, fields) for fields in state.contacts)
         return cls(rest.x.array.copy(), forces, contacts, stored, 0.0, 0.0)
 
 
@@ -222,13 +228,9 @@ def _slid(old: Touch, new: Touch, drag: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(slid - along[:, None] * old.normal, axis=1))
 
 
-def _weights(fields: ContactFields) -> FloatArray:
-    return np.asarray(fields.surface.weights * fields.free)
-
-
 def _friction_work(state: SolvedState, fields: ContactFields) -> float:
     """``int -sigma_tau . (u_tau - u_{k-1,tau})``; collective."""
-    return state.sum(_weights(fields) * -np.sum(fields.traction * fields.increment, axis=1))
+    return state.sum(state.weights(fields) * -np.sum(fields.traction * fields.increment, axis=1))
 
 
 def _stored(state: SolvedState) -> float:
@@ -243,7 +245,7 @@ def _stored(state: SolvedState) -> float:
     if penalty.epsilon > 0.0:
         for fields in state.contacts:
             entered = np.maximum(fields.u_normal - fields.gap, 0.0)
-            total += state.sum(_weights(fields) * entered**2) / (2.0 * penalty.epsilon)
+            total += state.sum(state.weights(fields) * entered**2) / (2.0 * penalty.epsilon)
     if state.problem.data.own_energy is not None:
         total += integral(state.problem.domain, state.problem.data.own_energy(state.problem.u))
     return total

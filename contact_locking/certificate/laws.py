@@ -59,6 +59,9 @@ def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Crite
         found["contact_violation"] = Criterion(
             float(violation), law, "violation of the contact law"
         )
+        found["held_nodes"] = Criterion(
+            held_nodes(state), law, "share of the contact forces at nodes that conditions hold"
+        )
     rubbing = [fields for fields in state.contacts if not fields.contact.friction.frictionless]
     if rubbing:
         found |= _friction_criteria(state, rubbing, law, margin)
@@ -89,7 +92,7 @@ def _friction_criteria(
     products, cones, signs = np.transpose([friction(state, fields) for fields in rubbing])
     settled = margin * max(state.settings.friction_tolerance, _TOLERANCE)
     change = max(bound_change(state, fields) for fields in rubbing)
-    constants = max(smoothing_constants(fields) for fields in rubbing)
+    constants = max(smoothing_constants(state, fields) for fields in rubbing)
     return {
         "friction_complementarity": Criterion(
             float(sum(products)), law, "complementarity of friction"
@@ -146,7 +149,7 @@ def contact(state: SolvedState, fields: ContactFields) -> tuple[float, float, fl
     ``|eps| L/eps``.  Fenchel's sum is ``int |p (max(gap, u_nu) - u_nu)|`` plus, for eps > 0,
     ``int ([u_nu - gap]^+ - eps p)^2/(2 eps)``.
     """
-    weights = fields.surface.weights * fields.contact.free
+    weights = state.weights(fields)
     opening = fields.gap + state.target.penalty.epsilon * fields.pressure - fields.u_normal
     length, epsilon = state.target.length * state.mean_strain, state.target.penalty.epsilon
     stress = state.mean_stress if epsilon == 0.0 else min(state.mean_stress, length / epsilon)
@@ -173,7 +176,7 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
     wrong sign is ``int [-t . s]^+`` over the work: friction dissipates work and never adds work.
     """
     epsilon = float(fields.contact.regularisation.value)
-    weights = fields.surface.weights * fields.contact.free
+    weights = state.weights(fields)
     size = np.linalg.norm(fields.traction, axis=1)
     slip = np.sqrt(np.sum(fields.increment**2, axis=1) + epsilon**2)
     work = -np.sum(fields.traction * fields.increment, axis=1)
@@ -197,15 +200,28 @@ def bound_change(state: SolvedState, fields: ContactFields) -> float:
     contact = fields.contact
     wanted = contact.friction_bound(state.problem.u, fields.pressure)
     size = max(contact.norm(wanted), state.target.least_bound(state.mean_strain, state.dim))
-    change = contact.norm(np.where(contact.free, fields.bound - wanted, 0.0))
+    change = contact.norm(np.where(state.held(fields), 0.0, fields.bound - wanted))
     return change / size if size > 0.0 else change
 
 
-def smoothing_constants(fields: ContactFields) -> float:
+def held_nodes(state: SolvedState) -> float:
+    """``int |p| + |sigma_tau|`` over the held nodes, relative to that over all nodes; collective.
+
+    A displacement condition decides at these nodes, and neither pressure nor friction acts.
+    """
+    carried = whole = 0.0
+    for fields in state.contacts:
+        sizes = np.abs(fields.pressure) + np.linalg.norm(fields.traction, axis=1)
+        forces = fields.surface.weights * sizes
+        carried += state.sum(forces[state.held(fields)])
+        whole += state.sum(forces)
+    return carried / whole if whole > 0.0 else 0.0
+
+
+def smoothing_constants(state: SolvedState, fields: ContactFields) -> float:
     """``max |R 1 - 1|`` over the free nodes, where R has to keep constants; collective."""
-    contact = fields.contact
-    ones = np.ones(len(contact.free))
-    change = np.abs(contact.friction.smoothing.apply(ones) - 1.0)[contact.free]
+    contact, free = fields.contact, ~state.held(fields)
+    change = np.abs(contact.friction.smoothing.apply(np.ones(len(free))) - 1.0)[free]
     return maximum(contact.surface.domain.comm, change)
 
 

@@ -1,4 +1,4 @@
-"""The reactions of the named boundary parts that have prescribed displacements."""
+"""What the conditions on named boundary parts hold: their reactions, and the nodes of contacts."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from dolfinx import fem
 
-from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.problem.conditions import Constraints
 from contact_locking.problem.domain import Domain
+from contact_locking.problem.half_section import is_on_axis
+
+# A unit normal lies along prescribed directions if less than this is left.
+_ALONG = 1e-6
 
 
 def reactions_by_part(
@@ -22,15 +26,8 @@ def reactions_by_part(
     prescribe there.  Parts that prescribe the same component of the same node have equal shares of
     its reaction, so that the resultants add up to the sum of all reactions.
     """
-    dim, space = domain.dim, constraints.space
-    held: dict[str, list[IndexArray]] = {}
-    for condition in constraints.wanted:
-        for name in condition.on:
-            facets = domain.facets((name,), condition.key)
-            nodes = fem.locate_dofs_topological(space, dim - 1, facets)
-            held.setdefault(name, []).append(dim * nodes + condition.component)
-    owned = {name: np.unique(np.concatenate(dofs)) for name, dofs in held.items()}
-    owned = {name: dofs[dofs < len(reaction)] for name, dofs in owned.items()}
+    dim = domain.dim
+    owned = _held_dofs(domain, constraints, len(reaction))
     shares = {name: np.zeros_like(reaction) for name in owned}
     for placed in constraints.supports.placed:
         shares |= {name: np.zeros_like(reaction) for name in placed.support.on}
@@ -58,6 +55,42 @@ def reactions_by_part(
         share[dofs] += rest[dofs] / holders[dofs]
         found[name] = np.asarray(domain.comm.allreduce(share.reshape(-1, dim).sum(axis=0)))
     return found
+
+
+def are_held(
+    domain: Domain, constraints: Constraints, nodes: IndexArray, normals: FloatArray
+) -> BoolArray:
+    """(k,) whether the conditions prescribe the displacement of nodes along normals (k, d).
+
+    ``nodes`` (k,) are owned blocks of the displacement space.  The directions are those that the
+    study file prescribes on the boundary parts around a node, and x on the axis of revolution: the
+    constraints of the solver are not used.  Collective.
+    """
+    dim, space = domain.dim, constraints.space
+    count = space.dofmap.index_map.size_local * dim
+    spans = np.zeros((len(nodes), dim, dim))
+    for _, places, directions in _rows(
+        domain, constraints, _held_dofs(domain, constraints, count), nodes
+    ):
+        np.add.at(spans, places, np.einsum("ki,kj->kij", directions, directions))
+    if domain.axisymmetric:
+        points = space.tabulate_dof_coordinates()[nodes]
+        spans[is_on_axis(domain, points.T), 0, 0] += 1.0
+    onto = np.einsum("kij,kjl->kil", np.linalg.pinv(spans, rcond=1e-12, hermitian=True), spans)
+    left = normals - np.einsum("kij,kj->ki", onto, normals)
+    return np.asarray(np.linalg.norm(left, axis=1) <= _ALONG)
+
+
+def _held_dofs(domain: Domain, constraints: Constraints, count: int) -> dict[str, IndexArray]:
+    """The dofs below ``count`` that each boundary part holds by components; collective."""
+    dim, held = domain.dim, dict[str, list[IndexArray]]()
+    for condition in constraints.wanted:
+        for name in condition.on:
+            facets = domain.facets((name,), condition.key)
+            nodes = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
+            held.setdefault(name, []).append(dim * nodes + condition.component)
+    every = {name: np.unique(np.concatenate(dofs)) for name, dofs in held.items()}
+    return {name: dofs[dofs < count] for name, dofs in every.items()}
 
 
 def _rows(

@@ -12,7 +12,8 @@ from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.certificate.reactions import are_held
 from contact_locking.parallel import maximum
 from contact_locking.problem import compiled, forms
 from contact_locking.problem.assembly import Problem
@@ -105,6 +106,22 @@ class SolvedState:
         points = self.points
         products = np.einsum("kij,kij->k", points.locking_stress, points.strain)
         return elastic + abs(self.sum(points.weights * products))
+
+    @cached_property
+    def _held(self) -> dict[int, BoolArray]:
+        constraints, domain = self.problem.constraints, self.problem.domain
+        return {
+            id(fields): are_held(domain, constraints, fields.surface.blocks, fields.normal)
+            for fields in self.contacts
+        }
+
+    def held(self, fields: ContactFields) -> BoolArray:
+        """(k,) the nodes of a contact whose normal displacement is prescribed; collective."""
+        return self._held[id(fields)]
+
+    def weights(self, fields: ContactFields) -> FloatArray:
+        """The weights (k,) of the nodes of a contact, zero at held nodes; collective."""
+        return np.where(self.held(fields), 0.0, fields.surface.weights)
 
     def share_of_work(self, value: float) -> float:
         """A value relative to :attr:`work`; the value itself for a body at rest."""

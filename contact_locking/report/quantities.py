@@ -158,6 +158,7 @@ MEANINGS = {
     "locking_violation": "strain beyond the locking law",
     "contact_complementarity": "pressure only where the gap is closed",
     "contact_violation": "penetration beyond the contact law, and pull",
+    "held_nodes": "contact forces at nodes that conditions hold",
     "friction_complementarity": "slip only at the friction bound, against the traction",
     "coulomb_cone": "friction above its bound",
     "friction_sign": "work that friction adds",
