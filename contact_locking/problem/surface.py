@@ -31,7 +31,7 @@ _PRESCRIBED = 1e-6
 # The cosines of the angles by which contact normals turn between two sides of Gamma_C, and by which
 # they are off the normals of the body: 40 and 60 degrees.
 _TURNED, _FACING = 0.766, 0.5
-# The sine of the angle, 15 degrees, by which the normal of a smooth boundary is off that of a chord.
+# The sine of 15 degrees, by which the normal of a smooth boundary is off that of a chord at most.
 _CORNER = 0.26
 
 

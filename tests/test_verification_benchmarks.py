@@ -1,0 +1,159 @@
+"""V30: public benchmarks: torsion of a square and a disc, an indented layer, a wavy surface."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from problems import with_changes
+from verification_table import Row
+
+from contact_locking import solving
+from contact_locking.results.solution import Solution
+
+TEST = "test_verification_benchmarks.py"
+
+pytestmark = pytest.mark.serial
+
+
+def solution_of(data: dict[str, Any]) -> Solution:
+    found = solving.solve(with_changes(data))
+    assert found.converged, found.summary["reason"]
+    return found
+
+
+def _torsion(mesh: dict[str, Any], rim: list[str]) -> Solution:
+    """``min int |grad w|^2/2 - 5 w`` with ``|grad w| <= 1``, w = 0 on the rim: one layer of cells.
+
+    The displacement is (0, 0, w) and mu = 1, so that ``|eps| = |grad w|/sqrt(2)``.
+    """
+    loads = {
+        "body_force": [0, 0, 5.0],
+        "displacements": [
+            {"on": ["bottom", "top"], "value": [0, 0, None]},
+            {"on": rim, "value": [0, 0, 0]},
+        ],
+    }
+    material = {"elasticity": {"lambda": 0.0, "mu": 1.0}, "locking_limit": 1 / math.sqrt(2)}
+    return solution_of({"mesh": mesh, "material": material, "loads": loads, "contact": []})
+
+
+def _least_energy(solution: Solution, thickness: float) -> float:
+    summary = solution.summary
+    return float((summary["elastic_energy"] - summary["compliance"]) / thickness)
+
+
+def test_v30_torsion_of_a_square_has_the_optimum_of_cops_15(found: list[Row]) -> None:
+    """Dolan, More and Munson, COPS (ANL/MCS-TM-273), problem 15 with c = 5."""
+    h, optimum = 1 / 20, -4.18087e-1
+    mesh = {"builder": "block", "dim": 3, "size": [1, 1, h], "h": h, "structured": True}
+    energy = _least_energy(_torsion(mesh, ["left", "right", "front", "back"]), h)
+    found.append(Row("V30", "COPS 15, torsion of a square", "least energy", energy, optimum, TEST))
+    assert energy == pytest.approx(optimum, rel=0.02)
+    assert energy > optimum
+
+
+def _disc(path: Path, thickness: float, h: float) -> None:
+    """A disc of radius 1 and one layer of cells."""
+    import gmsh
+
+    gmsh.initialize([], interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        disc = gmsh.model.occ.addDisk(0, 0, 0, 1, 1)
+        body = gmsh.model.occ.extrude([(2, disc)], 0, 0, thickness, numElements=[1])
+        gmsh.model.occ.synchronize()
+        top, side = body[0][1], body[2][1]
+        gmsh.model.addPhysicalGroup(3, [body[1][1]], name="body")
+        for name, tag in (("bottom", disc), ("top", top), ("side", side)):
+            gmsh.model.addPhysicalGroup(2, [tag], name=name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", h)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+
+
+def test_v30_torsion_of_a_disc_is_a_cone_outside_of_its_middle(
+    tmp_path: Path, found: list[Row]
+) -> None:
+    """``w = 1 - r`` for r >= 2/c and a parabola inside: w(0) = 1 - 1/c (Glowinski, 2008, c = 5).
+
+    Numerical Methods for Nonlinear Variational Problems, doi:10.1007/978-3-540-77801-1.
+    """
+    h, file = 0.06, tmp_path / "disc.msh"
+    _disc(file, h, h)
+    solution = _torsion({"file": str(file)}, ["side"])
+    top = float(np.max(solution.displacement.x.array))
+    energy = _least_energy(solution, h)
+    problem = "torsion of a disc"
+    found.append(Row("V30", problem, "largest displacement", top, 0.8, TEST))
+    found.append(Row("V30", problem, "least energy", energy, -3.7071, TEST))
+    assert top == pytest.approx(0.8, rel=0.01)
+    assert energy == pytest.approx(-3.7071, rel=0.02)
+
+
+def test_v30_a_wavy_surface_touches_as_far_as_westergaard_says(found: list[Row]) -> None:
+    """``p_mean = p* sin^2(pi a/lambda)``, ``p* = pi E* D/lambda``: half of p* for a = lambda/4.
+
+    Johnson, Contact Mechanics (1985), section 13.2 (doi:10.1017/CBO9781139171731).
+    """
+    amplitude, young, poisson = 1e-3, 1.0, 0.3
+    full = math.pi * young / (1 - poisson**2) * amplitude
+    solution = solution_of(
+        {
+            "mesh": {"builder": "block", "size": [0.5, 1.0], "h": 1 / 64, "structured": True},
+            "material": {"elasticity": {"young": young, "poisson": poisson}},
+            "loads": {
+                "tractions": [{"on": "top", "value": [0, -0.5 * full]}],
+                "displacements": [{"on": ["left", "right"], "value": [0, None]}],
+            },
+            "discretisation": {"degree": 2},
+            "contact": {"on": "bottom", "gap": f"{amplitude}*(1 - cos(2*pi*x))"},
+        }
+    )
+    assert solution.contact_points is not None
+    width = solution.summary["contact_area"]
+    peak = float(np.max(solution.contact_points.pressure)) / full
+    problem = "Westergaard's wave, mean pressure p*/2"
+    found.append(Row("V30", problem, "half-width over the length", width, 0.25, TEST))
+    found.append(Row("V30", problem, "peak over p*", peak, math.sqrt(2.0), TEST))
+    assert width == pytest.approx(0.25, abs=1 / 64)
+    assert peak == pytest.approx(math.sqrt(2.0), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("poisson", "factor"), [(0.30, 2.480), (0.35, 2.603), (0.40, 2.789), (0.45, 3.085)]
+)
+def test_v30_a_flat_punch_indents_a_bonded_layer_with_the_force_of_hayes(
+    poisson: float, factor: float, found: list[Row]
+) -> None:
+    """``F = 4 a kappa G w/(1 - nu)`` for a punch as wide as the layer is thick.
+
+    Hayes and others, J. Biomech. 5 (1972) 541 (doi:10.1016/0021-9290(72)90010-3), a/h = 1.
+    """
+    depth, shear = 0.001, 0.5 / (1.0 + poisson)
+    h = 1 / 20
+    solution = solution_of(
+        {
+            "mesh": {
+                "builder": "block",
+                "size": [6.0, 1.0],
+                "h": h,
+                "structured": True,
+                "axisymmetric": True,
+            },
+            "material": {"elasticity": {"young": 1.0, "poisson": poisson}},
+            "discretisation": {"degree": 2},
+            "loads": {"displacements": [{"on": "bottom", "value": [0, 0]}]},
+            "contact": {"on": "top", "gap": f"-{depth} if x < 1.0001 else 1"},
+        }
+    )
+    force = -solution.summary["contact_force"][1]
+    kappa = force * (1.0 - poisson) / (4.0 * shear * depth)
+    problem = f"Hayes' layer, nu = {poisson:g}"
+    found.append(Row("V30", problem, "kappa", kappa, factor, TEST))
+    assert kappa == pytest.approx(factor, rel=0.02)
