@@ -12,7 +12,7 @@ import pytest
 from mpi4py import MPI
 from problems import SMALL_BLOCK, block
 
-from contact_locking import check
+from contact_locking import assemble, check
 from contact_locking.command import cli
 from contact_locking.costs import forecast, probe
 from contact_locking.costs.forecast import Estimate, estimate, workload
@@ -46,6 +46,21 @@ def test_the_estimate_agrees_with_what_was_measured_within_a_factor_of_1_5(
     found = expected(dim, unknowns, ranks, penalty__n=n)
     assert seconds / 1.5 < found.seconds < 1.5 * seconds
     assert gigabytes / 1.5 < found.memory / 1e9 < 1.5 * gigabytes
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_cube_counts_by_its_unknowns_and_a_plate_by_its_separators(degree: int) -> None:
+    def sizes(*size: float) -> tuple[int, int]:
+        mesh = {"builder": "block", "dim": 3, "size": list(size), "h": 1.0, "structured": True}
+        problem = assemble(block(3, mesh=mesh), MPI.COMM_WORLD)
+        problem.close()
+        nodes = math.prod(round(degree * length) + 1 for length in size)
+        return 3 * nodes, problem.domain.compact_size(3 * nodes, degree)
+
+    cube, as_cube = sizes(8.0, 8.0, 8.0)
+    assert as_cube == pytest.approx(cube, rel=0.2)
+    plate, as_plate = sizes(40.0, 40.0, 1.0)
+    assert as_plate < 0.7 * plate
 
 
 @pytest.mark.serial

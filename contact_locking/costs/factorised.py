@@ -17,7 +17,10 @@ MODERATE_CONTRAST = 1e5
 
 
 def chosen(linear: str, dim: int, size: int) -> str:
-    """The name that ``linear`` stands for: auto is direct or iterative, by dimension and size."""
+    """The name that ``linear`` stands for: auto is direct or iterative, by dimension and size.
+
+    ``size`` are the unknowns of a cube that takes as long to factorise.
+    """
     if linear != "auto":
         return linear
     return "direct" if size <= DIRECT_LIMIT[dim] else "iterative"

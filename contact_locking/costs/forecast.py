@@ -67,7 +67,9 @@ def completed(
 
     A warning is added if the estimate is more than the memory of a machine of these ranks.
     """
-    load = workload(parameters, facts["dimension"], facts["dofs"], comm.size)
+    facts = dict(facts)
+    compact = facts.pop("compact dofs")
+    load = workload(parameters, facts["dimension"], facts["dofs"], comm.size, compact=compact)
     slowest = minimum(comm, probe.speed())
     found = replace(estimate(load, slowest), kind=_kind(parameters, load))
     warnings = [*facts["warnings"], *_warnings(found, comm)]
@@ -109,16 +111,24 @@ def _warnings(expected: Estimate, comm: MPI.Intracomm) -> list[str]:
 
 
 def workload(
-    parameters: Parameters, dim: int, unknowns: int, ranks: int, reference: Reference = REFERENCE
+    parameters: Parameters,
+    dim: int,
+    unknowns: int,
+    ranks: int,
+    reference: Reference = REFERENCE,
+    compact: int | None = None,
 ) -> Workload:
     """What a run of the study file's base case has to do on a mesh with so many unknowns.
 
+    ``compact`` are those of a cube that takes as long to factorise, by default all of them.
     Adapted meshes are taken to grow to the most unknowns that the study file allows.
     """
     times = _times(parameters, reference)
     if parameters.adapt is not None:
         unknowns, times = max(unknowns, parameters.adapt.max_dofs), 2.0 * times
-    is_direct = chosen(parameters.solver.linear, dim, unknowns) == "direct"
+        compact = None
+    compact = unknowns if compact is None else compact
+    is_direct = chosen(parameters.solver.linear, dim, compact) == "direct"
     limit = FILTER_LIMIT[dim, parameters.discretisation.degree]
     filtered = reference.filtered * unknowns
     if not _limits_strain(parameters):
@@ -139,7 +149,7 @@ def workload(
         ranks=ranks,
         is_direct=is_direct,
         beside=beside,
-        factor=unknowns if is_direct else beside_gmres[beside],
+        factor=compact if is_direct else beside_gmres[beside],
         tangents=times * (reference.tangents + (steps - 1) * reference.tangents_of_step),
         steps=steps,
     )
@@ -182,7 +192,7 @@ def _tangent(load: Workload, reference: Reference) -> float:
     flat = load.dim == 2
     direct = reference.direct_2d if flat else reference.direct_3d
     if load.is_direct:
-        return direct(load.unknowns)
+        return direct.linear * load.unknowns + replace(direct, linear=0.0)(load.factor)
     if load.beside == "projection":
         return reference.projected_3d(load.unknowns)
     if load.beside == "nothing":

@@ -104,10 +104,12 @@ class Problem:
     def facts(self) -> dict[str, Any]:
         """The facts that ``contact-locking check`` prints; collective."""
         dofmap = self.u.function_space.dofmap
+        unknowns = int(dofmap.index_map.size_global * dofmap.index_map_bs)
         facts = {
             "dimension": self.domain.dim,
             "cells": self.domain.num_cells,
-            "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
+            "dofs": unknowns,
+            "compact dofs": self.domain.compact_size(unknowns, self.element.degree),
             "elements": str(self.element),
             "regions": sorted(self.domain.cell_names),
             "boundary parts": sorted(self.domain.facet_names),

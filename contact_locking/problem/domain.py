@@ -138,6 +138,23 @@ class Domain:
         moments = second / ((dim + 1) * (dim + 2) * volume) - np.outer(centre, centre)
         return float(np.sqrt(12.0 * np.linalg.eigvalsh(moments)[-1]))
 
+    def compact_size(self, unknowns: int, degree: int) -> int:
+        """The unknowns of a cube that takes as long to factorise as this body; collective.
+
+        A factorisation depends on the separators of the mesh.  Those of a plate of t layers of
+        nodes with N nodes in all have sqrt(t N) nodes, those of a cube N^(2/3).  The cells for each
+        facet of the boundary give about t.  A body in 2D counts as it is.
+        """
+        if self.dim == 2:
+            return unknowns
+        facets = self.mesh.topology.index_map(self.dim - 1)
+        boundary = dmesh.exterior_facet_indices(self.mesh.topology)
+        outside = self.comm.allreduce(int(np.sum(boundary < facets.size_local)))
+        nodes = unknowns / self.dim
+        # A cube of n^3 small cubes has 6 n^3 cells and 12 n^2 facets outside.
+        layers = 2.0 * degree * self.num_cells / outside
+        return min(unknowns, round(self.dim * (layers * nodes) ** 0.75))
+
     def where(self, point: FloatArray) -> str:
         """A point (d,) in words, ``x = 1, y = 2``; coordinates that are rounding are 0."""
         rounding = _ROUNDING * np.abs(self.mesh.geometry.x).max(initial=0.0)

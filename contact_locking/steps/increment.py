@@ -11,6 +11,7 @@ from dolfinx import fem
 from contact_locking.certificate import Certificate
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.costs.factorised import chosen
 from contact_locking.errors import InputError
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
@@ -70,7 +71,7 @@ class Increment:
             friction_tolerance=given.friction_tolerance,
             max_friction_updates=given.max_friction_updates,
             nested=given.friction == "nested",
-            linear=given.linear,
+            linear=_linear(problem),
             petsc=self._options,
         )
         self.system = PenalisedSystem(
@@ -167,6 +168,13 @@ def _loose_motion(problem: Problem) -> LooseMotion | None:
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     motions = loose_fields(domain, space, constraints)
     return LooseMotion(domain.comm, motions, owned, constraints, problem.contacts)
+
+
+def _linear(problem: Problem) -> str:
+    """The linear solver of the study file, with the choice for this body made; collective."""
+    domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
+    compact = domain.compact_size(size * domain.dim, problem.element.degree)
+    return chosen(problem.parameters.solver.linear, domain.dim, compact)
 
 
 def _method(problem: Problem) -> str:

@@ -16,7 +16,7 @@ def lifted(random: Random) -> Case:
     length, weight = slenderness * thickness, young * decades(random, -9.0, -5.0) / slenderness
     # A beam of this stiffness is lifted over the share s of its length by the height h.
     share = between(random, 0.3, 0.8)
-    height = weight * thickness * (share * length) ** 4 / (6.0 * young * thickness**3)
+    height = weight * thickness * (share * length) ** 4 / (2.0 * young * thickness**3)
     lift = {"on": "right", "value": [None, height]}
     roller = {"on": "left", "value": [0.0, None]}
     by_friction = chance(random, 0.7)
