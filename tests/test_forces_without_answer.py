@@ -60,7 +60,7 @@ def test_a_force_that_gets_too_small_to_hold_the_body_is_named() -> None:
 
 
 def test_what_the_gap_and_the_tool_cannot_stop_is_still_infeasible() -> None:
-    apart = [*HELD, {"on": "right", "value": [0.1, None]}]
+    apart = [*HELD, {"on": "right", "value": ["0.1*y", None]}]
     found = solve(pressed(tool([0.0, -0.03]), loads={"displacements": apart}))
     assert not found.converged
     assert found.summary["reason"].startswith("infeasible")

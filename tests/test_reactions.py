@@ -16,7 +16,7 @@ def test_the_reactions_of_all_parts_add_up_to_those_of_the_certificate(degree: i
         "body_force": [0.01, -0.02],
         "displacements": [
             {"on": ["left", "top"], "value": [0.001, -0.002]},
-            {"on": "right", "value": [None, 0]},
+            {"on": "right", "value": [None, "-0.002*y"]},
         ],
     }
     solution = solve(square(loads=loads, discretisation={"degree": degree}))

@@ -88,13 +88,20 @@ def test_an_expression_without_a_value_away_from_gamma_c_is_no_error() -> None:
 
 def test_the_rest_of_a_flat_side_beside_a_flat_punch_is_left_out_and_a_round_side_is_not() -> None:
     punch = {"half_space": {"point": [0.0, 0.95], "normal": [0.0, -1.0]}}
-    flat = {"mesh": {"builder": "punch", "h": 0.25}, "contact__on": "contact"}
-    hold = {"displacements": [{"on": "bottom", "value": [0.0, 0.0]}], "tractions": []}
-    body = {"material__locking_limit": math.inf, "penalty__n": math.inf, "loads": hold}
+    flat: dict[str, Any] = {"mesh": {"builder": "punch", "h": 0.25}, "contact__on": "contact"}
+    hold: dict[str, Any] = {
+        "displacements": [{"on": "bottom", "value": [0.0, 0.0]}],
+        "tractions": [],
+    }
+    body: dict[str, Any] = {
+        "material__locking_limit": math.inf,
+        "penalty__n": math.inf,
+        "loads": hold,
+    }
     pressed = solve(block(**flat, **body, contact__foundation=punch))
     assert pressed.converged and about_entries(pressed) == []
     floor = {"half_space": {"point": [0.0, 0.3], "normal": [0.0, 1.0]}}
     hold["displacements"][0]["on"] = "top"
-    disc = {"mesh": {"builder": "disc", "h": 0.25}, "contact__on": "contact"}
+    disc: dict[str, Any] = {"mesh": {"builder": "disc", "h": 0.25}, "contact__on": "contact"}
     (warning,) = about_entries(solve(block(**disc, **body, contact__foundation=floor)))
     assert "add the boundary part there to contact.on" in warning
