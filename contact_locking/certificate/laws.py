@@ -78,10 +78,12 @@ def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
     """
     if not state.contacts:
         return {}
-    share = max(fields.entry.share for fields in state.contacts)
+    share = max(fields.entry.missed for fields in state.contacts)
     return {
         ENTRY: Criterion(
-            share, _ENTRY, "depth of a foundation between the nodes, as a share of its indentation,"
+            share,
+            _ENTRY,
+            "depth of a foundation that the nodes miss, as a share of its indentation,",
         )
     }
 

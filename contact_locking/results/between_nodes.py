@@ -28,6 +28,9 @@ from contact_locking.problem.surface import ContactSurface
 _DIVISIONS, _HALVINGS = {2: 16, 3: 6}, 5
 # The normals of a foundation that the nodes of a facet know turn by less between them.
 _KNOWN = 0.7
+# Nodes within this multiple of the radius of a facet are around it, and a foundation that enters by
+# this share of its indentation at one of them is seen there.
+_AROUND, _SEEN = 3.0, 0.5
 # A corner of the foundation is looked for as deep as this multiple of the radius of a facet.
 _REACH = 1.5
 # Sharp edges are looked for at points that are this share of the least radius of a facet apart.
@@ -43,12 +46,14 @@ class Entry:
     ``depth`` is a length, and ``place`` (d,) is the point before the body moved.  ``share`` is the
     depth as a share of the indentation: of how far the foundation would enter there, or does enter
     at a node, if contact did not act, from the largest displacement of the body along the normal of
-    the facet.  All are 0 where nothing enters.
+    the facet.  ``missed`` is the share of the deepest entry around which no node that touches sees
+    half of the indentation.  All are 0 where nothing enters.
     """
 
     depth: float = 0.0
     share: float = 0.0
     place: tuple[float, ...] = ()
+    missed: float = 0.0
 
 
 def entry_between_nodes(contact: Contact, u: fem.Function, touches: BoolArray) -> Entry:
@@ -56,17 +61,15 @@ def entry_between_nodes(contact: Contact, u: fem.Function, touches: BoolArray) -
 
     ``touches`` (k,) marks the owned nodes of Gamma_C where the body touches.
     """
-    facets = _Facets(contact, u, touches)
-    weights, excess = facets.search()
-    number = int(np.argmax(excess)) if len(excess) else -1
+    facets, comm = _Facets(contact, u, touches), contact.surface.domain.comm
+    weights, depths = facets.search()
+    behind, above = facets.corners_behind()
+    deeper = above > depths
+    depths, weights[deeper] = np.maximum(depths, above), behind[deeper]
+    number = int(np.argmax(depths)) if len(depths) else -1
     found: tuple[float, list[float]] = (0.0, [])
-    if number >= 0 and excess[number] > 0.0:
-        found = float(excess[number]), facets.place(number, weights[number])
-    behind = facets.corners_behind()
-    if behind is not None and behind[0] > found[0]:
-        found = behind[0], facets.place(behind[1], behind[2])
-        number, weights[behind[1]] = behind[1], behind[2]
-    comm = contact.surface.domain.comm
+    if number >= 0 and depths[number] > 0.0:
+        found = float(depths[number]), facets.place(number, weights[number])
     told = comm.allgather(found)
     depth, place = max(told)
     if depth == 0.0:
@@ -77,7 +80,10 @@ def entry_between_nodes(contact: Contact, u: fem.Function, touches: BoolArray) -
     )
     moved = float(maximum(comm, u.x.array.reshape(-1, contact.surface.domain.dim) @ direction))
     overlap = max(depth - along, maximum(comm, -contact.gaps, -np.inf))
-    return Entry(depth, depth / max(depth, moved + overlap), tuple(place))
+    indentation = max(depth, moved + overlap)
+    is_missed = moved + facets.overlap_nearby(touches) < _SEEN * indentation
+    missed = maximum(comm, depths[is_missed])
+    return Entry(depth, depth / indentation, tuple(place), missed / indentation)
 
 
 class _Facets:
@@ -143,11 +149,11 @@ class _Facets:
         weights[near], excess[near] = best, deepest - self._known[near]
         return weights, excess
 
-    def corners_behind(self) -> tuple[float, int, FloatArray] | None:
-        """The corner of the foundation deepest behind a facet; collective.
+    def corners_behind(self) -> tuple[FloatArray, FloatArray]:
+        """The corners of the foundation deepest behind the facets; collective.
 
-        Returns the depth, the number of the facet, and the barycentric coordinates of the point
-        above the corner.
+        Returns the barycentric coordinates (m, d) of the points above the corners, and the depths
+        (m,), 0 without a corner.
         """
         from scipy.spatial import cKDTree
 
@@ -184,10 +190,25 @@ class _Facets:
         depths -= np.sum(weights * self._at_corners, axis=1) + self._known
         # The point above a corner may be on the side of the tool, to rounding.
         depths[above > _ROUNDING * self._radius] = 0.0
-        if not len(depths) or depths.max() <= 0.0:
-            return None
-        best = int(np.argmax(depths))
-        return float(depths[best]), best, weights[best]
+        return weights, depths
+
+    def overlap_nearby(self, touches: BoolArray) -> FloatArray:
+        """The largest overlap (m,) of the nodes that touch (k,) around each facet; collective.
+
+        It is -inf where no node around touches.
+        """
+        from scipy.spatial import cKDTree
+
+        contact, count = self._contact, len(self._x)
+        comm = contact.surface.domain.comm
+        points = np.concatenate(comm.allgather(contact.surface.points[touches]))
+        overlaps = np.concatenate(comm.allgather(-contact.gaps[touches]))
+        found = np.full(count, -np.inf)
+        if len(points) and count:
+            middles = self._x[:, : self._dim].mean(axis=1)
+            near = cKDTree(points).query_ball_point(middles, _AROUND * self._radius)
+            found[:] = [max(overlaps[some], default=-np.inf) for some in near]
+        return found
 
     def _best(self, weights: FloatArray, facets: IntArray) -> tuple[FloatArray, FloatArray]:
         """Of points (m, q, d) of each of m facets the deepest (m, d), and its depth (m,)."""
