@@ -90,7 +90,8 @@ def test_an_animation_that_nobody_wants_is_not_drawn(
     output: dict[str, bool], tmp_path: Path
 ) -> None:
     # That of an earlier run goes.
-    (tmp_path / "animation.gif").write_bytes(b"old")
+    run_steps(process(), tmp_path)
+    assert (tmp_path / "animation.gif").exists()
     run_steps(process(**output), tmp_path)
     assert (tmp_path / "history.csv").exists()
     assert not (tmp_path / "animation.gif").exists()

@@ -62,7 +62,7 @@ STUDIES: dict[str, dict[str, Any]] = {
         "contact": {
             "on": "top",
             "foundation": {
-                "sphere": {"centre": [0.5, 0.5, 2.0], "radius": 1.0},
+                "sphere": {"centre": [0.5, 0.5, 11.0], "radius": 10.0},
                 "force": [0, 0, -0.01],
             },
         },
