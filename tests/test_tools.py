@@ -226,7 +226,7 @@ def test_a_process_with_a_tool_goes_on_from_a_saved_step(tmp_path: Path) -> None
 def test_a_body_that_two_tools_push_to_a_place_between_them_bears_nothing() -> None:
     """Many places are right, as nothing presses the body; every one is without a force."""
     below = {"on": "bottom", "foundation": {"sphere": {"centre": [0.5, -1.0], "radius": 1.0}}}
-    ball = {"sphere": {"centre": [0.4, 2.0002], "radius": 1.0}, "motion": [0.0, "-1e-4*t"]}
+    ball = {"sphere": {"centre": [0.4, 2.002], "radius": 1.0}, "motion": [0.0, "-1e-4*t"]}
     given = block(
         h=0.5,
         loads={"supports": [{"on": "left", "along": [1, -0.004], "value": "-1e-5*t"}]},

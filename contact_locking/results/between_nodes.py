@@ -31,6 +31,9 @@ _KNOWN = 0.7
 # Nodes within this multiple of the radius of a facet are around it, and a foundation that enters by
 # this share of its indentation at one of them is seen there.
 _AROUND, _SEEN = 3.0, 0.5
+# An indentation is at least this share of the largest displacement: a smaller one is of the order of
+# the square of the displacements, which the linearised contact conditions leave out.
+_LEAST = 1e-4
 # A corner of the foundation is looked for as deep as this multiple of the radius of a facet.
 _REACH = 1.5
 # Sharp edges are looked for at points that are this share of the least radius of a facet apart.
@@ -46,7 +49,7 @@ class Entry:
     ``depth`` is a length, and ``place`` (d,) is the point before the body moved.  ``share`` is the
     depth as a share of the indentation: of how far the foundation would enter there, or does enter
     at a node, if contact did not act, from the largest displacement of the body along the normal of
-    the facet.  ``missed`` is the share of the deepest entry around which no node that touches sees
+    the facet; it is at least 1e-4 of the largest displacement.  ``missed`` is the share of the deepest entry around which no node that touches sees
     half of the indentation.  All are 0 where nothing enters.
     """
 
@@ -80,7 +83,8 @@ def entry_between_nodes(contact: Contact, u: fem.Function, touches: BoolArray) -
     )
     moved = float(maximum(comm, u.x.array.reshape(-1, contact.surface.domain.dim) @ direction))
     overlap = max(depth - along, maximum(comm, -contact.gaps, -np.inf))
-    indentation = max(depth, moved + overlap)
+    largest = maximum(comm, np.abs(u.x.array))
+    indentation = max(depth, moved + overlap, _LEAST * largest)
     is_missed = moved + facets.overlap_nearby(touches) < _SEEN * indentation
     missed = maximum(comm, depths[is_missed])
     return Entry(depth, depth / indentation, tuple(place), missed / indentation)
