@@ -31,8 +31,8 @@ _KNOWN = 0.7
 # Nodes within this multiple of the radius of a facet are around it, and a foundation that enters by
 # this share of its indentation at one of them is seen there.
 _AROUND, _SEEN = 3.0, 0.5
-# An indentation is at least this share of the largest displacement: a smaller one is of the order of
-# the square of the displacements, which the linearised contact conditions leave out.
+# An indentation is at least this share of the largest displacement: a smaller one is of the order
+# of the square of the displacements, which the linearised contact conditions leave out.
 _LEAST = 1e-4
 # A corner of the foundation is looked for as deep as this multiple of the radius of a facet.
 _REACH = 1.5
@@ -49,8 +49,9 @@ class Entry:
     ``depth`` is a length, and ``place`` (d,) is the point before the body moved.  ``share`` is the
     depth as a share of the indentation: of how far the foundation would enter there, or does enter
     at a node, if contact did not act, from the largest displacement of the body along the normal of
-    the facet; it is at least 1e-4 of the largest displacement.  ``missed`` is the share of the deepest entry around which no node that touches sees
-    half of the indentation.  All are 0 where nothing enters.
+    the facet; it is at least 1e-4 of the largest displacement.  ``missed`` is the share of the
+    deepest entry around which no node that touches sees half of the indentation.  All are 0 where
+    nothing enters.
     """
 
     depth: float = 0.0
