@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 import functools
+import os
+import pwd
 import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -21,7 +23,11 @@ _OPTION_ERRORS = (62, 63, 83, 86)
 
 
 def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
-    """MPI's world, with PETSc initialised without the command line's words and petscrc files."""
+    """MPI's world, with PETSc initialised without the command line's words and petscrc files.
+
+    Raises InputError for environment variables with which MPI would abort.
+    """
+    _prepare_environment()
     try:
         import petsc4py
 
@@ -52,6 +58,17 @@ def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
     if MPI.COMM_WORLD.rank == 0:
         _clear_unfinished_forms()
     return MPI.COMM_WORLD
+
+
+def _prepare_environment() -> None:
+    """Give MPI a home, which cron and systemd leave out, and refuse a TMPDIR that is none."""
+    if not os.environ.get("HOME"):
+        os.environ["HOME"] = pwd.getpwuid(os.getuid()).pw_dir
+    folder = os.environ.get("TMPDIR")
+    if folder and not (os.path.isdir(folder) and os.access(folder, os.W_OK)):
+        raise InputError(
+            f"TMPDIR: {folder} is no folder that can be written to; make it, or unset TMPDIR"
+        )
 
 
 @functools.cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -104,7 +105,7 @@ def run(file: StudyFile, plan: Plan, console: Console) -> Study:
                 if not held:
                     view.line(f"warning: the file system of {directory} has no locks", "yellow")
                 _require_own(study, todo)
-                _announce(study, todo, view)
+                _announce(study, todo, plan, view)
                 _prepare(study, file)
                 try:
                     _solve(study, todo, plan, view)
@@ -123,9 +124,13 @@ def _require_own(study: Study, todo: Sequence[Case]) -> None:
         require_own(case)
 
 
-def _announce(study: Study, todo: Sequence[Case], view: View) -> None:
+def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
     before = f", {study.finished} finished before" if study.finished else ""
     view.line(f"{len(study.cases)} cases in {study.directory}{before}")
+    asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
+    if plan.executor == "local" and asked > cores:
+        text = f"warning: {asked} processes share the {cores} cores of this machine, and are slow"
+        view.line(text, "yellow")
     if repeated := len(study.cases) - len(study.outcomes):
         view.line(f"warning: {repeated} repeat the values of others, and are solved once", "yellow")
     versions = Counter(version for case in todo if (version := other_version(case)) is not None)
