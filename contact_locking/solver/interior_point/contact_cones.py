@@ -22,8 +22,11 @@ class ContactCones(HalfLines):
     of the body.
     """
 
-    def __init__(self, nodes: ContactNodes, compliance: float, length: float) -> None:
-        self.nodes, self.compliance, self.scale = nodes, compliance, length
+    def __init__(
+        self, nodes: ContactNodes, compliance: float, step_compliance: float, length: float
+    ) -> None:
+        self.nodes, self.scale = nodes, length
+        self.compliance, self.step_compliance = compliance, step_compliance
         self.comm, self.weights = nodes.comm, nodes.weights
         self.x, self.z = np.zeros((2, len(nodes.weights)))
 
@@ -68,7 +71,7 @@ class ContactCones(HalfLines):
 
     def response(self, seen: FloatArray) -> FloatArray:
         """The change of the pressure (k,) with the normal displacement."""
-        return self.z * seen / (self.x + self.compliance * self.z)
+        return self.stiffness * seen
 
     # The tangent.
 
