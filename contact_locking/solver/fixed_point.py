@@ -16,6 +16,9 @@ from contact_locking.errors import NotConverged
 from contact_locking.problem.contact import joint_norm
 from contact_locking.solver.task import Task
 
+# So many updates tell how fast the changes shrink.
+_JUDGED = 10
+
 
 def fixed_point(
     task: Task,
@@ -29,7 +32,8 @@ def fixed_point(
     the norm of the bound over all parts, or to ``task.least_bound()`` if that is larger.
     Afterwards the forms hold a bound that agrees with the displacement to the tolerance, and
     ``report.contraction`` is the geometric mean of the ratios of successive changes.  Raises
-    NotConverged after ``max_friction_updates``.
+    NotConverged after ``max_friction_updates``, or as soon as the last changes shrink too slowly to
+    arrive by then.
     """
     settings, report, rubbing = task.settings, task.report, task.system.rubbing
     changes: list[float] = []
@@ -50,11 +54,22 @@ def fixed_point(
         task.monitor.friction_update(report.friction, relative, report.contraction)
         if relative <= settings.friction_tolerance:
             return
+        left = settings.max_friction_updates - len(changes)
+        if _is_too_slow(changes, settings.friction_tolerance, left):
+            break
     factor = "" if report.contraction is None else f", contraction factor {report.contraction:.2f}"
     raise NotConverged(
         f"the friction bound still changes by {changes[-1]:.1e} of itself after "
-        f"{settings.max_friction_updates} updates{factor}"
+        f"{len(changes)} updates{factor}"
     )
+
+
+def _is_too_slow(changes: list[float], tolerance: float, left: int) -> bool:
+    """Whether changes that go on to shrink as the last ones do arrive after ``left`` more."""
+    if len(changes) <= _JUDGED:
+        return False
+    shrunk = (changes[-1] / changes[-1 - _JUDGED]) ** (1.0 / _JUDGED)
+    return changes[-1] * shrunk**left > tolerance
 
 
 def contraction_factor(changes: list[float], floor: float) -> float | None:

@@ -16,7 +16,8 @@ class SolverReport:
     ``suggestion`` names the way out of a failure.  ``admissible_factor`` brackets the largest
     multiple of the prescribed displacements that can be followed, if they cannot be.
     ``multipliers`` are set where they are unknowns of the solver; otherwise the laws give them.
-    ``from_saved`` says that a saved state was what the solution was reached from.
+    ``from_saved`` says that a saved state was what the solution was reached from.  ``warnings`` say
+    in words where another way was taken than the one asked for.
     """
 
     converged: bool = False
@@ -33,3 +34,4 @@ class SolverReport:
     multipliers: Multipliers | None = None
     from_saved: bool = False
     stages: list[dict[str, float | int]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)

@@ -36,7 +36,10 @@ _RESCUE = 30
 _FEW_STEPS, _FEW_UPDATES, _NEAR = 6, 12, 0.1
 
 _NEWTON_WAY_OUT = "Try solver.method: interior_point, lower penalty.n or raise penalty.epsilon."
-_NESTED_WAY_OUT = "Take solver.friction: inside, which needs no contraction."
+_NOT_NESTED = (
+    "solver.friction: nested does not arrive ({reason}); the solution is that of inside, which "
+    "needs no contraction"
+)
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 _BOUND_WAY_OUT = (
     "If the friction bound does not settle, lower friction.coefficient or enlarge "
@@ -115,9 +118,7 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
         task.add_stage(penalty, report.tangents)
         report.from_saved = True
         return task.succeed()
-    nested = task.system.rubbing if task.settings.nested else ()
-    if nested:
-        report.suggestion = _NESTED_WAY_OUT
+    nested, told = task.system.rubbing if task.settings.nested else (), ""
 
     @functools.cache
     def nothing_is_admissible() -> bool:
@@ -127,11 +128,15 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
         # Penalised problems have solutions where nothing is admissible.
         return not (report.is_infeasible or (penalty.is_strict and nothing_is_admissible()))
 
-    with contextlib.closing(_approaches(task, not nested, goes_on)) as solvers:
+    with contextlib.closing(_approaches(task, bool(nested), goes_on)) as solvers:
         for solver in solvers:
-            _solve_by(solver, nested, task)
+            _solve_by(solver, () if solver.bound_moves else nested, task)
             if report.reason:
+                if not solver.bound_moves:
+                    told = _NOT_NESTED.format(reason=report.reason)
                 continue
+            if nested and solver.bound_moves:
+                report.warnings.append(told)
             task.add_stage(penalty, report.tangents)
             # Newton's last steps want a linear solver as sharp as they are.
             direct = None if solver.is_elastic else solver.direct
@@ -147,15 +152,25 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
 
 
 def _approaches(
-    task: Task, bound_moves: bool, goes_on: Callable[[], bool]
+    task: Task, nests: bool, goes_on: Callable[[], bool]
 ) -> Generator[InteriorPoint]:
     """A solver for each approach, as long as ``goes_on`` after the one before; collective.
 
-    No two are there at a time, nor beside what ``goes_on`` solves, as each takes much memory.
+    Where friction bounds are to be fixed points of whole solves, a solver that keeps them comes
+    first.  No two solvers are there at a time, nor beside what ``goes_on`` solves, as each takes
+    much memory.
     """
+    if nests:
+        solver = InteriorPoint(task, bound_moves=False)
+        try:
+            yield solver
+        finally:
+            solver.destroy()
+        if task.report.is_infeasible:
+            return
     number, count = 0, 1
     while number < count and (number == 0 or goes_on()):
-        solver = InteriorPoint(task, bound_moves)
+        solver = InteriorPoint(task)
         count = len(solver.approaches)
         solver.approach = solver.approaches[number]
         try:

@@ -210,7 +210,7 @@ def _summary(state: SolvedState, certificate: Certificate) -> dict[str, Any]:
         slide = describe_slide(domain, u.function_space, data, problem.constraints)
     if slide is None and data.tools and problem.free and not report.converged:
         slide = describe_loose(domain, u.function_space, data, problem.constraints)
-    warnings = [*problem.warnings]
+    warnings = [*problem.warnings, *report.warnings]
     numbers = body_summary(domain, u, data, body)
     touching = contact_summary(state.contacts, data.tools, domain.dim)
     if report.converged:

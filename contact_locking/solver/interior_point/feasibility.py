@@ -49,7 +49,7 @@ _FRICTION_WAY_OUT = (
 def explain_by_friction(task: Task) -> None:
     """Say whether a problem that was not solved has a solution with less friction; collective."""
     report = task.report
-    share = None if task.settings.nested else share_of_friction(task)
+    share = share_of_friction(task)
     if share is not None:
         report.reason += f"; {share}"
         report.suggestion = _FRICTION_WAY_OUT

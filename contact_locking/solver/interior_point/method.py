@@ -54,7 +54,7 @@ class InteriorPoint:
     """
 
     def __init__(self, task: Task, bound_moves: bool = True, tuning: Tuning | None = None) -> None:
-        self._task, self._bound_moves = task, bound_moves
+        self._task, self.bound_moves = task, bound_moves
         self._tuning = tuning = tuning or Tuning()
         self.approach = tuning.approaches[0]
         self._families = families_of(task.system, task.target, tuning)
@@ -102,7 +102,7 @@ class InteriorPoint:
     @property
     def approaches(self) -> tuple[Approach, ...]:
         """Those that differ for this problem; without a moving friction bound all are one."""
-        moves = self._bound_moves and self._families.bounds
+        moves = self.bound_moves and self._families.bounds
         return self._tuning.approaches if moves else self._tuning.approaches[:1]
 
     @property
@@ -158,7 +158,7 @@ class InteriorPoint:
     def _rests(self) -> bool:
         """Whether the body is at rest without multipliers; collective."""
         is_pushed = any(tool.pushes for tool in self._task.system.tools)
-        return self._bound_moves and not is_pushed and rests(self._task, self._tangent)
+        return self.bound_moves and not is_pushed and rests(self._task, self._tangent)
 
     # 1. The start.
 
@@ -171,7 +171,7 @@ class InteriorPoint:
         is_admissible = elastic.solve()
         # A bound that stands still holds what it holds without any pressure, too.
         self.is_elastic = is_admissible and (
-            self._bound_moves or all(bound.is_zero() for bound in bounds)
+            self.bound_moves or all(bound.is_zero() for bound in bounds)
         )
         energy = target.ellipticity * elastic.strain**2
         self._least_energy = tuning.least_energy * energy * target.volume
@@ -184,10 +184,10 @@ class InteriorPoint:
         for family in tangent.families:
             family.start(tuning.start_level * elastic.energy(), least)
         for bound in bounds:
-            bound.start(self._bound_moves, least)
+            bound.start(self.bound_moves, least)
         self._iterate = Iterate(tangent, tuning.band)
         self._moving = [
-            bound for bound in bounds if self._bound_moves and bound.friction.takes_part
+            bound for bound in bounds if self.bound_moves and bound.friction.takes_part
         ]
         self._search = Search(
             self._iterate, self._moving, tuning, task.settings, self.approach.foresees
