@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 HEAD = """# Problems with known answers
 
-What the verification tests computed, beside what is exact; `make verification` writes this file.
+What the verification tests computed, beside the known answer; `make verification` writes this file.
 Lengths, stresses and forces are in the consistent units of each problem. A rate is the slope of a
 line through the logarithms of error and size over all meshes of the test, beside what theory says.
-Errors are relative, and absolute where 0 is exact. The test in the last column says what is solved
-and how close it must be.
+Errors are relative, and absolute where the answer is 0. The test in the last column says what is
+solved and how close it must be.
 
-| id | problem | quantity | computed | exact | error | test |
+| id | problem | quantity | computed | known | error | test |
 | --- | --- | --- | --- | --- | --- | --- |
 """
 

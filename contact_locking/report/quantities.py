@@ -105,7 +105,8 @@ QUANTITIES = (
     Quantity(
         "certificate.errors.guaranteed.relative",
         "bound of the whole error",
-        "proved bound of the error of mesh and penalty, relative in the energy norm",
+        "proved bound of the error of mesh and penalty, relative in the energy norm, "
+        "for the friction bound kept fixed",
         "1",
         vanishes=True,
     ),
