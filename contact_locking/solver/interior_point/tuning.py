@@ -67,8 +67,8 @@ class Tuning:
     least_bound: float = 1e-12
 
     # The tangent.
-    #: A step treats what a limit holds as stiffer than the material by this factor at most, > 1.  In
-    #: flat cells the forces of what is stiffer are rounding in the step of the displacement.
+    #: A step treats what a limit holds as stiffer than the material by this factor at most, > 1.
+    #: In flat cells the forces of what is stiffer are rounding in the step of the displacement.
     stiffest: float = 1e11
 
     # The linear solves.
