@@ -151,9 +151,7 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     return report
 
 
-def _approaches(
-    task: Task, nests: bool, goes_on: Callable[[], bool]
-) -> Generator[InteriorPoint]:
+def _approaches(task: Task, nests: bool, goes_on: Callable[[], bool]) -> Generator[InteriorPoint]:
     """A solver for each approach, as long as ``goes_on`` after the one before; collective.
 
     Where friction bounds are to be fixed points of whole solves, a solver that keeps them comes

@@ -186,9 +186,7 @@ class InteriorPoint:
         for bound in bounds:
             bound.start(self.bound_moves, least)
         self._iterate = Iterate(tangent, tuning.band)
-        self._moving = [
-            bound for bound in bounds if self.bound_moves and bound.friction.takes_part
-        ]
+        self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
         self._search = Search(
             self._iterate, self._moving, tuning, task.settings, self.approach.foresees
         )
