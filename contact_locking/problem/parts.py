@@ -370,8 +370,10 @@ class _Motions:
 
     def _translation(self, direction: FloatArray) -> FloatArray:
         """The motion (f,) nearest to a translation along a direction (d,)."""
+        # A body of revolution can move along its axis alone, which is the last direction.
+        given = direction[-1:] if self._domain.axisymmetric else direction
         wanted = np.zeros(len(self.free))
-        wanted[: len(direction)] = direction
+        wanted[: len(given)] = given
         return np.asarray(np.linalg.lstsq(self.free, wanted)[0])
 
     def _gathered(self, given: Sequence[FloatArray]) -> FloatArray:
