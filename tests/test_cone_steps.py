@@ -29,7 +29,7 @@ def test_eliminated_steps_satisfy_the_full_newton_system(
     random = np.random.default_rng(3)
     eps = 0.3 * random.standard_normal((3, 6))
     points = _points(weights=np.ones(6), rows=3, limit=np.full(6, 1.0))
-    locking = LockingCones(lorentz, points, compliance, compliance, 0)
+    locking = LockingCones(lorentz, points, compliance, 0)
     locking.seen = eps
     locking.start(0.0, 0.0)
     locking.x[0] += 0.3
@@ -80,7 +80,7 @@ def test_a_share_of_a_recentring_is_that_share_of_the_way_to_its_step(
 ) -> None:
     random = np.random.default_rng(7)
     points = _points(weights=np.ones(6), rows=3, limit=np.full(6, 1.0))
-    locking = LockingCones(lorentz, points, 0.3, 0.3, 0)
+    locking = LockingCones(lorentz, points, 0.3, 0)
     locking.x, locking.z = inside(random, 4, 6), inside(random, 4, 6)
     locking.seen = 0.3 * random.standard_normal((3, 6))
     locking.linearise()
@@ -98,7 +98,7 @@ def test_a_share_of_a_recentring_is_that_share_of_the_way_to_its_step(
 
 
 def test_contact_step_satisfies_the_linearised_complementarity() -> None:
-    contact = ContactCones(_points(weights=np.ones(2), gap=np.zeros(2)), 0.1, 0.1, 1.0)
+    contact = ContactCones(_points(weights=np.ones(2), gap=np.zeros(2)), 0.1, 1.0)
     contact.seen = -np.array([0.2, 0.5])
     contact.start(0.3, 0.01)
     contact.seen = -np.array([0.1, 0.6])

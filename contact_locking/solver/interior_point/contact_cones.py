@@ -22,11 +22,8 @@ class ContactCones(HalfLines):
     of the body.
     """
 
-    def __init__(
-        self, nodes: ContactNodes, compliance: float, step_compliance: float, length: float
-    ) -> None:
-        self.nodes, self.scale = nodes, length
-        self.compliance, self.step_compliance = compliance, step_compliance
+    def __init__(self, nodes: ContactNodes, compliance: float, length: float) -> None:
+        self.nodes, self.compliance, self.scale = nodes, compliance, length
         self.comm, self.weights = nodes.comm, nodes.weights
         self.x, self.z = np.zeros((2, len(nodes.weights)))
 
@@ -71,7 +68,7 @@ class ContactCones(HalfLines):
 
     def response(self, seen: FloatArray) -> FloatArray:
         """The change of the pressure (k,) with the normal displacement."""
-        return self.stiffness * seen
+        return self.z * seen / (self.x + self.compliance * self.z)
 
     # The tangent.
 

@@ -15,7 +15,6 @@ from contact_locking.solver.interior_point.lorentz import Lorentz
 from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.strain_half_lines import StrainHalfLines
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
-from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.target import Target
 
 
@@ -40,24 +39,22 @@ class Families:
             item.destroy()
 
 
-def families_of(system: PenalisedSystem, target: Target, tuning: Tuning) -> Families:
+def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> Families:
     """A family for each set of strains, and contact and friction for each part of Gamma_C.
 
     Without friction on a part there is no family for it, and there is none at all for the contact
-    of a tool without a force, which does not touch the body.  Collective.
+    of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
+    largest friction bound that no bound is smaller than.  Collective.
     """
     lorentz, penalty = Lorentz(system.comm), target.penalty
     data, space = system.data, system.u.function_space
-    soft = 1.0 / (tuning.stiffest * target.stiffness)
-    of_strains = penalty.compliance, max(penalty.compliance, soft)
-    of_contact = penalty.epsilon, max(penalty.epsilon, soft * target.length)
     strains = [StrainOperator(space, data, item) for item in data.sets]
     families: list[Family] = []
     for number, operator in enumerate(strains):
         if isinstance(operator.law, NormSet):
-            families.append(LockingCones(lorentz, operator, *of_strains, number))
+            families.append(LockingCones(lorentz, operator, penalty.compliance, number))
         else:
-            families.append(StrainHalfLines(operator, *of_strains, number))
+            families.append(StrainHalfLines(operator, penalty.compliance, number))
     bounds, touching = [], []
     resting = [tool.contact for tool in system.tools if not tool.pushes]
     for number, contact in enumerate(system.contacts):
@@ -65,11 +62,11 @@ def families_of(system: PenalisedSystem, target: Target, tuning: Tuning) -> Fami
             continue
         nodes = ContactNodes(contact, number, system)
         touching.append(nodes)
-        pressing = ContactCones(nodes, *of_contact, target.length)
+        pressing = ContactCones(nodes, penalty.epsilon, target.length)
         families.append(pressing)
         if not contact.friction.frictionless:
             regularisation = penalty.regularisations[number]
             rubbing = FrictionCones(lorentz, nodes, regularisation, target.length)
             families.append(rubbing)
-            bounds.append(MovingBound(system.u, contact, pressing, rubbing, tuning.least_bound))
+            bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound))
     return Families(families, bounds, strains, touching)

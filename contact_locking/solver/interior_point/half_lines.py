@@ -13,12 +13,10 @@ from contact_locking.solver.interior_point.family import Family, Step
 class HalfLines(Family):
     """``x = limit + compliance z - lin(u) >= 0``, ``z >= 0``, ``x z = 0``, point by point.
 
-    What the family sees is a scalar (k,), and the reaction is z.  Steps have ``step_compliance``,
-    which is not smaller than the compliance; the next step takes back what this opens.
+    What the family sees is a scalar (k,), and the reaction is z.
     """
 
     compliance: float
-    step_compliance: float
     stiffness: FloatArray
     _wanted: FloatArray
     _gap: FloatArray
@@ -56,7 +54,7 @@ class HalfLines(Family):
 
     def linearise(self) -> None:
         self._gap = self._primal_gap()
-        self.stiffness = self.z / (self.x + self.step_compliance * self.z)
+        self.stiffness = self.z / (self.x + self.compliance * self.z)
 
     def hold(self, stiffness: float | FloatArray) -> None:
         self.stiffness = np.full(len(self.weights), stiffness)
@@ -72,10 +70,10 @@ class HalfLines(Family):
 
     def step(self, seen: FloatArray) -> Step:
         dz = self._dual_step(self._gap - seen)
-        return Step(self.step_compliance * dz - seen + self._gap, dz)
+        return Step(self.compliance * dz - seen + self._gap, dz)
 
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
-        return (self._wanted - self.z * d_rest) / (self.x + self.step_compliance * self.z)
+        return (self._wanted - self.z * d_rest) / (self.x + self.compliance * self.z)
 
     def correction(self, step: Step) -> FloatArray:
         return step.primal * step.dual

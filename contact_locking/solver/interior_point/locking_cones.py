@@ -23,27 +23,20 @@ class LockingCones(LorentzCones):
     """``x = (M + q, L eps)`` in the cone with cost ``n q^2`` at every point; ``z = (z_0, -y)``.
 
     ``L`` is the linear map of the ``law`` of ``strains``, ``limit`` is M (k,).
-    ``q = z_0/(2n)``; ``compliance = 1/(2n)`` is 0 for n = inf.  Steps have ``step_compliance``,
-    which is not smaller; the next step takes back what this opens.  ``L eps`` and the multipliers y
-    are Mandel vectors (m, k) at the points of ``strains``, the family number ``number`` of the sets
-    of strains.
+    ``q = z_0/(2n)`` holds throughout; ``compliance = 1/(2n)`` is 0 for n = inf.  ``L eps`` and the
+    multipliers y are Mandel vectors (m, k) at the points of ``strains``, the family number
+    ``number`` of the sets of strains.
     """
 
     stops_rigid_motions = False
     scale = 1.0
 
     def __init__(
-        self,
-        lorentz: Lorentz,
-        strains: StrainOperator,
-        compliance: float,
-        step_compliance: float,
-        number: int,
+        self, lorentz: Lorentz, strains: StrainOperator, compliance: float, number: int
     ) -> None:
         self._lorentz, self._strains, self._number = lorentz, strains, number
         self.comm, self.weights = strains.comm, strains.weights
         self.limit, self.compliance = strains.limit, compliance
-        self.step_compliance = step_compliance
         self.x, self.z = np.zeros((2, 1 + strains.rows, len(self.limit)))
 
     # The displacement and the forces.
@@ -79,7 +72,7 @@ class LockingCones(LorentzCones):
     def linearise(self) -> None:
         self._gap = self._primal_gap()
         scaling = self._scaling = Scaling.of(self._lorentz, self.x, self.z)
-        square, w_0, kappa = scaling.eta**2, scaling.w[0], self.step_compliance
+        square, w_0, kappa = scaling.eta**2, scaling.w[0], self.compliance
         self.a = np.reciprocal(square)
         share = np.reciprocal(1.0 + kappa * (2.0 * w_0**2 - 1.0) * self.a)
         self.b = 2.0 * (square - kappa) * self.a**2 * share
@@ -97,9 +90,9 @@ class LockingCones(LorentzCones):
         return Step(dx, dz)
 
     def _eliminated(self, function: str, *arguments: FloatArray) -> None:
-        """``dz = b - W^-2 dx`` with ``dx_0 = step_compliance dz_0 + gap_0`` eliminated, in C."""
+        """``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated, in C."""
         scaling, known = self._scaling, (self._aim, self._gap)
-        how = self.step_compliance, scaling.eta, scaling.w
+        how = self.compliance, scaling.eta, scaling.w
         self._lorentz.call(function, *self.x.shape, *how, *known, *arguments)
 
     # The tangent.

@@ -57,7 +57,7 @@ class InteriorPoint:
         self._task, self.bound_moves = task, bound_moves
         self._tuning = tuning = tuning or Tuning()
         self.approach = tuning.approaches[0]
-        self._families = families_of(task.system, task.target, tuning)
+        self._families = families_of(task.system, task.target, tuning.least_bound)
         self._tangent = Tangent(task, self._families.every, tuning)
         self._iterate = Iterate(self._tangent, tuning.band)
         self._search = Search(self._iterate, [], tuning, task.settings)

@@ -26,11 +26,8 @@ class StrainHalfLines(HalfLines):
     stops_rigid_motions = False
     scale = 1.0
 
-    def __init__(
-        self, strains: StrainOperator, compliance: float, step_compliance: float, number: int
-    ) -> None:
-        self._strains, self._number = strains, number
-        self.compliance, self.step_compliance = compliance, step_compliance
+    def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
+        self._strains, self._number, self.compliance = strains, number, compliance
         self.comm, self.weights = strains.comm, strains.weights
         self.x, self.z = np.zeros((2, len(strains.limit)))
 

@@ -66,11 +66,6 @@ class Tuning:
     #: the friction cones have an inside.
     least_bound: float = 1e-12
 
-    # The tangent.
-    #: A step treats what a limit holds as stiffer than the material by this factor at most, > 1.
-    #: In flat cells the forces of what is stiffer are rounding in the step of the displacement.
-    stiffest: float = 1e11
-
     # The linear solves.
     #: The residual that a linear solve may leave over the duality gap, in (0, 1).  Sharper solves
     #: save a tangent or two and cost more than these.
