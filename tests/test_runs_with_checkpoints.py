@@ -51,7 +51,13 @@ def run(folder: Path, comm: MPI.Intracomm) -> Run:
     return Run(folder, comm)
 
 
-RESULTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
+RESULTS = {
+    "summary.json",
+    "parameters.yaml",
+    "contact.csv",
+    "contact_facets.csv",
+    "contact-locking-files.json",
+}
 
 
 def test_run_saves_a_checkpoint_if_asked_and_says_what_a_restart_did(

@@ -15,6 +15,11 @@ from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
 from contact_locking.solver.multipliers import Multipliers
 
 
+# The products at the start are at most this multiple of those of contact: a coefficient of a million
+# would put them a million times apart, and smaller coefficients need no care.
+_MOST = 10.0
+
+
 class FrictionCones(LorentzCones):
     """``x = (t, slip, eps) in L`` with cost ``G t``, node by node; ``z = (G, sigma_tau, .)``.
 
@@ -75,8 +80,8 @@ class FrictionCones(LorentzCones):
         self.z[0] = 1.0
 
     def start_under(self, bound: FloatArray, pressure: FloatArray, least: float) -> None:
-        """Start under a bound (k,), with the products of contact where it exceeds the pressure."""
-        share = np.minimum(pressure / bound, 1.0)
+        """Start under a bound (k,), with products that are no more than ten times those of contact."""
+        share = np.minimum(_MOST * pressure / bound, 1.0)
         self._open(np.maximum(share * least, self.regularisation))
         self.set_bound(bound)
 
