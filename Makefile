@@ -67,7 +67,7 @@ verification: ## solve the problems with known answers and write docs/verificati
 		tests/test_data.py::test_v14_four_ranks_agree_with_one --table docs/verification.md
 
 # Of contraction.yml and lost_equilibrium.yml some cases do not converge, as they should (exit code 3).
-studies: ## measure the convergence that the theory promises (ten minutes): docs/studies.md
+studies: ## measure the convergence that the paper asserts (ten minutes): docs/studies.md
 	for name in theorem_4_9 theorem_4_9_3d theorem_4_9_slip separate_penalties contraction lost_equilibrium; do \
 		./in-env contact-locking study demos/studies/$$name.yml || [ $$? -eq 3 ] || exit 1; \
 	done
