@@ -14,9 +14,8 @@ from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, dot
 from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
 from contact_locking.solver.multipliers import Multipliers
 
-
-# The products at the start are at most this multiple of those of contact: a coefficient of a million
-# would put them a million times apart, and smaller coefficients need no care.
+# The products at the start are at most this multiple of those of contact: a coefficient of a
+# million would put them a million times apart.
 _MOST = 10.0
 
 
@@ -80,7 +79,7 @@ class FrictionCones(LorentzCones):
         self.z[0] = 1.0
 
     def start_under(self, bound: FloatArray, pressure: FloatArray, least: float) -> None:
-        """Start under a bound (k,), with products that are no more than ten times those of contact."""
+        """Start under a bound (k,), with products of at most ten times those of contact."""
         share = np.minimum(_MOST * pressure / bound, 1.0)
         self._open(np.maximum(share * least, self.regularisation))
         self.set_bound(bound)
