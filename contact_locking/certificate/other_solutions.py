@@ -3,8 +3,8 @@
 Two solutions u and u + c of a convex problem have the same strain, as a(., .) is strictly convex in
 it.  So c is a rigid motion of each part of the body, with a travel of each tool, that the
 displacement conditions leave free.  Equilibrium, tested with c, is ``(f, c) = int p c_nu``, with
-c_nu relative to the tools.  Both energies are the same, so that ``(f, c) = 0``, and where a pressure
-p of u is positive, the contact stays closed:
+c_nu relative to the tools.  Both energies are the same, so that ``(f, c) = 0``, and where a
+pressure p of u is positive, the contact stays closed:
 
     c_nu = 0 where p > 0,    c_nu <= gap - u_nu elsewhere.
 
