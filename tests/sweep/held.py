@@ -83,7 +83,7 @@ def hardening(random: Random) -> Case:
 
     Without Poisson's effect the block is in uniform compression, and its foot slips until mu times
     the pressure is the shear.  Below mu(0) times the pressure it sticks.  The slip is not much
-    larger than the strain: farther the solver does not follow it for certain (tests/unsolved).
+    larger than the strain: the solver does not follow every law that hardens farther.
     """
     dim, pressure = pick(random, [2, 2, 3]), decades(random, -5.0, -2.0)
     least, more = between(random, 0.0, 0.5), between(random, 0.05, 1.0)
