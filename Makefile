@@ -6,7 +6,7 @@ WORKERS = 2
 SEVERAL = -n $(WORKERS) --dist loadfile
 # The time limit ends a deadlock.  Open MPI's ranks wait by spinning, which takes several times as long
 # where other programs need the cores as well.
-PARALLEL = env OMPI_MCA_mpi_yield_when_idle=1 timeout --kill-after=30 1800 mpirun -n $(RANKS)
+PARALLEL = env OMPI_MCA_mpi_yield_when_idle=1 timeout --kill-after=30 2700 mpirun -n $(RANKS)
 
 # $(call optional,TOOL,COMMANDS): a Python of the user's own need not have the tool.
 optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
