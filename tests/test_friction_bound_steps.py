@@ -64,6 +64,8 @@ def test_the_end_of_a_solve_foresees_nothing(monkeypatch: pytest.MonkeyPatch) ->
     assert 0 < len(seen) < solution.summary["iterations"]["tangents"] - 2
 
 
+# Rounding differs with the ranks, and may send the first approach on this verge another way.
+@pytest.mark.serial
 @pytest.mark.parametrize("n", [2500.0, 7500.0])
 def test_short_steps_set_the_bound_where_it_is_nearly_right(
     n: float, monkeypatch: pytest.MonkeyPatch
