@@ -23,10 +23,10 @@ from typing import Any
 from mpi4py import MPI
 
 from contact_locking import convergence, solving
+from contact_locking.fem.spaces import P1, P2, P2_GAUSS, Element
 from contact_locking.files.atomic import write_text
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
-from contact_locking.problem.spaces import P1, P2, P2_GAUSS, Element
 from contact_locking.results.solution import Solution
 
 # The reference problem belongs to the tests.

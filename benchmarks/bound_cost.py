@@ -28,7 +28,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
 from contact_locking.problem.assembly import assemble
-from contact_locking.steps.increment import Increment
+from contact_locking.process.increment import Increment
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))

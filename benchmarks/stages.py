@@ -32,8 +32,8 @@ from contact_locking._version import __version__
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble, mesh_of
+from contact_locking.process.increment import Increment, solution_of
 from contact_locking.results.solution import Solution
-from contact_locking.steps.increment import Increment, solution_of
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))

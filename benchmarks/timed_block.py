@@ -15,8 +15,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking import solving
+from contact_locking.fem import compiled
 from contact_locking.parameters import Parameters
-from contact_locking.problem import compiled, forms
+from contact_locking.problem import forms
 from contact_locking.problem.assembly import assemble
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.solution import Solution

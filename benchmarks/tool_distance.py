@@ -25,7 +25,7 @@ from contact_locking.mesh_file.tool_surface import read_surface
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
-from contact_locking.steps.increment import Increment
+from contact_locking.process.increment import Increment
 
 # The block and the files of tools belong to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))

@@ -15,10 +15,10 @@ from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from contact_locking.adaptivity import solve, solve_adaptively
+    from contact_locking.contact.contact import Contact, FrictionBound
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
     from contact_locking.parameters import Parameters
     from contact_locking.problem.assembly import assemble
-    from contact_locking.problem.contact import Contact, FrictionBound
     from contact_locking.results.solution import Solution
     from contact_locking.solving import check, solve_assembled, solve_steps
     from contact_locking.study_file import from_mapping, load
@@ -45,9 +45,9 @@ __all__ = [
 ]
 
 _HOME = {
-    "Contact": "problem.contact",
+    "Contact": "contact.contact",
     "ContactLockingError": "errors",
-    "FrictionBound": "problem.contact",
+    "FrictionBound": "contact.contact",
     "InputError": "errors",
     "NotConverged": "errors",
     "Parameters": "parameters",

@@ -17,15 +17,15 @@ from contact_locking.certificate.penalty_error import distance
 from contact_locking.checkpoint.restart import Restart
 from contact_locking.checkpoint.saved_steps import saved_steps
 from contact_locking.costs import forecast
+from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
 from contact_locking.problem import assembly
 from contact_locking.problem.assembly import Problem, assemble
-from contact_locking.problem.domain import Domain
+from contact_locking.process.increment import Increment, require_usable_options, solution_of
+from contact_locking.process.loop import Steps
 from contact_locking.results.solution import Solution
-from contact_locking.steps.increment import Increment, require_usable_options, solution_of
-from contact_locking.steps.loop import Steps
 
 
 def solve(

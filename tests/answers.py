@@ -23,8 +23,8 @@ from sweep.transforms import Transform
 
 from contact_locking import solving
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.fem import compiled
 from contact_locking.parameters import Parameters
-from contact_locking.problem import compiled
 from contact_locking.results.solution import Solution
 
 # A value below this share of its scale is zero with rounding.

@@ -26,9 +26,9 @@ from problems import with_changes
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
+from contact_locking.fem.spaces import P1, Element
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.problem.assembly import Problem, assemble
-from contact_locking.problem.spaces import P1, Element
 from contact_locking.results.solution import Solution
 
 YOUNG, POISSON = 1.0, 0.3

@@ -15,12 +15,12 @@ from problems import with_changes
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.contact import FrictionBound
 from contact_locking.convergence import on_mesh_of
+from contact_locking.fem.spaces import P1, Element
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
 from contact_locking.problem.assembly import assemble
-from contact_locking.problem.contact import FrictionBound
-from contact_locking.problem.spaces import P1, Element
 from contact_locking.results.derived import integral
 from contact_locking.results.solution import Solution
 

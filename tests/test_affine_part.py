@@ -10,9 +10,9 @@ from turned_supports import pressed, turn, turned
 from contact_locking import solving
 from contact_locking.parallel import maximum
 from contact_locking.parameters import Parameters
-from contact_locking.problem.affine_part import affine_part
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solving import solve_assembled
+from contact_locking.supports.affine_part import affine_part
 
 
 @pytest.mark.parametrize("dim", [2, 3])

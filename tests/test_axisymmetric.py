@@ -14,9 +14,9 @@ from problems import with_changes
 
 from contact_locking import solving
 from contact_locking.errors import InputError
+from contact_locking.fem.spaces import P1, P1_REVOLUTION
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import Problem, assemble
-from contact_locking.problem.spaces import P1, P1_REVOLUTION
 from contact_locking.study_file import mesh_identity, problem_fingerprint
 
 

@@ -15,9 +15,9 @@ from problems import block
 from contact_locking import solving
 from contact_locking.certificate import certify
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.contact.smoothing import Convolution
 from contact_locking.laws.convex import positive_part, unit_ball_excess
 from contact_locking.problem import forms, strain_sets
-from contact_locking.problem.smoothing import Convolution
 from contact_locking.results import derived
 
 Tamper = Callable[[SolvedState], None]

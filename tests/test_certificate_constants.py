@@ -13,9 +13,9 @@ from problems import block, column
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.constants import SAMPLED
+from contact_locking.contact.contact import FrictionBound
 from contact_locking.laws.friction_law import FrictionLaw
 from contact_locking.problem.assembly import assemble
-from contact_locking.problem.contact import FrictionBound
 from contact_locking.solving import solve_assembled
 
 

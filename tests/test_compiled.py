@@ -17,7 +17,7 @@ from dolfinx.mesh import create_unit_square
 from mpi4py import MPI
 
 from contact_locking.errors import ContactLockingError
-from contact_locking.problem import compiled, compiled_forms
+from contact_locking.fem import compiled, compiled_forms
 
 
 @pytest.fixture(autouse=True)
@@ -80,7 +80,7 @@ def test_options_of_the_compiler_in_the_folder_of_a_study_are_ignored(tmp_path: 
     )
     (tmp_path / "ffcx_options.json").write_text('{"scalar_type": "complex128"}')
     script = """
-from contact_locking.problem import compiled, compiled_forms
+from contact_locking.fem import compiled, compiled_forms
 print(compiled_forms.ignore_current_folder())
 import ffcx, dolfinx.jit
 print(compiled.options(), dolfinx.jit.get_options(), ffcx.get_options())

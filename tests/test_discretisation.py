@@ -19,8 +19,8 @@ from test_verification_manufactured import problem_of
 
 from contact_locking import study_file
 from contact_locking.errors import InputError
-from contact_locking.problem import gauss_points
-from contact_locking.problem.spaces import P1, P2, P2_GAUSS, element_of
+from contact_locking.fem import gauss_points
+from contact_locking.fem.spaces import P1, P2, P2_GAUSS, element_of
 from contact_locking.study_file import from_mapping
 
 

@@ -19,10 +19,10 @@ from test_verification_manufactured import PLANE
 from contact_locking import _compat, checkpoint, convergence, writing
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.errors import InputError
+from contact_locking.fem.spaces import P1, P2, Element
 from contact_locking.laws.elasticity import strain
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
-from contact_locking.problem.spaces import P1, P2, Element
 from contact_locking.results.solution import Solution
 from contact_locking.solving import solve_assembled
 

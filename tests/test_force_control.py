@@ -12,9 +12,9 @@ from problems import column
 
 from contact_locking import Parameters, Solution, assemble, solve
 from contact_locking.certificate.balances import equilibrium
+from contact_locking.contact.tool_balance import ToolBalance
 from contact_locking.monitor import Monitor
-from contact_locking.problem.tool_balance import ToolBalance
-from contact_locking.steps.increment import Increment
+from contact_locking.process.increment import Increment
 
 # What is right by hand.
 

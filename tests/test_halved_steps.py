@@ -10,8 +10,8 @@ from problems import block
 from sheared_block import all_of, sheared
 
 from contact_locking import solve_steps
+from contact_locking.process.increment import Increment
 from contact_locking.solver import SolverReport
-from contact_locking.steps.increment import Increment
 
 
 class Failing:

@@ -11,10 +11,10 @@ from certified import solved
 from mpi4py import MPI
 from sweep.case import Study
 
+from contact_locking.contact.contact import FrictionBound
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
-from contact_locking.problem.contact import FrictionBound
 from contact_locking.problem.motion_in_words import describe_motion, resultant_on_plane
 from contact_locking.results import in_words
 from contact_locking.results.solution import Solution

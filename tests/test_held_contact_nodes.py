@@ -12,9 +12,9 @@ from problems import block
 
 from contact_locking import Solution, assemble, solve, solve_assembled
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.contact.surface import ContactSurface
 from contact_locking.problem.assembly import Problem
-from contact_locking.problem.conditions import Constraints
-from contact_locking.problem.surface import ContactSurface
+from contact_locking.supports.conditions import Constraints
 
 _PUSH = -0.02
 

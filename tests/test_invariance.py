@@ -34,11 +34,11 @@ from mpi4py import MPI
 from sweep.transforms import Transform
 
 from contact_locking import solving
+from contact_locking.mesh import domain
 from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.gmsh_model import extract
 from contact_locking.meshes import empty_model
 from contact_locking.parameters import Parameters
-from contact_locking.problem import domain
 from contact_locking.problem.assembly import assemble
 
 Reference = Callable[[Make, int], Answer]

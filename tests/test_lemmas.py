@@ -17,11 +17,11 @@ from problems import block
 from contact_locking import Solution
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.penalty_error import distance
+from contact_locking.contact.contact import FrictionBound
 from contact_locking.convergence import norms
 from contact_locking.laws.convex import squared_norm
+from contact_locking.mesh.domain import Domain
 from contact_locking.problem.assembly import assemble
-from contact_locking.problem.contact import FrictionBound
-from contact_locking.problem.domain import Domain
 from contact_locking.results.derived import integral
 from contact_locking.solving import solve_assembled
 

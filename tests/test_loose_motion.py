@@ -13,8 +13,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
+from contact_locking.process.increment import Increment
 from contact_locking.results.solution import Solution
-from contact_locking.steps.increment import Increment
 
 
 def _block(loads: dict[str, Any], gap: float = 0.0, friction: float = 0.5, **mesh: Any) -> Any:

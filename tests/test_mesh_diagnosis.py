@@ -27,10 +27,10 @@ from small_meshes import (
 from contact_locking import check, solve
 from contact_locking.command import cli
 from contact_locking.errors import InputError
+from contact_locking.mesh.domain import from_file, from_geometry
+from contact_locking.mesh.groups import Group, groups
 from contact_locking.mesh_file import reader, topology
 from contact_locking.meshes import BUILDERS, write
-from contact_locking.problem.domain import from_file, from_geometry
-from contact_locking.problem.groups import Group, groups
 
 
 @pytest.mark.serial

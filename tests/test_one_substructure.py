@@ -8,7 +8,7 @@ from grid_matrix import RIGHT, grid
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking.problem.compiled import installed
+from contact_locking.fem.compiled import installed
 from contact_locking.solver.linear.direct.substructure import Precision, Substructure, is_available
 
 needs_cholmod = pytest.mark.skipif(

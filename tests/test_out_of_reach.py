@@ -14,11 +14,11 @@ from rings import floor, ring
 from contact_locking import Parameters, solve, solve_steps
 from contact_locking.monitor import Monitor
 from contact_locking.problem.assembly import assemble
+from contact_locking.process.demand import Demand
+from contact_locking.process.increment import Increment
+from contact_locking.process.out_of_reach import OutOfReach
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SolverReport
-from contact_locking.steps.demand import Demand
-from contact_locking.steps.increment import Increment
-from contact_locking.steps.out_of_reach import OutOfReach
 
 STEPS = {"times": [0.3, 1.0], "least": 0.04}
 

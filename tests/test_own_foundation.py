@@ -14,9 +14,9 @@ from problems import block
 
 from contact_locking import Solution, solve
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.tool_shapes import FOUNDATIONS
 from contact_locking.laws.foundation import Foundation
 from contact_locking.parameters import rigid_body
-from contact_locking.problem.tool_shapes import FOUNDATIONS
 from contact_locking.results.contact_points import OPEN
 
 GAP = 0.005

@@ -14,11 +14,11 @@ from problems import block
 from test_elements import solved
 
 from contact_locking import _compat, convergence
+from contact_locking.fem.spaces import P2
+from contact_locking.fem.trace import Trace, make_nodal
 from contact_locking.parallel import maximum
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import Problem, assemble
-from contact_locking.problem.spaces import P2
-from contact_locking.problem.trace import Trace, make_nodal
 from contact_locking.results.derived import integral
 from contact_locking.results.solution import Solution
 

@@ -14,11 +14,11 @@ from problems import block, column
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.smoothing import Convolution, HelmholtzFilter, Smoothing
+from contact_locking.contact.surface import ContactSurface
+from contact_locking.mesh.domain import Domain
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Smoothing
-from contact_locking.problem.surface import ContactSurface
 
 KERNELS = ("convolution", "helmholtz")
 

@@ -11,8 +11,8 @@ from sheared_block import all_of, sheared
 
 from contact_locking import InputError, solve_steps
 from contact_locking.parameters import StepParameters
+from contact_locking.process.timeline import Timeline
 from contact_locking.results.history import read_history
-from contact_locking.steps.timeline import Timeline
 
 
 @pytest.mark.serial

@@ -15,7 +15,7 @@ from sheared_block import all_of, sheared
 from contact_locking import assemble, solve, solve_steps
 from contact_locking.certificate import energy
 from contact_locking.monitor import Monitor
-from contact_locking.steps.loop import Steps
+from contact_locking.process.loop import Steps
 
 
 @pytest.mark.parametrize("n", [1e3, math.inf])

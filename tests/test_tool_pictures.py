@@ -19,6 +19,7 @@ from tool_files import box
 
 from contact_locking import assemble, solve_steps
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.tool_outline import box_around, outline
 from contact_locking.laws.foundation import HalfSpace, Round
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.plotting import contact_map, draw, offscreen, plane, snapshot_file, views
@@ -27,7 +28,6 @@ from contact_locking.plotting.film_look import look_of
 from contact_locking.plotting.gather import gather
 from contact_locking.plotting.ground import drawn_tool, foundation, tool
 from contact_locking.plotting.snapshot import Snapshot
-from contact_locking.problem.tool_outline import box_around, outline
 
 pytestmark = pytest.mark.serial
 

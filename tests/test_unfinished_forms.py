@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from contact_locking.problem import compiled_forms
+from contact_locking.fem import compiled_forms
 
 pytestmark = pytest.mark.serial
 

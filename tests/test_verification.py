@@ -12,13 +12,13 @@ from verification_table import Row
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.smoothing import Convolution, HelmholtzFilter, Identity, Smoothing
+from contact_locking.contact.surface import ContactSurface
+from contact_locking.fem.spaces import P1, Element
 from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.mesh.domain import Domain, from_geometry
 from contact_locking.meshes.block import Block
 from contact_locking.parameters import Parameters
-from contact_locking.problem.domain import Domain, from_geometry
-from contact_locking.problem.smoothing import Convolution, HelmholtzFilter, Identity, Smoothing
-from contact_locking.problem.spaces import P1, Element
-from contact_locking.problem.surface import ContactSurface
 from contact_locking.results.solution import Solution
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)

@@ -11,8 +11,8 @@ from mpi4py import MPI
 from verification_table import Row
 
 from contact_locking import Parameters, Solution, solving
+from contact_locking.mesh.domain import Domain
 from contact_locking.problem.assembly import assemble
-from contact_locking.problem.domain import Domain
 
 TEST = "test_verification_force.py"
 # A force of 10 presses a cylinder of radius 8, as its lower half, onto a plane (V6).

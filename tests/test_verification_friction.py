@@ -13,7 +13,7 @@ from verification_table import Row
 
 from contact_locking import assemble, solve
 from contact_locking.arrays import FloatArray
-from contact_locking.steps.loop import Steps
+from contact_locking.process.loop import Steps
 
 pytestmark = pytest.mark.serial
 

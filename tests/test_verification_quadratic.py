@@ -22,9 +22,9 @@ from test_verification_penalty import SIGNORINI
 from verification_table import Row
 
 from contact_locking import solving
+from contact_locking.fem.spaces import P1, P2, P2_GAUSS, Element
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import assemble
-from contact_locking.problem.spaces import P1, P2, P2_GAUSS, Element
 from contact_locking.results.solution import Solution
 
 TEST = "test_verification_quadratic.py"

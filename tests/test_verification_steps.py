@@ -13,8 +13,8 @@ from verification_table import Row
 
 from contact_locking import assemble, solve_steps
 from contact_locking.arrays import FloatArray
+from contact_locking.process.loop import Steps
 from contact_locking.results.solution import Solution
-from contact_locking.steps.loop import Steps
 
 pytestmark = pytest.mark.serial
 

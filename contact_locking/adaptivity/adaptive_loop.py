@@ -24,14 +24,14 @@ from contact_locking.adaptivity.measured_error import MEASURES, ErrorMeasure
 from contact_locking.adaptivity.mesh_sequence import MeshSequence
 from contact_locking.adaptivity.refinement import refined, singular_place
 from contact_locking.arrays import BoolArray
+from contact_locking.contact.contact_boundary import default_radius
 from contact_locking.errors import NotRefined
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import AdaptParameters, Parameters
 from contact_locking.problem.assembly import mesh_of
-from contact_locking.problem.contact_boundary import default_radius
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import Solution
 

@@ -19,13 +19,13 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import NotRefined
+from contact_locking.mesh.distribution import distribute
+from contact_locking.mesh.whole_mesh import WholeMesh, simplices
 from contact_locking.mesh_file import places
 from contact_locking.mesh_file.data import MeshData, Simplices
 from contact_locking.mesh_file.diagnosis import Diagnosis
 from contact_locking.mesh_file.topology import longest_edges, signed_measures
 from contact_locking.meshes.curved import Curved, rounded
-from contact_locking.problem.distribution import distribute
-from contact_locking.problem.whole_mesh import WholeMesh, simplices
 
 # A node that moves onto a curved side may take at most this share of the volume of a cell.
 _LARGEST_LOSS = 0.9

@@ -13,7 +13,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.reactions import reactions_by_part
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.problem import compiled, forms
+from contact_locking.fem import compiled
+from contact_locking.problem import forms
 from contact_locking.problem.rounding import ROUNDING
 
 # The residuals of the free nodes, up to the tolerance of the solver, may add up in the sum of all

@@ -17,10 +17,10 @@ from contact_locking.certificate.elliptic import (
 )
 from contact_locking.certificate.other_solutions import without_friction
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.contact.contact import Contact
 from contact_locking.errors import raise_callback_error
+from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
-from contact_locking.problem import compiled
-from contact_locking.problem.contact import Contact
 
 _PREFIX = "contact_locking_steklov_"
 # The relative accuracy of the eigenvalue; a bound needs no more.

@@ -12,10 +12,10 @@ from ufl.core.expr import Expr
 
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import raise_callback_error
+from contact_locking.fem.joint_forms import JointForm, action
 from contact_locking.problem import forms
-from contact_locking.problem.conditions import Constraints
-from contact_locking.problem.joint_forms import JointForm, action
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
+from contact_locking.supports.conditions import Constraints
 
 # A prefix of its own: the options for the nonlinear solve do not concern these solves.
 _PREFIX = "contact_locking_certificate_"

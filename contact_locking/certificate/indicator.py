@@ -13,8 +13,8 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.patch_recovery import EDGES, PatchRecovery
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.fem import gauss_points
 from contact_locking.laws.elasticity import mandel_factor
-from contact_locking.problem import gauss_points
 
 
 @dataclass(frozen=True)

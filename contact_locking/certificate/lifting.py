@@ -15,8 +15,8 @@ from dolfinx import fem
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import EllipticProblem, NotApplicable, elasticity
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.fem.trace import make_nodal
 from contact_locking.parallel import on_any_rank, on_every_rank
-from contact_locking.problem.trace import make_nodal
 
 # Rounding in strains and displacements, relative to the limit and to the body.
 _ROUNDING = 1e-12

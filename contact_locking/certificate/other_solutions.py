@@ -26,8 +26,8 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.problem.motion_in_words import describe_motion, point
 from contact_locking.problem.motions_at_contact import MotionsAtContact
 from contact_locking.problem.parts import loose_by_part
-from contact_locking.problem.rigid_motions import sliding_motions
 from contact_locking.results.contact_points import OPEN
+from contact_locking.supports.rigid_motions import sliding_motions
 
 UNIQUE = "covered by theory"
 OTHERS = "not unique"

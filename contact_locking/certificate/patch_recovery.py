@@ -20,7 +20,7 @@ from scipy import sparse
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
-from contact_locking.problem import gauss_points
+from contact_locking.fem import gauss_points
 
 # The ends of the edges whose middles are nodes of a cell, after its corners, in DOLFINx's order.
 EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}

@@ -17,9 +17,10 @@ from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.fem import compiled
 from contact_locking.laws.convex import squared_norm
 from contact_locking.parallel import maximum, minimum, on_every_rank
-from contact_locking.problem import compiled, forms
+from contact_locking.problem import forms
 from contact_locking.problem.forms import ProblemData
 from contact_locking.results.derived import integral
 

@@ -14,8 +14,9 @@ from ufl.core.expr import Expr
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.reactions import are_held
+from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
-from contact_locking.problem import compiled, forms
+from contact_locking.problem import forms
 from contact_locking.problem.assembly import Problem
 from contact_locking.problem.strain_sets import StrainSet
 from contact_locking.problem.system import PenalisedSystem

@@ -10,9 +10,9 @@ from typing import Any
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.contact import Contact
 from contact_locking.parallel import on_root
 from contact_locking.problem.assembly import Problem
-from contact_locking.problem.contact import Contact
 from contact_locking.results.history import History, read_history
 from contact_locking.results.names import HISTORY
 from contact_locking.results.solution import Solution

@@ -25,10 +25,10 @@ from contact_locking.checkpoint.record import Record
 from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.whole_mesh import gather_mesh
 from contact_locking.parallel import on_every_rank, on_root
 from contact_locking.problem.assembly import Problem
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.whole_mesh import gather_mesh
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import Solution
 from contact_locking.solver import SavedState

@@ -9,10 +9,10 @@ from mpi4py import MPI
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint.stored import expect
 from contact_locking.errors import InputError
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.whole_mesh import WholeMesh, spread
 from contact_locking.parallel import on_root
 from contact_locking.plain_text import defect
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.whole_mesh import WholeMesh, spread
 
 
 def refined_mesh(directory: str | Path, comm: MPI.Intracomm) -> Domain | None:

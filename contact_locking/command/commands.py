@@ -139,7 +139,8 @@ def check(arguments: argparse.Namespace) -> int:
     # The modules of the solvers and of the results take a third of the time of this command.
     from contact_locking.command import trial
     from contact_locking.costs import forecast
-    from contact_locking.problem import assembly, groups
+    from contact_locking.mesh import groups
+    from contact_locking.problem import assembly
     from contact_locking.results import output_folder
 
     with _explained(study):

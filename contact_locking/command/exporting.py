@@ -7,8 +7,9 @@ from pathlib import Path
 from mpi4py import MPI
 
 from contact_locking.command import terminal
+from contact_locking.mesh import mesh_export
 from contact_locking.parameters import Parameters
-from contact_locking.problem import assembly, mesh_export
+from contact_locking.problem import assembly
 
 
 def export_mesh(parameters: Parameters, place: Path, comm: MPI.Intracomm) -> int:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def require_usable_options(parameters: Parameters) -> None:
     """Raise InputError for a harmful PETSc option of the study, or one that is no option."""
     if parameters.solver.petsc:
-        from contact_locking.steps import increment
+        from contact_locking.process import increment
 
         increment.require_usable_options(parameters)
 

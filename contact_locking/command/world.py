@@ -43,7 +43,7 @@ def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
             f"DOLFINx cannot be imported here: {error}\n"
             "It needs DOLFINx 0.9 or newer with PETSc; the README says how to get it."
         ) from error
-    from contact_locking.problem import compiled_forms
+    from contact_locking.fem import compiled_forms
 
     # If the reader of the output leaves early, as head does, a program of one process ends in
     # silence, whether Python or a monitor of PETSc was printing.
@@ -74,7 +74,7 @@ def _prepare_environment() -> None:
 @functools.cache
 def _clear_unfinished_forms() -> None:
     """Once in a process: a worker of a study has hundreds of cases, and the cache many files."""
-    from contact_locking.problem import compiled_forms
+    from contact_locking.fem import compiled_forms
 
     compiled_forms.clear_unfinished()
 

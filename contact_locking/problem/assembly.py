@@ -11,35 +11,36 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking.arrays import AXES, FloatArray
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.contact_boundary import MovingGap, build_contacts, moving_gaps
+from contact_locking.contact.pushed_tool import build_tools
 from contact_locking.errors import InputError
 from contact_locking.expressions import TIME, parse
+from contact_locking.fem.spaces import Element, element_of
+from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
+from contact_locking.fields.sampling import Entities, features
+from contact_locking.fields.table_files import read_tables
+from contact_locking.fields.values import evaluate
 from contact_locking.laws.penalty import Penalty
+from contact_locking.mesh import domain as domains
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.groups import groups
+from contact_locking.mesh.half_section import half_section, require_surface
 from contact_locking.mesh_file.xdmf_grids import is_xdmf
 from contact_locking.parallel import maximum
 from contact_locking.parameters import LoadParameters, Parameters
-from contact_locking.problem import domain as domains
 from contact_locking.problem import forms
-from contact_locking.problem.clock import Clock, LargestSoFar, is_timed
-from contact_locking.problem.coefficients import Material, build_material, evaluate
-from contact_locking.problem.conditions import (
+from contact_locking.problem.coefficients import Material, build_material
+from contact_locking.problem.loads import Loads, build_loads
+from contact_locking.problem.parts import Held, check_parts_held
+from contact_locking.problem.probe_points import ProbePoints, locate
+from contact_locking.problem.strain_limits import build_strain_sets
+from contact_locking.supports.conditions import (
     ComponentCondition,
     Constraints,
     constrain,
 )
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.contact_boundary import MovingGap, build_contacts, moving_gaps
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.groups import groups
-from contact_locking.problem.half_section import half_section, require_surface
-from contact_locking.problem.loads import Loads, build_loads
-from contact_locking.problem.parts import Held, check_parts_held
-from contact_locking.problem.probe_points import ProbePoints, locate
-from contact_locking.problem.pushed_tool import build_tools
-from contact_locking.problem.sampling import Entities, features
-from contact_locking.problem.spaces import Element, element_of
-from contact_locking.problem.strain_limits import build_strain_sets
-from contact_locking.problem.supports import Support
-from contact_locking.problem.table_files import read_tables
+from contact_locking.supports.supports import Support
 
 
 @dataclass
@@ -223,7 +224,7 @@ def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     if not is_xdmf(path):
         return domains.from_file(path, comm)
     # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
-    from contact_locking.problem.xdmf_mesh import from_xdmf
+    from contact_locking.mesh.xdmf_mesh import from_xdmf
 
     return from_xdmf(path, comm)
 

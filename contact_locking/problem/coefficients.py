@@ -6,25 +6,24 @@ have strains that are constant in a cell, and the point is the midpoint of the c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import AXES, FloatArray, IndexArray
-from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import NO_TABLES, SMALLEST, TIME, Table, parse
+from contact_locking.errors import InputError
+from contact_locking.expressions import SMALLEST, parse
+from contact_locking.fem.spaces import Element
+from contact_locking.fields.sampling import Entities, features
+from contact_locking.fields.values import evaluate
 from contact_locking.laws import elasticity as law
-from contact_locking.parallel import agree, minimum
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import minimum
 from contact_locking.parameters import Elasticity, MaterialParameters, Region
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.sampling import Entities, features
-from contact_locking.problem.spaces import Element
 
 _ADVICE = "refine the mesh there, or let a boundary of material.regions go there"
 
@@ -130,27 +129,6 @@ class Points:
             inside = Entities.of(self._domain, self._domain.dim, cells)
             self._warnings += features(inside, expression, key, _ADVICE, relative_to="each")
         return found
-
-
-def evaluate(
-    comm: MPI.Intracomm,
-    value: float | str,
-    x: FloatArray,
-    key: str,
-    infinite: bool = False,
-    time: float = 0.0,
-    tables: Mapping[str, Table] = NO_TABLES,
-) -> FloatArray:
-    """A number or an expression of x, y[, z] and t at points (d, k), as (k,); collective.
-
-    Raises InputError with the key on all ranks if a value of any rank is NaN, or infinite without
-    ``infinite``.
-    """
-    expression = parse(value, (*AXES, TIME), allow_infinite=infinite, tables=tables)
-    places: dict[str, Any] = dict(zip(AXES, x, strict=False))
-    places[TIME] = time
-    result = agree(comm, lambda: with_key(key, lambda: expression.numpy(**places)))
-    return np.broadcast_to(np.asarray(result, dtype=float), x.shape[1:]).copy()
 
 
 def _locking_limits(

@@ -13,11 +13,11 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.pushed_tool import PushedTool
+from contact_locking.fem.spaces import Element
 from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.signorini import contact_energy, contact_pressure
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.pushed_tool import PushedTool
-from contact_locking.problem.spaces import Element
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 
 

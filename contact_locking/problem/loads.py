@@ -19,14 +19,14 @@ from dolfinx import fem
 from contact_locking.arrays import AXES, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import LARGEST, TIME, Expression, parse
+from contact_locking.fem.spaces import Element
+from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
+from contact_locking.fields.lookups import Lookups
+from contact_locking.fields.plausibility import about_a_load
+from contact_locking.fields.sampling import Entities, refuse_poles, rule
+from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree
 from contact_locking.parameters import LoadParameters
-from contact_locking.problem.clock import Clock, LargestSoFar, is_timed
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.lookups import Lookups
-from contact_locking.problem.plausibility import about_a_load
-from contact_locking.problem.sampling import Entities, refuse_poles, rule
-from contact_locking.problem.spaces import Element
 
 # The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
 # or 2 need no more.  The rule for comparison has a higher degree and parts half as long.

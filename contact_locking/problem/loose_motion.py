@@ -8,9 +8,9 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.contact import Contact
 from contact_locking.parallel import maximum
-from contact_locking.problem.conditions import Constraints
-from contact_locking.problem.contact import Contact
+from contact_locking.supports.conditions import Constraints
 
 # A gap is closed if the normal displacement misses it by this share of it at most.
 _CLOSED = 0.5

@@ -18,7 +18,7 @@ _ROUNDING = 1e-6
 def spin(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The velocity of the origin (3,) and the spin (3,) of a rigid motion.
 
-    ``motion`` are the coefficients of :func:`~contact_locking.problem.rigid_motions.rigid_motions`:
+    ``motion`` are the coefficients of :func:`rigid_motions`:
     translations, then the rotations in the planes of the axes (x, y), (x, z) and (y, z).
     """
     if len(motion) == 1:

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.pushed_tool import PushedTool
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.pushed_tool import PushedTool
 
 
 class MotionsAtContact:

@@ -10,12 +10,13 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.contact.pushed_tool import PushedTool
 from contact_locking.errors import InputError
+from contact_locking.fem import compiled
+from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.parameters import LoadParameters
-from contact_locking.problem import compiled, forms
-from contact_locking.problem.conditions import Constraints
-from contact_locking.problem.domain import Domain
+from contact_locking.problem import forms
 from contact_locking.problem.motion_in_words import (
     Resultant,
     axes_of,
@@ -25,8 +26,8 @@ from contact_locking.problem.motion_in_words import (
     spin,
 )
 from contact_locking.problem.motions_at_contact import MotionsAtContact
-from contact_locking.problem.pushed_tool import PushedTool
-from contact_locking.problem.rigid_motions import (
+from contact_locking.supports.conditions import Constraints
+from contact_locking.supports.rigid_motions import (
     driven_slide,
     free_motions,
     loose_motion,

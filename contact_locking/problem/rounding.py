@@ -9,9 +9,9 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking.arrays import FloatArray
+from contact_locking.fem.joint_forms import JointForm
 from contact_locking.parallel import maximum
 from contact_locking.problem import forms
-from contact_locking.problem.joint_forms import JointForm
 from contact_locking.problem.loose_motion import LooseMotion
 
 # The rounding of a sum of products is a few times this share of the summands.

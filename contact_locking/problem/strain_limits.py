@@ -14,12 +14,12 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.expressions import SMALLEST
+from contact_locking.fem.spaces import Element
 from contact_locking.laws.locking import deviator, weighted
+from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import minimum, on_any_rank
 from contact_locking.parameters import MaterialParameters, StrainLimit
 from contact_locking.problem.coefficients import Points
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.spaces import Element
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet, StrainSet
 
 

@@ -21,13 +21,13 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
+from contact_locking.fem.spaces import Element
 from contact_locking.laws.locking import (
     locking_energy,
     locking_stress,
     one_sided_energy,
     one_sided_stress,
 )
-from contact_locking.problem.spaces import Element
 
 StrainMap = Callable[[Expr], Expr]
 

@@ -12,17 +12,18 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.surface import NodalAverage
+from contact_locking.contact.tool_balance import Tools
+from contact_locking.fem import compiled
+from contact_locking.fem.joint_forms import JointForm
 from contact_locking.laws.penalty import Penalty
-from contact_locking.problem import compiled, forms
-from contact_locking.problem.affine_part import affine_part
-from contact_locking.problem.conditions import Constraints
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.joint_forms import JointForm
+from contact_locking.problem import forms
 from contact_locking.problem.loose_motion import LooseMotion
-from contact_locking.problem.near_nullspace import near_nullspace
 from contact_locking.problem.rounding import Rounding, largest_displacement
-from contact_locking.problem.surface import NodalAverage
-from contact_locking.problem.tool_balance import Tools
+from contact_locking.supports.affine_part import affine_part
+from contact_locking.supports.conditions import Constraints
+from contact_locking.supports.near_nullspace import near_nullspace
 
 
 class PenalisedSystem:

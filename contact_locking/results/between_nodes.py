@@ -19,9 +19,9 @@ from dolfinx import fem
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.surface import ContactSurface
 from contact_locking.parallel import maximum
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.surface import ContactSurface
 
 # Each edge of a facet is divided into so many parts, by the dimension of the body, and the steps of
 # the search from the best point are halved so often.

@@ -12,11 +12,11 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.expressions import LARGEST
+from contact_locking.fem.spaces import Element
+from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
 from contact_locking.problem import forms
 from contact_locking.problem.coefficients import Material
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.spaces import Element
 from contact_locking.results.derived import integral
 from contact_locking.solver.multipliers import Multipliers
 

@@ -12,13 +12,14 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IntArray
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.pushed_tool import PushedTool
+from contact_locking.contact.tool_outline import box_around
+from contact_locking.fem import compiled
+from contact_locking.fem.trace import make_nodal
+from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
-from contact_locking.problem import compiled, forms
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.domain import Domain
-from contact_locking.problem.pushed_tool import PushedTool
-from contact_locking.problem.tool_outline import box_around
-from contact_locking.problem.trace import make_nodal
+from contact_locking.problem import forms
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.ordering import along_curves, facets_of, lexicographic

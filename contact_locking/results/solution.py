@@ -14,9 +14,9 @@ from contact_locking.results.probe_table import ProbeSample
 if TYPE_CHECKING:
     from dolfinx import fem
 
+    from contact_locking.fem.spaces import Element
+    from contact_locking.mesh.domain import Domain
     from contact_locking.parameters import Parameters
-    from contact_locking.problem.domain import Domain
-    from contact_locking.problem.spaces import Element
     from contact_locking.results.derived import ContactFields
 
 

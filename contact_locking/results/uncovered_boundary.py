@@ -9,9 +9,9 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.contact.contact import Contact
+from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
-from contact_locking.problem.contact import Contact
-from contact_locking.problem.domain import Domain
 
 # Of the extent of the body.
 _FLAT = 1e-9

@@ -9,10 +9,10 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 import numpy as np
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.contact import Contact
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
-from contact_locking.problem.contact import Contact
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint, explain_by_friction, is_impossible

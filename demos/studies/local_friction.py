@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from contact_locking import Solution, assemble, load, solve_assembled
 from contact_locking.convergence import distance, fitted_rate, norms, write_table
-from contact_locking.problem.domain import Domain
+from contact_locking.mesh.domain import Domain
 
 FILE = Path(__file__).with_name("theorem_4_9.yml")
 RESULTS = Path("results/local_friction")

@@ -19,8 +19,8 @@ from simplices import Body
 from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.expressions import parse
 from contact_locking.laws.elasticity import mean_young
+from contact_locking.mesh.domain import Domain
 from contact_locking.parameters import Elasticity, Parameters
-from contact_locking.problem.domain import Domain
 from contact_locking.results.solution import Solution
 
 from .geometry import Geometry

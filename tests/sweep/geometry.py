@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.problem.domain import Domain
+from contact_locking.mesh.domain import Domain
 
 IntArray = npt.NDArray[np.integer[Any]]
 

@@ -15,9 +15,9 @@ from pydantic import ValidationError
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
 from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.process.loop import Steps
 from contact_locking.results.solution import Solution
 from contact_locking.solving import solve_assembled
-from contact_locking.steps.loop import Steps
 
 from . import comparisons, judge, reference, stepwise
 from .case import Case, Study, Truth

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.problem.domain import Domain
+from contact_locking.mesh.domain import Domain
 
 from .case import Random, Study
 

@@ -38,7 +38,7 @@ from contact_locking.certificate.guaranteed.macro_element import (
     legendre,
 )
 from contact_locking.certificate.guaranteed.triangles import Triangles
-from contact_locking.problem import compiled
+from contact_locking.fem import compiled
 from contact_locking.problem.forms import ProblemData
 
 # What is left out of a load is nothing below this share of the load.

@@ -12,7 +12,7 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray, flattened
 from contact_locking.certificate.guaranteed.macro_element import FACETS
 from contact_locking.laws.elasticity import MANDEL_PAIRS, mandel_factor
-from contact_locking.problem.domain import Domain
+from contact_locking.mesh.domain import Domain
 
 
 class Triangles:

@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from scipy.sparse import identity, kron
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.problem.contact import Contact
+from contact_locking.contact.contact import Contact
 from contact_locking.problem.system import PenalisedSystem
 
 Scalar = TypeVar("Scalar", bound=np.generic)

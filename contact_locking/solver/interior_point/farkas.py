@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
-from contact_locking.problem import compiled
+from contact_locking.fem import compiled
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.iterate import Iterate

@@ -18,7 +18,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.problem import compiled
+from contact_locking.fem import compiled
 
 # A point and its multiplier, or a step of both.
 Pair: TypeAlias = tuple[FloatArray, FloatArray]

@@ -8,8 +8,8 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.contact import Contact
 from contact_locking.parallel import maximum
-from contact_locking.problem.contact import Contact
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 

@@ -10,11 +10,11 @@ import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.problem.conditions import Constraints
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.filtered_multigrid import StiffPart
 from contact_locking.solver.linear.storage import stacked
+from contact_locking.supports.conditions import Constraints
 
 
 @dataclass(frozen=True)

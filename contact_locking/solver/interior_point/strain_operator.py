@@ -10,8 +10,8 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import mandel_factor, mandel_vector
-from contact_locking.problem import compiled
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.strain_sets import StrainSet
 

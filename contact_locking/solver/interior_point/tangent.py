@@ -11,8 +11,9 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.problem import compiled, forms
-from contact_locking.problem.joint_forms import JointForm
+from contact_locking.fem import compiled
+from contact_locking.fem.joint_forms import JointForm
+from contact_locking.problem import forms
 from contact_locking.solver.interior_point.elastic_energy import energy_of
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.right_hand_side import RightHandSide

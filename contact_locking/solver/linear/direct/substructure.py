@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from scipy.linalg import get_lapack_funcs
 
 from contact_locking.arrays import FloatArray
-from contact_locking.problem import compiled
+from contact_locking.fem import compiled
 
 Numbers = npt.NDArray[np.integer]
 #: In which the factor is stored, and its solves are done.

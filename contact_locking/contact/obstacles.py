@@ -1,0 +1,403 @@
+"""What stops the body at a contact: a given gap, or a rigid foundation that may move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+from mpi4py import MPI
+
+from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.contact.surface import ContactSurface
+from contact_locking.contact.tool_outline import outline
+from contact_locking.contact.tool_shapes import Site, build
+from contact_locking.errors import InputError, Misplaced, with_key
+from contact_locking.expressions import TIME, parse
+from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
+from contact_locking.fields.plausibility import about_the_distance, about_the_size
+from contact_locking.fields.sampling import Entities, features
+from contact_locking.fields.values import evaluate
+from contact_locking.laws.foundation import Foundation
+from contact_locking.laws.level_set import LevelSet
+from contact_locking.laws.polyline import Polyline
+from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
+from contact_locking.laws.triangulated import TriangulatedSurface
+from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
+from contact_locking.parameters import ContactParameters
+
+_TOO_FAR = "its distance is not a finite number: the foundation is too far away or too large"
+_NOT_FINITE = {
+    "expression": (
+        "its distance is not a finite number somewhere on Gamma_C: there its gradient vanishes or "
+        "is infinite, and no direction leads to the foundation"
+    )
+}
+_BEHIND = (
+    "the foundation lies behind {on}, where the outward normals of the body point away from the "
+    "foundation; name a boundary part that faces the foundation, or turn the normal of the half "
+    "space towards the body"
+)
+_TOO_DEEP = (
+    "the foundation lies behind a part of Gamma_C, which is inside of it while the outward normal "
+    "of the body points away from it; turn the normal of the half space towards the body, or let "
+    "the foundation reach less deep into the body"
+)
+_INSIDE = (
+    "a part of Gamma_C lies inside the tool, and the shortest way out leads through the body; "
+    "either the tool is inside out, or it reaches too deep into the body"
+)
+#: How to turn a tool that is inside out.
+_TURN = {
+    "expression": "change the sign of expression, which is positive outside of the tool",
+    "polyline": "reverse the corners, as the tool is on the left of the way from one to the next",
+    "surface": "turn the triangles with surface: {file: ..., turned: true}",
+}
+_TOO_FAR_IN = (
+    "a part of Gamma_C lies inside the tool, and no way out of it leads along the normal of the "
+    "body within the width of the body; let the tool reach less deep into the body"
+)
+# The nearest side of a tool is no way out of it if the normal of the side has a smaller component
+# along that of the body: it is the side of an edge, or lies behind the body.
+_SIDEWAYS = 0.2
+# A gradient that is shorter, or longer by the inverse, is not that of a distance.
+_LEAST_SLOPE = 0.8
+# A gradient that is shorter than this share of the longest one is zero with rounding.
+_ROUNDING = 1e-10
+# Distances below this share of the coordinates are rounding.
+_TOUCH = 8.0 * float(np.finfo(float).eps)
+
+
+class Obstacle(Protocol):
+    """What the body at one contact does not enter; it may depend on the time of a clock.
+
+    ``is_timed`` says that gap or normal change with the time, and ``moves`` that the obstacle has a
+    motion, which drags the body by friction.  ``is_distance`` says that its distance is exact
+    everywhere, so that the distance changes by no more than the way, and ``is_plane`` that it is a
+    half space.
+    """
+
+    is_timed: bool
+    moves: bool
+    is_distance: bool
+    is_plane: bool
+
+    def gap(self, x: FloatArray) -> FloatArray:
+        """The gap (k,) at points (d, k) of Gamma_C at the present time; collective."""
+
+    def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
+        """The gap (k,) and the contact normal (k, d) at the nodes at present; collective."""
+
+    def distance(self, x: FloatArray) -> FloatArray:
+        """The distance (k,) of any points (d, k) at present, negative inside.
+
+        The distance is inf where it is not known; collective.
+        """
+
+    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
+        """How far (k,) points x (d, k) of Gamma_C are away after they moved to ``moved`` (d, k).
+
+        ``u_normal`` (k,) is the displacement along the contact normal; collective.
+        """
+
+    def corners(self, box: FloatArray, spacing: float) -> FloatArray:
+        """Points (c, d) at present in a box (2, d) where the obstacle may enter a flat facet first.
+
+        These are the corners of an obstacle of facets, and points of its sharp edges that are
+        ``spacing`` apart.
+        """
+
+    def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
+        """How far (k, d) the obstacle has moved at the nodes since a time, or since it was at rest.
+
+        ``since`` is None for the state at rest.
+        """
+
+    def outline(self, box: FloatArray) -> FloatArray:
+        """The facets (t, d, d) of its surface at present, by their corners, if it has any.
+
+        A surface that is not made of facets has those of its part in the box (2, d).
+        """
+
+    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
+        """What is probably not intended, of the gap (k,) at the nodes at present; collective."""
+
+
+class GivenGap:
+    """A gap along the outward normal of the body, as a number or an expression.
+
+    With the time, gaps that are small beside earlier ones are zero with rounding.
+    """
+
+    moves = is_distance = is_plane = False
+
+    def __init__(self, comm: MPI.Intracomm, given: ContactParameters, clock: Clock) -> None:
+        self._comm, self._gap, self._clock = comm, given.gap, clock
+        self._key = f"{given.key}.gap"
+        self.is_timed = is_timed(parse(given.gap, (*AXES, TIME), tables=clock.tables))
+        self._so_far = LargestSoFar()
+
+    def gap(self, x: FloatArray) -> FloatArray:
+        clock = self._clock
+        found = evaluate(self._comm, self._gap, x, self._key, time=clock.now, tables=clock.tables)
+        is_zero = self.is_timed and self._so_far.hides(maximum(self._comm, np.abs(found)))
+        return np.zeros_like(found) if is_zero else found
+
+    def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
+        return self.gap(surface.places.T), surface.body_normals()
+
+    def distance(self, x: FloatArray) -> FloatArray:
+        # A gap is a distance along the normal of Gamma_C, and says nothing of other points.
+        return np.full(x.shape[1], np.inf)
+
+    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
+        return self.gap(x) - u_normal
+
+    def corners(self, box: FloatArray, spacing: float) -> FloatArray:
+        return np.empty((0, box.shape[1]))
+
+    def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
+        return np.zeros_like(surface.points)
+
+    def outline(self, box: FloatArray) -> FloatArray:
+        return np.empty((0, *[box.shape[1]] * 2))
+
+    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
+        clock, domain = self._clock, surface.domain
+        expression = parse(self._gap, (*AXES, TIME), tables=clock.tables)
+        facets = Entities.of(domain, domain.dim - 1, surface.facets)
+        advice = "refine the mesh there"
+        return features(facets, expression, self._key, advice, "range", clock.some_times)
+
+
+class Tool:
+    """A rigid body with a prescribed motion from rest, or at rest.
+
+    The constructor is collective, as a shape may be in a file.  Raises InputError for a shape that
+    is none and for a body whose distance is not finite, and Misplaced for one that lies behind
+    Gamma_C, or reaches into the body so that the way out of it leads through the body.
+    """
+
+    def __init__(self, site: Site, given: ContactParameters) -> None:
+        assert given.foundation is not None
+        self._site, self._on, self._key = site, f"{given.key}.on", site.key
+        self._shape, value = given.foundation.shape
+        self.is_plane = self._shape == "half_space"
+        self._body = build(self._shape, value, site)
+        # A tool is judged once, at its first place, whether its orientation fits the body.
+        self._is_oriented = False
+        self._motion = given.foundation.moved
+        text = given.foundation.expression
+        timed_shape = text is not None and is_timed(
+            parse(text, (*AXES, TIME), tables=site.clock.tables)
+        )
+        self.is_distance = not isinstance(self._body, LevelSet)
+        self.is_timed = self.moves = self._motion is not None or timed_shape
+
+    def gap(self, x: FloatArray) -> FloatArray:
+        return self._evaluated(self.now.gap, x)
+
+    def _evaluated(self, function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+        """A function of points (d, k); collective, as an expression may fail on one rank only."""
+
+        def values() -> FloatArray:
+            with np.errstate(all="ignore"):
+                return with_key(f"{self._key}.{self._shape}", lambda: function(x))
+
+        return agree(self._site.comm, values)
+
+    @property
+    def now(self) -> Foundation:
+        """The body at its present place."""
+        if self._motion is None:
+            return self._body
+        return MovedFoundation(self._body, self.motion(self._site.clock.now))
+
+    def motion(self, time: float | None) -> RigidMotion:
+        """The motion from rest at a time; None for the state at rest."""
+        given, dim = self._motion, self._site.dim
+        if given is None or time is None:
+            return RigidMotion.rest(dim)
+        key, zero = f"{self._key}.motion", (0.0,) * dim
+        angles = given.angles or (0.0,) * (1 if dim == 2 else 3)
+        return RigidMotion(
+            self._at_time(given.translation or zero, time, f"{key}.translation"),
+            rotation(self._at_time(angles, time, f"{key}.rotation")),
+            np.array(given.about or zero, dtype=float),
+        )
+
+    def _at_time(self, components: tuple[float | str, ...], time: float, key: str) -> FloatArray:
+        def value(component: float | str) -> float:
+            expression = parse(component, (TIME,), tables=self._site.clock.tables)
+            return float(expression.numpy(**{TIME: time}))
+
+        return np.array([with_key(key, partial(value, component)) for component in components])
+
+    def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
+        now = self.motion(self._site.clock.now)
+        return now.step_from(self.motion(since), surface.points.T).T
+
+    def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
+        body, points, comm = self.now, surface.places.T, self._site.comm
+        gap = self._evaluated(body.gap, points)
+        # A tool that is back where it touched would press by the rounding of the coordinates.
+        gap = np.where(np.abs(gap) <= _TOUCH * maximum(comm, np.abs(points)), 0.0, gap)
+        normals = self._evaluated(body.contact_normal, points).T
+        if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
+            raise InputError(_NOT_FINITE.get(self._shape, _TOO_FAR), self._key)
+        if isinstance(self._body, LevelSet):
+            low, high = self._slopes(self._body, surface)
+            if low <= _ROUNDING * high:
+                raise InputError(_NOT_FINITE[self._shape], self._key)
+        outward = surface.body_normals()
+        facing = np.sum(normals * outward, axis=1)
+        if not self._is_oriented:
+            self._is_oriented = True
+            if self._is_reversed(surface, gap, facing):
+                self._reverse()
+                return self.at_nodes(surface)
+        turn, inside = _TURN.get(self._shape), gap < 0.0
+        # Only a part of Gamma_C need face the tool.  The rest, as the upper side of a ball, is
+        # outside of the tool and never gets there, but keeps the distance as well.
+        if turn and _most(surface, facing < -_SIDEWAYS, inside):
+            raise Misplaced(f"{_INSIDE}: {turn}", self._key)
+        self._check_open_end(points, gap)
+        if isinstance(self._body, TriangulatedSurface | Polyline):
+            sideways = inside & (facing < _SIDEWAYS)
+            gap[sideways], normals[sideways] = self._way_out(
+                self._body, surface, points[:, sideways], outward[sideways]
+            )
+        elif on_any_rank(comm, inside & (facing <= 0.0)):
+            raise Misplaced(_TOO_DEEP, self._key)
+        # A tool with several sides may come from where nothing faces it yet.
+        if not turn and on_every_rank(comm, facing <= 0.0):
+            raise Misplaced(_BEHIND.format(on=self._on), self._key)
+        return gap, normals
+
+    def _is_reversed(self, surface: ContactSurface, gap: FloatArray, facing: FloatArray) -> bool:
+        """Whether a closed tool is a die by its orientation, but not around the body; collective.
+
+        A die has a negative area or volume, and the body is in its hole.  A body that the die
+        presses from all sides may have all nodes inside of the die, but then the die faces them.
+        """
+        body = self._body
+        if not isinstance(body, TriangulatedSurface | Polyline) or (body.content or 1.0) > 0.0:
+            return False
+        domain = surface.domain
+        places = domain.mesh.geometry.x[:, : domain.dim].T
+        inside = self._evaluated(self.now.gap, places) < 0.0
+        in_all = domain.comm.allreduce(np.array([inside.sum(), len(inside)], dtype=float))
+        return bool(2.0 * in_all[0] > in_all[1]) and not _most(
+            surface, facing > _SIDEWAYS, gap < 0.0
+        )
+
+    def _reverse(self) -> None:
+        assert isinstance(self._body, TriangulatedSurface | Polyline)
+        self._body = self._body.reversed()
+        self._site.warnings.append(
+            f"{self._key}.{self._shape}: it is that of a die, whose hole is inside of the outline, "
+            f"but the body is not in the hole; the other side was taken: {_TURN[self._shape]}"
+        )
+
+    def _way_out(
+        self,
+        body: TriangulatedSurface | Polyline,
+        surface: ContactSurface,
+        points: FloatArray,
+        outward: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """The gap (k,) and the contact normal (k, d) along the normals of the body; collective.
+
+        ``points`` (d, k) are inside of the tool near a side of it that the body does not face, as
+        beside a sharp edge: the way out is that against the outward normals (k, d) of the body.
+        """
+        motion = self.motion(self._site.clock.now)
+        depth, normals = body.way_out(motion.origin(points), -motion.turn.T @ outward.T)
+        low, high = surface.domain.bounding_box()
+        if maximum(self._site.comm, depth) > (high - low).min():
+            raise Misplaced(_TOO_FAR_IN, self._key)
+        return -depth, -(motion.turn @ normals).T
+
+    def distance(self, x: FloatArray) -> FloatArray:
+        try:
+            distance = self._evaluated(self.now.gap, x)
+        except InputError:
+            # An expression need have a value on Gamma_C only.
+            return np.full(x.shape[1], np.inf)
+        is_known = np.isfinite(distance) & ~self._at_open_end(x)
+        return np.where(is_known, distance, np.inf)
+
+    def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
+        return self.distance(moved)
+
+    def corners(self, box: FloatArray, spacing: float) -> FloatArray:
+        if not isinstance(self._body, TriangulatedSurface | Polyline):
+            return np.empty((0, box.shape[1]))
+        motion, middle = self.motion(self._site.clock.now), box.mean(axis=0)
+        # The box around the ball around the box, where the tool was at rest.
+        reach = 0.5 * float(np.linalg.norm(box[1] - box[0]))
+        at_rest = motion.origin(middle[:, None])[:, 0] + np.array([[-reach], [reach]])
+        return motion.place(self._body.sharp_points(at_rest, spacing).T).T
+
+    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
+        """What is probably not intended with the gap (k,) at the nodes at present; collective."""
+        found, comm = [*self._site.warnings], self._site.comm
+        body = self._body
+        if isinstance(body, LevelSet):
+            low, high = self._slopes(body, surface)
+            if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
+                found.append(
+                    f"{self._key}.expression: the length of its gradient is between {low:.3g} and "
+                    f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
+                    "divided by the length, which is the distance near its zeros only"
+                )
+        if on_any_rank(comm, self._at_open_end(surface.points.T)):
+            found.append(
+                f"{self._key}.{self._shape}: a part of Gamma_C lies beyond the end of the open "
+                "tool, whose rim is nearest there; let the tool reach beyond the body"
+            )
+        if isinstance(body, TriangulatedSurface | Polyline):
+            found += about_the_size(surface.domain, body.extent, f"{self._key}.{self._shape}")
+        return found + about_the_distance(surface.domain, gap, self._key)
+
+    def outline(self, box: FloatArray) -> FloatArray:
+        motion = self.motion(self._site.clock.now)
+        if not isinstance(self._body, TriangulatedSurface | Polyline):
+            return outline(self._body, motion, box)
+        facets = self._body.facets
+        places = motion.place(facets.reshape(-1, self._site.dim).T)
+        return places.T.reshape(facets.shape)
+
+    def _slopes(self, body: LevelSet, surface: ContactSurface) -> tuple[float, float]:
+        """The least and the largest ``|grad f|`` at the nodes at present; collective."""
+        slope = body.slope(self.motion(self._site.clock.now).origin(surface.points.T))
+        return -maximum(self._site.comm, -slope, -np.inf), maximum(self._site.comm, slope)
+
+    def _at_open_end(self, points: FloatArray) -> BoolArray:
+        if not isinstance(self._body, TriangulatedSurface | Polyline):
+            return np.zeros(points.shape[1], dtype=bool)
+        return self._body.at_open_end(self.motion(self._site.clock.now).origin(points))
+
+    def _check_open_end(self, points: FloatArray, gap: FloatArray) -> None:
+        """Raise Misplaced for a node that is behind an open tool, beyond its end; collective."""
+        if on_any_rank(self._site.comm, self._at_open_end(points) & (gap < 0.0)):
+            raise Misplaced(
+                "Gamma_C reaches around the end of the open tool, where it has no inside; close "
+                "the tool, or let it reach beyond the body",
+                f"{self._key}.{self._shape}",
+            )
+
+
+def _most(surface: ContactSurface, marks: BoolArray, among: BoolArray) -> bool:
+    """Whether marks (k,) hold on more than half of the measure of some nodes (k,); collective."""
+    weights = np.where(among, surface.weights, 0.0)
+    sums = surface.domain.comm.allreduce(np.array([weights[marks].sum(), weights.sum()]))
+    return bool(2.0 * sums[0] > sums[1])
+
+
+def obstacle_of(comm: MPI.Intracomm, dim: int, given: ContactParameters, clock: Clock) -> Obstacle:
+    """The obstacle of a contact; collective."""
+    if given.foundation is None:
+        return GivenGap(comm, given, clock)
+    return Tool(Site(dim, comm, clock, f"{given.key}.foundation"), given)

@@ -1,0 +1,378 @@
+"""Gamma_C in the discrete problem: nodes, weights and nodal averages.
+
+Integrals over Gamma_C use the rule of the element's trace, whose points are the nodes, so that
+contact and friction act at the nodes.  They act on the limited values of the trace there: the nodal
+values, or the control values.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from contact_locking import _compat
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from contact_locking.contact.surface_mesh import SurfaceMesh
+from contact_locking.fem import compiled
+from contact_locking.fem.spaces import P1, Element
+from contact_locking.fem.trace import PointValues
+from contact_locking.laws.kinematics import WeightedMeasure
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.half_section import is_on_axis
+from contact_locking.supports.conditions import Constraints
+
+# The normal displacement is prescribed where the free directions hold less of the unit normal.
+_PRESCRIBED = 1e-6
+# The cosines of the angles by which contact normals turn between two sides of Gamma_C, and by which
+# they are off the normals of the body: 40 and 60 degrees.
+_TURNED, _FACING = 0.766, 0.5
+# The sine of 15 degrees, by which the normal of a smooth boundary is off that of a chord at most.
+_CORNER = 0.26
+
+
+class ContactSurface:
+    """The nodes of Gamma_C in the element's spaces, with the weights of its rule.
+
+    ``space`` is the space of displacements, and ``limited`` the space of limited values that
+    several contacts share; by default the surface has its own.  ``nodes`` (k,) are the owned nodes
+    as indices of the scalar space, ``blocks`` (k,) the same nodes as blocks of the vector space,
+    ``points`` (k, d) the coordinates of the nodes, and ``weights`` (k,) their shares of the measure
+    of Gamma_C.
+    Raises InputError with the ``key`` for an element that has no contact.  The constructor is
+    collective.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        space: fem.FunctionSpace,
+        names: tuple[str, ...],
+        key: str = "contact.on",
+        element: Element = P1,
+        limited: fem.FunctionSpace | None = None,
+    ) -> None:
+        element.trace.check(domain.dim, element.degree, key)
+        self._pieces = np.array(element.trace.pieces[domain.dim], dtype=np.int32)
+        self.domain = domain
+        self.facets = domain.facets(names, key)
+        self.vector_space = space
+        self.scalar_space, to_vector = _compat.collapse(space.sub(0))
+        owned = self.scalar_space.dofmap.index_map.size_local
+        test = ufl.TestFunction(self.scalar_space)
+        lengths = domain.plain_ds(names, key, **element.trace.rules[domain.dim])
+        # The weights also find a node of Gamma_C that the rank owns without a facet beside the
+        # node.
+        mass = self._assemble(test * lengths)
+        self.nodes = np.flatnonzero(mass[:owned] > 0.0).astype(np.int32)
+        self.blocks = to_vector[self.nodes] // domain.dim
+        self.weights = mass[self.nodes]
+        self.points = self.scalar_space.tabulate_dof_coordinates()[self.nodes, : domain.dim]
+        if domain.axisymmetric:
+            self.points[is_on_axis(domain, self.points.T), 0] = 0.0
+        if limited is None:
+            limited = element.trace.limited_space(space)
+        #: The values of fields that contact and friction limit at the points.
+        self.limited = PointValues(
+            element.trace, self.scalar_space, limited, self.nodes, to_vector // domain.dim
+        )
+        self.ds = lengths
+        # Every rule is exact for the gradients of affine fields.
+        self._exact_ds = lengths if element.degree == 1 else domain.ds(names, key)
+        if domain.axisymmetric:
+            self._exact_ds = domain.ds(names, key)
+            self.ds = self._with_circumference(lengths, self._assemble(test * self._exact_ds))
+
+    def is_of(self, dofs: BoolArray) -> BoolArray:
+        """(k,) whether each node is marked; ``dofs`` marks the local dofs of the vector space."""
+        return np.asarray(dofs[self.blocks * self.domain.dim])
+
+    def body_normals(self) -> FloatArray:
+        """The outward unit normals (k, d) of the body, averaged over the facets; collective."""
+        normals = self.average(ufl.FacetNormal(self.domain.mesh))()
+        if self.domain.axisymmetric:
+            # The facets around a point of the axis are those of a whole circle.
+            normals[self.points[:, 0] == 0.0, 0] = 0.0
+        return normals / np.linalg.norm(normals, axis=1)[:, None]
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """Where the nodes (k, d) are on the curved boundary that the facets are chords of.
+
+        The middle of an edge from corner 1 to 2 is off the chord by the sagitta
+        ``|x_2 - x_1| (nu_2 - nu_1) . t/8`` along the normal, with the averaged normals nu of the
+        body at the corners and the tangent t of the edge.  At a corner of the body itself, where
+        nu is more than 15 degrees off that of the edge, the edge is straight, and at an end of
+        Gamma_C it is as curved as at its other end.  The first use is collective.
+        """
+        found = self.points.copy()
+        if self.limited.are_nodal:
+            return found
+        function = self.vector_function(self.body_normals())
+        count = fem.Function(self.scalar_space)
+        np.add.at(count.x.array, self.facet_nodes[:, : self.domain.dim], 1.0)
+        count.x.scatter_reverse(la.InsertMode.add)
+        count.x.scatter_forward()
+        middles, ends = self.limited.edges(function)
+        nodes, corners = self.limited.edges(count)
+        normals = function.x.array.reshape(-1, self.domain.dim)
+        x = self.scalar_space.tabulate_dof_coordinates()[corners, : self.domain.dim]
+        along = x[:, 1] - x[:, 0]
+        length = np.linalg.norm(along, axis=1)
+        slopes = np.einsum("mni,mi->mn", normals[ends], along / length[:, None])
+        slopes[np.abs(slopes) > _CORNER] = 0.0
+        if self.domain.dim == 2:
+            is_end = count.x.array[corners] == 1.0
+            slopes = np.where(is_end, -slopes[:, ::-1], slopes)
+        sagitta = length * (slopes[:, 1] - slopes[:, 0]) / 8.0
+        rows = np.searchsorted(self.nodes, nodes)
+        found[rows] += sagitta[:, None] * normals[middles]
+        return found
+
+    def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
+        """(k,) the nodes whose normal displacement is not prescribed.
+
+        The other nodes are the held nodes: a displacement condition decides there, and neither
+        pressure nor friction acts.  ``normal`` (k, d) is the contact normal; collective.
+        """
+        normals = self.vector_function(normal).x.array
+        free = constraints.free_part(normals).reshape(-1, self.domain.dim)[self.blocks]
+        return np.asarray(np.linalg.norm(free, axis=1) > _PRESCRIBED)
+
+    def whole(self, free: BoolArray | None = None, sides: IntArray | None = None) -> SurfaceMesh:
+        """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective.
+
+        Facets whose corners lie on several ``sides`` (n,) of Gamma_C are left out.
+        """
+        comm = self.domain.comm
+        weights = self.weights if free is None else np.where(free, self.weights, 0.0)
+        counts = comm.allgather(len(self.nodes))
+        first = sum(counts[: comm.rank])
+        facets = self._numbered(self.facet_nodes)
+        if sides is not None:
+            facets = facets[np.ptp(sides[facets[:, : self.domain.dim]], axis=1) == 0]
+        pieces = np.sort(facets[:, self._pieces].reshape(-1, self.domain.dim), axis=1)
+        return SurfaceMesh(
+            np.concatenate(comm.allgather(self.points)),
+            np.concatenate(comm.allgather(weights)),
+            np.unique(pieces, axis=0),
+            slice(first, first + len(self.nodes)),
+            self.domain.axisymmetric,
+        )
+
+    def sides(self, normals: FloatArray) -> IntArray:
+        """(n,) the number of the side on which each of all n nodes lies; collective.
+
+        ``normals`` (k, d) are the contact normals.  A side is a part of Gamma_C that is joined by
+        facets where the contact normal turns by less than 40 degrees between the corners, and is
+        less than 60 degrees off the outward normal of the body.
+        """
+        comm, dim = self.domain.comm, self.domain.dim
+        every = np.concatenate(comm.allgather(normals))
+        facing = np.sum(normals * self.body_normals(), axis=1) > _FACING
+        faces = np.concatenate(comm.allgather(facing))
+        corners = np.unique(self._numbered(self.facet_nodes)[:, :dim], axis=0)
+        joins = faces[corners].all(axis=1)
+        for i in range(dim):
+            for j in range(i):
+                one, other = every[corners[:, i]], every[corners[:, j]]
+                joins &= np.sum(one * other, axis=1) > _TURNED
+        if joins.all():
+            return np.zeros(len(every), dtype=np.int64)
+        points = np.concatenate(comm.allgather(self.points))
+        return SurfaceMesh(points, np.ones(len(points)), corners[joins], slice(0, 0)).parts
+
+    def scalar_function(self, values: FloatArray, name: str = "f") -> fem.Function:
+        """A function with the given values (k,) on Gamma_C and zero elsewhere; collective."""
+        function = fem.Function(self.scalar_space, name=name)
+        function.x.array[self.nodes] = values
+        function.x.scatter_forward()
+        return function
+
+    def limited_values(self, values: FloatArray) -> FloatArray:
+        """The limited values (k,) of a scalar field with nodal values (k,); collective."""
+        return self.limited.of_function(self.scalar_function(values))
+
+    def limited_gap(self, gap: FloatArray) -> FloatArray:
+        """The limited values (k,) of a gap (k,) at the nodes; collective.
+
+        They are between the least and the largest gap at the nodes of an edge.  The control value
+        of a gap that has a kink, as beside the edge of a tool, would be far off.
+        """
+        if self.limited.are_nodal:
+            return gap
+        function = self.scalar_function(gap)
+        middles, ends = self.limited.edges(function)
+        values, found = function.x.array, self.limited_values(gap)
+        around = np.concatenate([values[ends], values[middles][:, None]], axis=1)
+        rows = np.searchsorted(self.nodes, middles)
+        found[rows] = np.clip(found[rows], around.min(axis=1), around.max(axis=1))
+        return found
+
+    def vector_function(self, values: FloatArray, name: str = "f") -> fem.Function:
+        """A vector function with the given values (k, d) on Gamma_C; collective."""
+        function = fem.Function(self.vector_space, name=name)
+        function.x.array.reshape(-1, self.domain.dim)[self.blocks] = values
+        function.x.scatter_forward()
+        return function
+
+    def nodal_forces(self, tractions: FloatArray) -> FloatArray:
+        """``int t . v`` of tractions t (k, d) at the points, at all local dofs; collective."""
+        forces = fem.Function(self.vector_space)
+        loads = self.limited.matrix.T @ (self.weights[:, None] * tractions)
+        forces.x.array[:] = loads.reshape(-1)
+        forces.x.scatter_reverse(la.InsertMode.add)
+        forces.x.scatter_forward()
+        return forces.x.array
+
+    def facet_corners(self) -> FloatArray | None:
+        """The corners (m, d, d) of the pieces of facets, on rank 0, otherwise None; collective.
+
+        The nodes divide each facet of Gamma_C into pieces; for affine displacements a facet is one
+        piece.
+        """
+        places = self.scalar_space.tabulate_dof_coordinates()[:, : self.domain.dim]
+        gathered = self.domain.comm.gather(places[self._piece_nodes()])
+        return None if gathered is None else np.concatenate(gathered)
+
+    def integral(self, values: FloatArray) -> FloatArray:
+        """``int w`` over Gamma_C for nodal values w (k,) or (k, d); collective."""
+        return self.domain.comm.allreduce(np.tensordot(self.weights, values, axes=(0, 0)))
+
+    def average(self, integrand: Expr) -> NodalAverage:
+        """The map to nodal averages ``int w phi_i / int phi_i`` of a scalar or a vector ``w``."""
+        return NodalAverage(self, integrand)
+
+    def laplacian(self, sides: IntArray | None = None) -> PETSc.Mat:
+        """``int grad_Gamma w . grad_Gamma v`` on the owned nodes of Gamma_C; collective.
+
+        The unknowns are the limited values of w.  Facets whose corners lie on several ``sides``
+        (n,) of Gamma_C are left out.
+        """
+        from dolfinx.fem import petsc
+
+        w, v = ufl.TrialFunction(self.scalar_space), ufl.TestFunction(self.scalar_space)
+        nu = ufl.FacetNormal(self.domain.mesh)
+        grads = [ufl.grad(f) - ufl.dot(ufl.grad(f), nu) * nu for f in (w, v)]
+        density = ufl.inner(*grads)
+        if sides is not None and sides.any():
+            side = ufl.grad(self._side_function(sides))
+            along = side - ufl.dot(side, nu) * nu
+            size = ufl.CellDiameter(self.domain.mesh)
+            density *= ufl.conditional(ufl.lt(size**2 * ufl.inner(along, along), 0.5), 1.0, 0.0)
+        full = petsc.assemble_matrix(compiled.form(density * self._exact_ds))
+        full.assemble()
+        index_map = self.scalar_space.dofmap.index_map
+        rows = PETSc.IS().createGeneral(
+            (self.nodes + index_map.local_range[0]).astype(PETSc.IntType), comm=self.domain.comm
+        )
+        nodal = full.createSubMatrix(rows, rows)
+        rows.destroy()
+        full.destroy()
+        if self.limited.are_nodal:
+            return nodal
+        # The numbers of the nodes in ``nodal``; nodes off Gamma_C have none and are not used.
+        mine = index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts))
+        every = np.concatenate(self.domain.comm.allgather(index_map.local_to_global(self.nodes)))
+        numbers = np.searchsorted(every, mine)
+        inverse = self.limited.inverse(self.nodes, numbers)
+        starts, columns = (part.astype(PETSc.IntType) for part in (inverse.indptr, inverse.indices))
+        to_nodal = PETSc.Mat().createAIJ(
+            nodal.getSizes(), csr=(starts, columns, inverse.data), comm=self.domain.comm
+        )
+        surface = nodal.ptap(to_nodal)
+        to_nodal.destroy()
+        nodal.destroy()
+        return surface
+
+    def _with_circumference(self, lengths: ufl.Measure, integrals: FloatArray) -> ufl.Measure:
+        """The measure of Gamma_C of an axisymmetric body; sets ``weights``; collective.
+
+        The rule of the trace would give the nodes on the axis, where r is 0, no weight.  The weight
+        of a node is therefore the integral of ``2 pi r`` times the function of its limited value, a
+        hat function or one of Bernstein's; ``integrals`` are those of the nodal functions.  The
+        density of the measure, which counts at the nodes alone, is the quotient of both weights.
+        """
+        values = fem.Function(self.scalar_space)
+        to_nodal = self.limited.inverse(self.nodes, np.arange(len(values.x.array)))
+        values.x.array[:] = to_nodal.T @ integrals[self.nodes]
+        values.x.scatter_reverse(la.InsertMode.add)
+        weights = values.x.array[self.nodes]
+        density = self.scalar_function(weights / self.weights)
+        self.weights = weights
+        return WeightedMeasure(lengths, density)
+
+    def _piece_nodes(self) -> IndexArray:
+        """The pieces (m, d) of the facets of Gamma_C, as local nodes of the scalar space."""
+        return np.asarray(self.facet_nodes[:, self._pieces].reshape(-1, self.domain.dim))
+
+    def _numbered(self, nodes: IndexArray) -> IntArray:
+        """Of all ranks the local nodes of the scalar space (m, n), as numbers of all nodes.
+
+        Collective.
+        """
+        comm, index_map = self.domain.comm, self.scalar_space.dofmap.index_map
+        # The ranks own dofs in ascending order, so that the gathered numbers ascend as well.
+        numbers = np.concatenate(comm.allgather(index_map.local_to_global(self.nodes)))
+        local = index_map.local_to_global(nodes.reshape(-1)).reshape(nodes.shape)
+        return np.searchsorted(numbers, np.concatenate(comm.allgather(local)))
+
+    def _side_function(self, sides: IntArray) -> fem.Function:
+        """The affine function on facets whose values at the corners are the sides; collective."""
+        first = sum(self.domain.comm.allgather(len(self.nodes))[: self.domain.comm.rank])
+        own = sides[first : first + len(self.nodes)].astype(float)
+        function = self.scalar_function(own)
+        middles, ends = self.limited.edges(function)
+        function.x.array[middles] = function.x.array[ends].mean(axis=1)
+        function.x.scatter_forward()
+        return function
+
+    @cached_property
+    def facet_nodes(self) -> IndexArray:
+        """The nodes (m, n) of the facets of Gamma_C, corners first, as nodes of the scalar space.
+
+        The nodes are local ones.
+        """
+        topology, dim = self.domain.mesh.topology, self.domain.dim
+        dofmap = self.scalar_space.dofmap
+        cells = self.domain.owners(self.facets)
+        topology.create_connectivity(dim, dim - 1)
+        facets_of = topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)
+        place = np.argmax(facets_of[cells] == self.facets[:, None], axis=1)
+        layout = dofmap.dof_layout
+        closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
+        return np.asarray(dofmap.list[cells[:, None], closure[place]])
+
+    def _assemble(self, form: Expr) -> FloatArray:
+        vector = fem.assemble_vector(compiled.form(form))
+        vector.scatter_reverse(la.InsertMode.add)
+        return vector.array
+
+
+class NodalAverage:
+    """``int w phi_i / int phi_i`` over Gamma_C as a compiled form.
+
+    A call returns the nodal values (k,) or (k, d) and is collective.
+    """
+
+    def __init__(self, surface: ContactSurface, integrand: Expr) -> None:
+        self._surface = surface
+        self._vector = integrand.ufl_shape != ()
+        space = surface.vector_space if self._vector else surface.scalar_space
+        test = ufl.TestFunction(space)
+        self._form = compiled.form(ufl.inner(integrand, test) * surface.ds)
+        self._work = fem.Function(space)
+
+    def __call__(self) -> FloatArray:
+        surface, work = self._surface, self._work.x
+        work.array[:] = 0.0
+        fem.assemble_vector(work.array, self._form)
+        work.scatter_reverse(la.InsertMode.add)
+        if self._vector:
+            values = work.array.reshape(-1, surface.domain.dim)[surface.blocks]
+            return values / surface.weights[:, None]
+        return work.array[surface.nodes] / surface.weights

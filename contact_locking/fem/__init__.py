@@ -1,0 +1,1 @@
+"""Elements, their points of integration, traces and compiled forms."""

@@ -1,0 +1,131 @@
+"""Forms whose integrals have arguments in different spaces with the same degrees of freedom.
+
+The body's integrals have displacements as arguments.  Those over Gamma_C have fields of the limited
+space, whose degrees of freedom are those of the displacement (`PointValues`).
+
+For each cell and facet of a form DOLFINx stores all coefficients of the form.  Cells and facets
+have forms of their own, so that no cell stores coefficients of Gamma_C.
+
+FFCx 0.9 takes what it finds at the only point of a quadrature rule for constant in the cell, and
+uses that in the other rules of the same form, too.  So integrals that evaluate the coordinates in
+one point, as all of an axisymmetric body do with linear displacements, have forms of their own.
+The same of arguments loses a traction, in one point of a facet, beside the nodes of a contact
+there: the rules of facets have forms of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from dolfinx.fem import petsc
+from petsc4py import PETSc
+
+from contact_locking.fem import compiled
+
+# By this name a PETSc matrix keeps the matrix of DOLFINx whose arrays it shares.
+_SHARED = "shared_with_dolfinx"
+
+
+def by_space(form: ufl.Form) -> list[ufl.Form]:
+    """The integrals of a form, in forms that can be compiled together, those of cells first.
+
+    These are one form for each space of the arguments, for the cells and for each quadrature rule
+    of the facets, or two if some integrals evaluate the coordinates in one point.
+    """
+    groups: dict[Any, list[Any]] = {}
+    for integral in form.integrals():
+        arguments = ufl.algorithms.extract_arguments(integral.integrand())
+        kind, rule = integral.integral_type(), integral.metadata().get("quadrature_rule")
+        of_facets = None if kind == "cell" else rule
+        key = arguments[0].ufl_element(), kind, of_facets, _is_at_one_point(integral)
+        groups.setdefault(key, []).append(integral)
+    every = sorted(groups.values(), key=lambda group: group[0].integral_type() != "cell")
+    return [ufl.Form(integrals) for integrals in every]
+
+
+def _is_at_one_point(integral: Any) -> bool:
+    """Whether an integral evaluates the coordinates in one point of a cell or facet."""
+    if integral.metadata().get("quadrature_degree", 2) > 1:
+        return False
+    places = ufl.algorithms.analysis.extract_type(integral, ufl.SpatialCoordinate)
+    return bool(places)
+
+
+def action(bilinear: ufl.Form, u: fem.Function) -> ufl.Form:
+    """``b(u, .)``, each part with the function that has the degrees of freedom of u."""
+    form = ufl.Form([])
+    for part in by_space(bilinear):
+        space = part.arguments()[1].ufl_function_space()
+        form += ufl.action(part, u if space is u.function_space else fem.Function(space, x=u.x))
+    return form
+
+
+class JointForm:
+    """A compiled form, in the parts of :func:`by_space`; local arrays have the displacement's dofs.
+
+    The integrals with displacements as arguments come first.  ``options`` are those of the form
+    compiler.
+    """
+
+    def __init__(self, form: ufl.Form, options: Mapping[str, Any] | None = None) -> None:
+        options = compiled.options() if options is None else options
+        self._parts = by_space(form)
+        self._forms = [fem.form(part, jit_options=dict(options)) for part in self._parts]
+
+    def create_matrix(self, kind: str | None = None) -> PETSc.Mat:
+        """A matrix with the sparsity of the first part, the cells' integrals; collective."""
+        return petsc.create_matrix(self._forms[0], kind)
+
+    def create_shared_matrix(self) -> PETSc.Mat:
+        """The same on one rank, stored entry by entry, with the arrays of a matrix of DOLFINx.
+
+        DOLFINx assembles into its own matrix as fast as into one in blocks, which a factorisation
+        would have to copy.
+        """
+        shared = fem.create_matrix(self._forms[0], block_mode=la.BlockMode.expanded)
+        starts, columns = (part.astype(PETSc.IntType) for part in (shared.indptr, shared.indices))
+        size, components = len(starts) - 1, self._forms[0].function_spaces[0].dofmap.index_map_bs
+        matrix = PETSc.Mat().createAIJWithArrays(
+            (size, size), (starts, columns, shared.data), comm=PETSc.COMM_SELF
+        )
+        matrix.setBlockSize(components)
+        matrix.setAttr(_SHARED, shared)
+        return matrix
+
+    def assemble_vector(self, vector: la.Vector) -> None:
+        """Set the owned values of a vector of the displacements to the linear form; collective."""
+        vector.array[:] = 0.0
+        for form in self._forms:
+            fem.assemble_vector(vector.array, form)
+        vector.scatter_reverse(la.InsertMode.add)
+
+    def assemble_matrix(self, matrix: PETSc.Mat, conditions: Sequence[fem.DirichletBC]) -> None:
+        """Set a matrix, with the identity at the conditions of displacements; collective."""
+        matrix.zeroEntries()
+        shared = matrix.getAttr(_SHARED)
+        for number, (part, form) in enumerate(zip(self._parts, self._forms, strict=True)):
+            space, fixed = part.arguments()[0].ufl_function_space(), list(conditions)
+            if number > 0:
+                if space != self._parts[0].arguments()[0].ufl_function_space():
+                    fixed = _fixed(space, conditions)
+                # The identity was inserted last, and now values are added.
+                matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
+            if shared is None:
+                petsc.assemble_matrix(matrix, form, bcs=fixed)
+            else:
+                fem.assemble_matrix(shared, form, fixed)
+        matrix.assemble()
+
+
+def _fixed(
+    space: fem.FunctionSpace, conditions: Sequence[fem.DirichletBC]
+) -> list[fem.DirichletBC]:
+    """Conditions that fix the same degrees of freedom of another space."""
+    every = [np.empty(0, dtype=np.int32), *(item.dof_indices()[0] for item in conditions)]
+    dofs, zero, dim = np.unique(np.concatenate(every)), fem.Function(space), space.dofmap.bs
+    parts = [dofs[dofs % dim == i] for i in range(dim)]
+    return [fem.dirichletbc(zero, [part, part], space.sub(i)) for i, part in enumerate(parts)]

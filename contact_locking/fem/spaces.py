@@ -1,0 +1,211 @@
+"""Elements: the spaces of the discretisation, and the points, with weights, at which the laws hold.
+
+All that depends on the element is here, so that another element is another :class:`Element`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from ufl.core.expr import Expr
+
+from contact_locking import _compat
+from contact_locking.arrays import FloatArray
+from contact_locking.fem import gauss_points
+from contact_locking.fem.trace import Rule, Trace
+from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
+from contact_locking.parameters import DiscretisationParameters
+
+
+@dataclass(frozen=True)
+class Element:
+    """Displacements, strains, and the points of the laws, on triangles and tetrahedra.
+
+    Displacements are continuous and of degree ``degree`` in each cell.  Strains, stresses and
+    limits are discontinuous and of degree ``strain_degree``, 0 or 1.  Their degrees of freedom are
+    the values at the midpoint of each cell for degree 0.  For degree 1 they are the values at d + 1
+    points, one beside each corner in the order of the corners: with ``limit_at`` "vertices" the
+    corners themselves, with "gauss" the points of Gauss's rule of degree 2.
+
+    The points of ``locking_rule``, the rule for integrals of the locking law over the cells, must
+    be the points of the strains: the limit then holds at these points, with the weights of the
+    rule.  ``elastic_rule`` is the rule for integrals of the elastic stress; the empty rule is exact
+    for elastic coefficients that are affine in a cell.  ``trace`` tells at which points of Gamma_C
+    contact and friction act.  ``kinematics`` are those of the body.
+    """
+
+    degree: int
+    strain_degree: int
+    locking_rule: Rule
+    trace: Trace
+    limit_at: str = "vertices"
+    elastic_rule: Rule = field(default_factory=dict)
+    kinematics: Kinematics = STRAIGHT
+
+    def __str__(self) -> str:
+        """The element in words."""
+        where = {"vertices": "the vertices", "gauss": "the Gauss points"}[self.limit_at]
+        body = ", axisymmetric" if self.kinematics.axisymmetric else ""
+        if self.strain_degree == 0:
+            return f"degree {self.degree}{body}"
+        return f"degree {self.degree}{body}, the locking limit at {where} of each cell"
+
+    def facts(self) -> dict[str, Any]:
+        """The keys of the study file that choose the element."""
+        body = {"axisymmetric": True} if self.kinematics.axisymmetric else {}
+        return {"degree": self.degree, "limit_at": self.limit_at, **body}
+
+    def strain(self, u: Expr) -> Expr:
+        """``eps(u)``, a symmetric (m, m) tensor: m is d, and 3 for a body of revolution."""
+        return self.kinematics.strain(u)
+
+    def tensor_space(self, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
+        """The space of strains and stresses, (m, m) tensors; collective."""
+        size = self.kinematics.tensor_size(mesh.topology.dim)
+        return self.strain_space(mesh, (size, size))
+
+    def nodal_space(self, mesh: dolfinx.mesh.Mesh, size: int) -> fem.FunctionSpace:
+        """Continuous fields of the displacement's degree with ``size`` components; collective."""
+        return fem.functionspace(mesh, ("P", self.degree, (size,)))
+
+    def displacement_space(self, mesh: dolfinx.mesh.Mesh) -> fem.FunctionSpace:
+        """The space of displacements; collective."""
+        return self.nodal_space(mesh, mesh.topology.dim)
+
+    def strain_space(
+        self, mesh: dolfinx.mesh.Mesh, shape: tuple[int, ...] = ()
+    ) -> fem.FunctionSpace:
+        """The space of strains, stresses and limits; collective.
+
+        ``shape`` is the shape of the values, () for scalars.
+        """
+        if self.strain_degree == 0 or self.limit_at == "vertices":
+            return fem.functionspace(mesh, ("DG", self.strain_degree, shape))
+        return fem.functionspace(mesh, gauss_points.affine(mesh.topology.dim, shape))
+
+    def strain_places(self, mesh: dolfinx.mesh.Mesh) -> FloatArray:
+        """The coordinates (d, k) of the points of the strains, local cell by local cell.
+
+        Ghost cells are included.
+        """
+        dim = mesh.topology.dim
+        index_map = mesh.topology.index_map(dim)
+        cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        if self.strain_degree == 0:
+            return np.asarray(dmesh.compute_midpoints(mesh, dim, cells)[:, :dim].T)
+        corners = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][:, :, :dim]
+        if self.limit_at == "gauss":
+            corners = np.einsum("pc,kcd->kpd", gauss_points.shares(dim), corners)
+        return np.asarray(corners.reshape(-1, dim).T)
+
+    @property
+    def at_peaks(self) -> Element:
+        """The element with strains at points where |eps(u)| is largest in each cell.
+
+        A convex function of an affine strain is largest at a corner.  This is the element itself if
+        its strain is constant in a cell or has its points at the corners, and for bodies of
+        revolution, where the hoop strain is not affine and not a number at a corner on the axis.
+        """
+        if self.kinematics.axisymmetric or self.degree == 1:
+            return self
+        if self.strain_degree == 1 and self.limit_at == "vertices":
+            return self
+        return replace(self, strain_degree=1, limit_at="vertices")
+
+    def locking_dx(self, dx: ufl.Measure) -> ufl.Measure:
+        """The measure ``dx`` with the locking rule."""
+        return _with_rule(dx, self.locking_rule)
+
+    def elastic_dx(self, dx: ufl.Measure) -> ufl.Measure:
+        """The measure ``dx`` with the elastic rule."""
+        return _with_rule(dx, self.elastic_rule)
+
+
+def _with_rule(dx: ufl.Measure, rule: Rule) -> ufl.Measure:
+    return dx(metadata=dict(rule)) if rule else dx
+
+
+_VERTICES: Rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+
+#: Affine displacements.  The strain is constant in a cell, so that the locking law holds at one
+#: point of the cell.  If the gap is affine, the contact condition at the nodes implies the
+#: condition on the facets.
+P1 = Element(
+    degree=1,
+    strain_degree=0,
+    locking_rule={},
+    trace=Trace(
+        rules={2: _VERTICES, 3: _VERTICES},
+        pieces={2: ((0, 1),), 3: ((0, 1, 2),)},
+    ),
+)
+
+
+def _nodes_alike(*points: tuple[float, ...], measure: float) -> Rule:
+    """The rule with equal weights at the nodes of the reference facet, which has a measure."""
+    return {
+        "quadrature_rule": "custom",
+        "quadrature_points": points,
+        "quadrature_weights": (measure / len(points),) * len(points),
+        "quadrature_degree": 1,
+    }
+
+
+#: Quadratic displacements.  The strain is affine in a cell and its norm is convex: a constant limit
+#: that holds at the corners of a cell holds in the cell.  The vertex rule is exact for affine
+#: integrands only, and Z : eps(v) is quadratic: where a smooth solution locks, the order of
+#: convergence in V is 1, as for P1, with a smaller error.  Contact and friction limit the control
+#: values of the trace, whose weights are equal.  (At the nodes themselves the weights of a triangle
+#: are 0 at the corners.)
+P2 = Element(
+    degree=2,
+    strain_degree=1,
+    locking_rule=_VERTICES,
+    trace=Trace(
+        rules={
+            2: _nodes_alike((0.0,), (1.0,), (0.5,), measure=1.0),
+            3: _nodes_alike(
+                (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (0.0, 0.5), (0.5, 0.0), measure=0.5
+            ),
+        },
+        pieces={
+            2: ((0, 2), (2, 1)),
+            3: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)),
+        },
+        controls=True,
+    ),
+)
+
+_GAUSS: Rule = {"quadrature_degree": 2}
+
+#: P2 with limits at the points of Gauss's rule of degree 2, which is exact for Z : eps(v) with Z
+#: affine in a cell.  The strain may exceed the limit between the points.  The elastic coefficients
+#: count at the points alone: outside their convex hull an affine function through positive values
+#: may be negative.
+P2_GAUSS = replace(P2, locking_rule=_GAUSS, limit_at="gauss", elastic_rule=_GAUSS)
+
+_MIDPOINT: Rule = {"quadrature_degree": 1}
+
+#: P1 for bodies of revolution: all laws hold at the midpoints of the cells, where the hoop strain
+#: is the quotient of the means of u_r and r.  The rule is exact for ``2 pi r Z : eps(v)`` with Z
+#: constant in a cell.
+P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kinematics=REVOLUTION)
+
+#: P2 for bodies of revolution.  Corners can lie on the axis, Gauss's points cannot.
+P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
+
+_ELEMENTS = {(1, "vertices"): P1, (1, "gauss"): P1, (2, "vertices"): P2, (2, "gauss"): P2_GAUSS}
+_OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
+
+
+def element_of(given: DiscretisationParameters, axisymmetric: bool = False) -> Element:
+    """The element that a study file asks for."""
+    if axisymmetric:
+        return _OF_REVOLUTION[given.degree]
+    return _ELEMENTS[given.degree, given.limit_at or "vertices"]

@@ -1,0 +1,197 @@
+"""Warnings about data and results that are possible but probably not intended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import maximum
+
+# The theory neglects squares of the displacement gradient, which exceed the gradient from here on.
+_LARGE_STRAIN = 1.0
+# No body can bear loads of this multiple of its stiffness.
+_ABSURD = 1e30
+# A tool is not so many times as long or as short as the body, but in other units.
+_LARGE_RATIO = 200.0
+# A warning gives a larger excess as a multiple and a smaller excess in per cent.
+_MULTIPLE = 10.0
+# The share of violation by a penalty that causes a warning, and the share that the advice aims at.
+_NOTABLE, _AIM = 0.1, 0.01
+# From this share of the friction bound on nothing is left to hold a body.
+_ALL_FRICTION = 1.0 - 1e-4
+# Pressure concentrates at edges, where the compliance of the body is this share of length over
+# Young's modulus.
+_CONCENTRATED = 0.2
+
+
+def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
+    """A warning about a body that lies wholly inside the foundation; collective.
+
+    ``gap`` (k,) are the values at the owned nodes of Gamma_C.  The whole body counts as inside if
+    the least depth of Gamma_C is at least the smallest width of the body.
+    """
+    depth = -maximum(domain.comm, gap, -np.inf)
+    low, high = domain.bounding_box()
+    width = float((high - low).min())
+    if depth < width:
+        return []
+    return [
+        f"{key}: all of the body lies inside the foundation, Gamma_C at least {depth:.3g} deep; a "
+        "gap is positive where there is a distance to the foundation: is its sign right, and the "
+        "foundation in its place?"
+    ]
+
+
+def about_the_distance(domain: Domain, gap: FloatArray, key: str) -> list[str]:
+    """A warning about a tool that is farther away than the body is long; collective."""
+    nearest = -maximum(domain.comm, -gap, -np.inf)
+    if nearest <= domain.extent():
+        return []
+    return [
+        f"{key}: the body is {domain.extent():.3g} long, and the foundation is {nearest:.3g} away "
+        "from Gamma_C; does the foundation stand in its place, in the units of the mesh?"
+    ]
+
+
+def about_the_size(domain: Domain, extent: float, key: str) -> list[str]:
+    """A warning about a tool with the wrong units, as m for mm; collective."""
+    ratio = extent / domain.extent()
+    if 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
+        return []
+    return [
+        f"{key}: it is {extent:.3g} long, and the body {domain.extent():.3g}; are its units those "
+        "of the mesh?"
+    ]
+
+
+def about_a_load(stress: float, stiffness: float, key: str) -> list[str]:
+    """A warning about a load whose largest ``stress`` is above the stiffness of the material.
+
+    Raises InputError for a load that no body can bear.
+    """
+    ratio = stress / stiffness
+    if ratio <= 1.0:
+        return []
+    text = f"it reaches {ratio:.3g} times the stiffness of the material; do their units agree?"
+    if ratio > _ABSURD:
+        raise InputError(text, key)
+    return [f"{key}: {text}"]
+
+
+def about_the_strain(largest: float) -> list[str]:
+    """A warning about strains too large for the theory of small strains."""
+    if largest <= _LARGE_STRAIN:
+        return []
+    return [
+        f"the largest strain is {largest:.3g}, and this theory is of small strains: do the units "
+        "of loads, elasticity and lengths agree, and do displacement conditions or contact hold "
+        "the body?"
+    ]
+
+
+def about_the_overstrain(overstrain: float, n: float, young: float) -> list[str]:
+    """A warning about a penalised strain that exceeds its limit by a large share of M.
+
+    ``overstrain`` is the largest ``|eps|/M - 1 = |Z|/(2 n M)`` (23).  The advised n assumes that
+    the stiffer penalty bears the same Z or, if this is more, the present stress of the material.
+    """
+    if overstrain <= _NOTABLE:
+        return []
+    size = f"exceeds its limit by up to {100.0 * overstrain:.0f} %"
+    if overstrain >= _MULTIPLE:
+        size = f"is up to {1.0 + overstrain:.3g} times its limit"
+    better = max(n, 0.5 * young) * overstrain / _AIM
+    return [
+        f"the strain {size}: penalty.n: {better:.1e} leaves about "
+        f"{100.0 * _AIM:.0f} %, and .inf nothing; if that hardly helps, no displacement on this "
+        "mesh within the limit can follow the prescribed ones, which .inf would report"
+    ]
+
+
+def about_held_nodes(
+    keys: Sequence[str], penetrations: Sequence[float], displacement: float
+) -> list[str]:
+    """Warnings about foundations that enter the body where prescribed displacements hold it.
+
+    ``keys`` are the keys of the contacts, ``penetrations`` the largest ``[u_nu - gap]^+`` at their
+    nodes that cannot give way, and ``displacement`` is the largest ``|u|``.
+    """
+    return [
+        f"{key}: the foundation enters the body by {penetration:.3g} at nodes that "
+        "loads.displacements holds, where no contact acts; end contact.on, or the foundation, "
+        "before the part that is held"
+        for key, penetration in zip(keys, penetrations, strict=True)
+        if penetration > _NOTABLE * displacement
+    ]
+
+
+def about_an_entry(key: str, depth: float, share: float, place: Sequence[float]) -> list[str]:
+    """A warning about a foundation that enters between the nodes of Gamma_C.
+
+    ``depth`` is how deep it enters, ``share`` the depth as a share of its indentation, and
+    ``place`` where.
+    """
+    if share <= _NOTABLE:
+        return []
+    at = ", ".join(f"{x:.3g}" for x in place)
+    return [
+        f"{key}: between the nodes near ({at}) the foundation enters the body by {depth:.3g}, "
+        f"{100.0 * share:.0f} % of its indentation; the conditions of contact hold at the nodes "
+        "alone: refine the mesh there by mesh.h_contact or adapt, or take a rounder tool"
+    ]
+
+
+def about_uncovered_boundary(
+    key: str, depth: float, place: Sequence[float], displacement: float
+) -> list[str]:
+    """A warning about a boundary outside of Gamma_C that enters the foundation of a contact.
+
+    ``depth`` is how deep the moved boundary enters, ``place`` where, and ``displacement`` is the
+    largest ``|u|``.
+    """
+    if depth <= _NOTABLE * displacement:
+        return []
+    at = ", ".join(f"{x:.3g}" for x in place)
+    return [
+        f"{key}: the boundary outside of {key}.on enters the foundation by {depth:.3g} near "
+        f"({at}), where no contact acts; add the boundary part there to {key}.on, unless the "
+        "foundation ends before"
+    ]
+
+
+def about_the_friction_used(used: float | None) -> list[str]:
+    """A warning about a body that friction alone holds, and that uses all of its friction.
+
+    ``used`` is the share of the friction bound that acts, None without friction.
+    """
+    if used is None or used < _ALL_FRICTION:
+        return []
+    return [
+        "friction alone holds the body, and all of it is used: with a little more load along the "
+        "foundation, or less onto it, the body slides away"
+    ]
+
+
+def about_the_penetration(
+    penetration: float, displacement: float, epsilon: float, soft: float, follows_n: bool
+) -> list[str]:
+    """A warning about a body that enters the foundation by a large share of its displacement.
+
+    ``penetration`` is ``max [u_nu - gap]^+ = eps p`` (25), and ``displacement`` is the largest
+    ``|u|``.  ``soft`` is the compliance of the body, length over Young's modulus.  ``follows_n``
+    says that epsilon is 1/n.
+    """
+    if epsilon == 0.0 or penetration <= _NOTABLE * displacement:
+        return []
+    share = penetration / displacement
+    better = _AIM * min(epsilon / share, _CONCENTRATED * soft)
+    key, value = ("penalty.n", 1.0 / better) if follows_n else ("penalty.epsilon", better)
+    return [
+        f"the body enters the foundation by {100.0 * share:.0f} % of its largest displacement: "
+        f"{key}: {value:.1e} leaves about {100.0 * _AIM:.0f} %, and penalty.n: .inf "
+        "without an epsilon nothing"
+    ]

@@ -1,0 +1,1 @@
+"""The mesh of the body: read, checked, distributed, with named parts."""

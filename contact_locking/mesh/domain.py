@@ -1,0 +1,239 @@
+"""The mesh of the body with named parts: read from Gmsh on one rank, checked and distributed.
+
+Boundary parts and regions have the names of Gmsh's physical groups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from contact_locking import _compat
+from contact_locking.arrays import AXES, FloatArray, IndexArray
+from contact_locking.errors import InputError, with_key
+from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
+from contact_locking.mesh.distribution import distribute
+from contact_locking.mesh_file.data import MeshData
+from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
+from contact_locking.mesh_file.gmsh_model import extract
+from contact_locking.mesh_file.reader import read
+from contact_locking.parallel import maximum, on_root
+from contact_locking.plain_text import nearest
+
+# A coordinate below this share of the largest is rounding.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Domain:
+    """A simplicial mesh of the body with named boundary parts and regions.
+
+    ``facet_tags`` holds the exterior facets that have a name.  ``parts`` gives for each local cell
+    the index of its connected part in ``part_names``; cells of two parts share no facet.
+    ``unusable`` gives, for the name of every other group of facets, why the group bounds nothing.
+    ``is_refined`` tells a mesh that was made by the refinement of the mesh of a study, and
+    ``smoothing_radii`` then gives, for the key of a contact, the default radius of R on that mesh.
+    ``axisymmetric`` says that the mesh is the half section of a body of revolution about x = 0.
+    """
+
+    mesh: dmesh.Mesh
+    cell_tags: Any
+    facet_tags: Any
+    parts: IndexArray
+    cell_names: dict[str, int]
+    facet_names: dict[str, int]
+    part_names: tuple[str, ...] = ("the body",)
+    unusable: dict[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    origin: str = field(default="the mesh")
+    is_refined: bool = False
+    smoothing_radii: dict[str, float] = field(default_factory=dict)
+    axisymmetric: bool = False
+
+    @property
+    def comm(self) -> MPI.Intracomm:
+        return self.mesh.comm
+
+    @property
+    def dim(self) -> int:
+        return int(self.mesh.topology.dim)
+
+    @property
+    def kinematics(self) -> Kinematics:
+        return REVOLUTION if self.axisymmetric else STRAIGHT
+
+    @cached_property
+    def num_cells(self) -> int:
+        return int(self.mesh.topology.index_map(self.dim).size_global)
+
+    def facets(self, names: Iterable[str], key: str | None = None) -> IndexArray:
+        """Local exterior facets of the named boundary parts; collective.
+
+        Raises InputError, with the names of the mesh, for a name that the mesh does not have.
+        """
+        parts = [self.facet_tags.find(self._tag(name, self.facet_names, key)) for name in names]
+        return np.unique(np.concatenate(parts)) if parts else np.empty(0, dtype=np.int32)
+
+    def cells(self, name: str, key: str | None = None) -> IndexArray:
+        """Local cells (owned and ghosts) of the named region."""
+        return self.cell_tags.find(self._tag(name, self.cell_names, key))
+
+    def ds(self, names: Iterable[str], key: str | None = None, **metadata: Any) -> ufl.Measure:
+        """The surface measure of the named boundary parts; the form compiler takes ``metadata``."""
+        return self.kinematics.weighted(self.plain_ds(names, key, **metadata))
+
+    def plain_ds(
+        self, names: Iterable[str], key: str | None = None, **metadata: Any
+    ) -> ufl.Measure:
+        """The measure of the named boundary parts as parts of the mesh, without ``2 pi r``."""
+        tags = tuple(self._tag(name, self.facet_names, key) for name in names)
+        measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)
+        return measure(tags, metadata=metadata)
+
+    def dx(self, **metadata: Any) -> ufl.Measure:
+        """The measure of the body; the form compiler takes ``metadata``."""
+        return self.kinematics.weighted(ufl.Measure("dx", domain=self.mesh, metadata=metadata))
+
+    def owners(self, facets: IndexArray) -> IndexArray:
+        """The local cells (k,) of exterior facets (k,)."""
+        to_cell = self.mesh.topology.connectivity(self.dim - 1, self.dim)
+        return to_cell.array[to_cell.offsets[facets]]
+
+    def facet_diameter(self, facets: IndexArray) -> float:
+        """The longest edge among the given facets of all ranks; collective."""
+        fdim = self.dim - 1
+        self.mesh.topology.create_connectivity(fdim, self.dim)
+        return maximum(self.comm, self.mesh.h(fdim, facets) if len(facets) else 0.0)
+
+    def bounding_box(self) -> FloatArray:
+        """The least and greatest coordinates (2, d); collective."""
+        x = self.mesh.geometry.x[:, : self.dim]
+        low = self.comm.allgather(x.min(axis=0, initial=np.inf))
+        high = self.comm.allgather(x.max(axis=0, initial=-np.inf))
+        return np.array([np.min(low, axis=0), np.max(high, axis=0)])
+
+    def extent(self) -> float:
+        """``sqrt(12 lambda)``, lambda the largest second moment of the body per volume; collective.
+
+        The extent of a slender body is its length.  A rotation of the body changes the bounding box
+        and does not change the extent.
+        """
+        dim, middle = self.dim, self.bounding_box().mean(axis=0)
+        owned = self.mesh.topology.index_map(dim).size_local
+        x = self.mesh.geometry.x[_compat.cell_nodes(self.mesh)[:owned], :dim] - middle
+        volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1]))
+        sums = x.sum(axis=1)
+        squares = np.einsum("cki,ckj->cij", x, x) + np.einsum("ci,cj->cij", sums, sums)
+        volume = self.comm.allreduce(volumes.sum())
+        centre = self.comm.allreduce(volumes @ sums) / ((dim + 1) * volume)
+        second = self.comm.allreduce(np.tensordot(volumes, squares, axes=1))
+        moments = second / ((dim + 1) * (dim + 2) * volume) - np.outer(centre, centre)
+        return float(np.sqrt(12.0 * np.linalg.eigvalsh(moments)[-1]))
+
+    def compact_size(self, unknowns: int, degree: int) -> int:
+        """The unknowns of a cube that takes as long to factorise as this body; collective.
+
+        A factorisation depends on the separators of the mesh.  Those of a plate of t layers of
+        nodes with N nodes in all have sqrt(t N) nodes, those of a cube N^(2/3).  The cells for each
+        facet of the boundary give about t.  A body in 2D counts as it is.
+        """
+        if self.dim == 2:
+            return unknowns
+        facets = self.mesh.topology.index_map(self.dim - 1)
+        boundary = dmesh.exterior_facet_indices(self.mesh.topology)
+        outside = self.comm.allreduce(int(np.sum(boundary < facets.size_local)))
+        nodes = unknowns / self.dim
+        # A cube of n^3 small cubes has 6 n^3 cells and 12 n^2 facets outside.
+        layers = 2.0 * degree * self.num_cells / outside
+        return min(unknowns, round(self.dim * (layers * nodes) ** 0.75))
+
+    def where(self, point: FloatArray) -> str:
+        """A point (d,) in words, ``x = 1, y = 2``; coordinates that are rounding are 0."""
+        rounding = _ROUNDING * np.abs(self.mesh.geometry.x).max(initial=0.0)
+        shown = np.where(np.abs(point) <= rounding, 0.0, point)
+        return ", ".join(f"{axis} = {x:.6g}" for axis, x in zip(AXES, shown, strict=False))
+
+    def _tag(self, name: str, table: dict[str, int], key: str | None) -> int:
+        if name not in table and table is self.facet_names and name in self.unusable:
+            raise InputError(f"in {self.origin}, {self.unusable[name]}", key)
+        if name not in table:
+            what = "boundary part" if table is self.facet_names else "region"
+            there = ", ".join(sorted(table)) or "none at all"
+            raise InputError(
+                f"no {what} named {name!r} in {self.origin}{nearest(name, table)}; it has: {there}",
+                key,
+            )
+        return table[name]
+
+
+def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = ()) -> Domain:
+    """Generate a geometry of ``meshes`` with Gmsh on rank 0 and distribute it; collective.
+
+    ``contact`` names the boundary parts that ``h_contact`` refines.
+    """
+    origin = type(geometry).__name__.lower()
+
+    def make() -> tuple[MeshData, Diagnosis]:
+        from contact_locking.meshes import build
+
+        with build(geometry, contact=contact) as model:
+            mesh = extract(model, origin)
+        return mesh, Diagnosis.of_sound(mesh)
+
+    return with_key("mesh.builder", lambda: distributed(make, comm, origin))
+
+
+def from_file(path: Path, comm: MPI.Intracomm) -> Domain:
+    """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
+
+    Raises InputError if the file cannot be read, if the cells are not first-order triangles or
+    tetrahedra, and if the mesh is not a body (`mesh_file.diagnosis`).
+    """
+
+    def make() -> tuple[MeshData, Diagnosis]:
+        mesh = read(path)
+        return mesh, diagnose(mesh, str(path))
+
+    return with_key("mesh.file", lambda: distributed(make, comm, str(path)))
+
+
+def distributed(
+    make: Callable[[], tuple[MeshData, Diagnosis]],
+    comm: MPI.Intracomm,
+    origin: str,
+    **more: Any,
+) -> Domain:
+    """Distribute the mesh that ``make`` returns on rank 0; ``more`` are fields of `Domain`.
+
+    Collective.
+    """
+    held: list[tuple[MeshData, Diagnosis]] = []
+
+    def prepare() -> tuple[int, dict[str, Any]]:
+        mesh, found = make()
+        held.append((mesh, found))
+        facts = {
+            "cell_names": mesh.cells.names,
+            "facet_names": found.facets.names,
+            "unusable": found.unusable,
+            "warnings": tuple(found.warnings),
+            "part_names": found.part_names,
+        }
+        return mesh.dim, facts
+
+    dim, facts = on_root(comm, prepare)
+    if held:
+        mesh, found = held[0]
+        made = distribute(comm, dim, mesh, found.facets, found.parts)
+    else:
+        made = distribute(comm, dim, None, None, np.empty(0, dtype=np.int64))
+    facts |= {"origin": origin, **more}
+    return Domain(made.mesh, made.cell_tags, made.facet_tags, made.parts, **facts)

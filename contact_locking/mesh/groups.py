@@ -1,0 +1,93 @@
+"""The named groups of a mesh: number of entities, measure and mean normal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking import _compat
+from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.mesh.domain import Domain
+
+# A boundary part is plane if the mean normal is longer, and closed if the mean normal is shorter.
+_FLAT, _CLOSED = 1.0 - 1e-6, 1e-2
+
+
+@dataclass(frozen=True)
+class Group:
+    """A group: the number of its cells or facets, their measure, and the mean outward normal.
+
+    The mean normal ``int nu / int 1`` of a boundary part is a unit vector for a plane part, shorter
+    for a curved part, and zero for a closed part.  A region has none.
+    """
+
+    name: str
+    dim: int
+    count: int
+    measure: float
+    normal: tuple[float, ...] | None = None
+
+    def facing(self) -> str:
+        """The mean normal in words; empty for a region."""
+        if self.normal is None:
+            return ""
+        length = float(np.linalg.norm(self.normal))
+        if length < _CLOSED:
+            return "all ways (closed)"
+        shown = ", ".join(f"{x:.3g}" for x in np.round(self.normal, 9) + 0.0)
+        return f"({shown}){'' if length > _FLAT else ' (curved)'}"
+
+
+def groups(domain: Domain) -> list[Group]:
+    """The regions, then the boundary parts, sorted by name; collective."""
+    dim = domain.dim
+    cells = [_region(domain, name) for name in sorted(domain.cell_names)]
+    return cells + [_boundary(domain, name, dim - 1) for name in sorted(domain.facet_names)]
+
+
+def table(rows: list[Group]) -> list[tuple[str, str, str, str, str]]:
+    """The groups as rows of text below a row of titles."""
+    kinds = {1: "length", 2: "area", 3: "volume"}
+    titles = ("group", "dimension", "entities", "measure", "mean outward normal")
+    return [titles] + [
+        (r.name, str(r.dim), str(r.count), f"{kinds[r.dim]} {r.measure:.6g}", r.facing())
+        for r in rows
+    ]
+
+
+def _region(domain: Domain, name: str) -> Group:
+    cells = domain.cells(name)
+    cells = cells[cells < domain.mesh.topology.index_map(domain.dim).size_local]
+    corners = _corners(domain, domain.dim, cells)
+    edges = corners[:, 1:] - corners[:, :1]
+    measure = float(np.abs(np.linalg.det(edges)).sum()) / (2.0 if domain.dim == 2 else 6.0)
+    count, measure = (domain.comm.allreduce(x) for x in (len(cells), measure))
+    return Group(name, domain.dim, count, measure)
+
+
+def _boundary(domain: Domain, name: str, dim: int) -> Group:
+    facets = domain.facets((name,))
+    facets = facets[facets < domain.mesh.topology.index_map(dim).size_local]
+    corners = _corners(domain, dim, facets)
+    normals = _normals(corners)
+    inward = _corners(domain, domain.dim, domain.owners(facets)).mean(axis=1) - corners.mean(axis=1)
+    normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
+    sizes = np.linalg.norm(normals, axis=1).sum()
+    count, measure, total = (
+        domain.comm.allreduce(x) for x in (len(facets), float(sizes), normals.sum(axis=0))
+    )
+    return Group(name, dim, count, measure, tuple(float(x) for x in total / measure))
+
+
+def _normals(corners: FloatArray) -> FloatArray:
+    """Normals (k, d) of facets (k, d, d); the length of a normal is the measure of the facet."""
+    edges = corners[:, 1:] - corners[:, :1]
+    if corners.shape[1] == 2:
+        return np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
+    return 0.5 * np.cross(edges[:, 0], edges[:, 1])
+
+
+def _corners(domain: Domain, dim: int, entities: IndexArray) -> FloatArray:
+    nodes = _compat.entities_to_geometry(domain.mesh, dim, entities)
+    return domain.mesh.geometry.x[nodes, : domain.dim]

@@ -1,0 +1,74 @@
+"""The mesh of an axisymmetric body: a half section with the coordinates (r, z) = (x, y), r >= 0."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from dolfinx import fem
+
+from contact_locking import _compat
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.errors import InputError
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import on_any_rank
+
+# A node with a smaller radius than this share of the largest radius lies on the axis.
+_ON_AXIS = 1e-9
+
+
+def half_section(domain: Domain) -> Domain:
+    """The domain as the half section of a body of revolution about x = 0; collective.
+
+    Coordinates x that are zero except for rounding become zero.  Raises InputError for a mesh in
+    three dimensions, and for a mesh that crosses the axis.
+    """
+    key = "mesh.axisymmetric"
+    if domain.dim != 2:
+        raise InputError(
+            "needs a mesh in two dimensions, the half section of the body in the coordinates "
+            "(r, z) = (x, y)",
+            key,
+        )
+    low, high = domain.bounding_box()
+    radius = domain.mesh.geometry.x[:, 0]
+    if low[0] < -_ON_AXIS * high[0]:
+        hint = "; take its half with quarter: true" if domain.origin in ("disc", "annulus") else ""
+        raise InputError(
+            f"the half section must lie in x >= 0, where x is the radius r, and {domain.origin} "
+            f"reaches x = {low[0]:.6g}{hint}",
+            key,
+        )
+    radius[np.abs(radius) <= _ON_AXIS * high[0]] = 0.0
+    return replace(domain, axisymmetric=True)
+
+
+def is_on_axis(domain: Domain, x: FloatArray) -> BoolArray:
+    """Which of the points x (d, k) lie on the axis, (k,); collective."""
+    return np.asarray(np.abs(x[0]) <= _ON_AXIS * domain.bounding_box()[1, 0])
+
+
+def axis_condition(domain: Domain, space: fem.FunctionSpace) -> fem.DirichletBC:
+    """``u_r = 0`` on the axis; collective."""
+    sub = space.sub(0)
+    scalar = _compat.collapse(sub)[0]
+    small = _ON_AXIS * float(domain.bounding_box()[1, 0])
+    dofs = fem.locate_dofs_geometrical((sub, scalar), lambda x: np.abs(x[0]) <= small)
+    return fem.dirichletbc(fem.Function(scalar), dofs, sub)
+
+
+def require_surface(domain: Domain, names: tuple[str, ...], key: str) -> None:
+    """Raise InputError for boundary parts on the axis, which are no surface; collective."""
+    if not domain.axisymmetric:
+        return
+    for name in names:
+        facets = domain.facets((name,), key)
+        if not domain.comm.allreduce(len(facets)):
+            continue
+        if not on_any_rank(domain.comm, _radii(domain, facets) > 0.0):
+            raise InputError(f"{name!r} lies on the axis of revolution and is no surface", key)
+
+
+def _radii(domain: Domain, facets: IndexArray) -> FloatArray:
+    nodes = _compat.entities_to_geometry(domain.mesh, 1, facets)
+    return np.asarray(domain.mesh.geometry.x[nodes.reshape(-1), 0])

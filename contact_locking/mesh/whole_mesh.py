@@ -1,0 +1,136 @@
+"""A distributed mesh as arrays on rank 0, in the order in which it was distributed.
+
+The order does not depend on the number of ranks, and neither does what is made of these arrays.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from contact_locking import _compat
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.mesh.domain import Domain, distributed
+from contact_locking.mesh_file.data import MeshData, Simplices
+from contact_locking.mesh_file.diagnosis import Diagnosis
+
+
+@dataclass(frozen=True)
+class WholeMesh:
+    """Points, cells and named facets, with what the mesh of a body knows beside them.
+
+    ``diagnosis`` has the part of each cell and the named facets.  For ``origin`` and
+    ``smoothing_radii`` see `Domain`.
+    """
+
+    data: MeshData
+    diagnosis: Diagnosis
+    origin: str
+    smoothing_radii: dict[str, float]
+
+    def save(self, folder: Path, stem: str) -> list[Path]:
+        """Write ``STEM.npz`` and ``STEM.json``; returns the two paths."""
+        arrays, facts = folder / f"{stem}.npz", folder / f"{stem}.json"
+        self.data.save(arrays)
+        found = self.diagnosis
+        words = {
+            "part_names": found.part_names,
+            "parts": found.parts.tolist(),
+            "unusable": found.unusable,
+            "warnings": found.warnings,
+            "origin": self.origin,
+            "smoothing_radii": self.smoothing_radii,
+        }
+        facts.write_text(json.dumps(words) + "\n", encoding="utf-8")
+        return [arrays, facts]
+
+    @classmethod
+    def load(cls, folder: Path, stem: str) -> WholeMesh:
+        """The mesh in the files of `save`.  Raises OSError, ValueError and KeyError."""
+        data = MeshData.load(folder / f"{stem}.npz")
+        words: Mapping[str, Any] = json.loads((folder / f"{stem}.json").read_text(encoding="utf-8"))
+        found = Diagnosis(
+            tuple(map(str, words["part_names"])),
+            np.array(words["parts"], dtype=np.int64),
+            data.facets,
+            dict(words["unusable"]),
+            list(words["warnings"]),
+        )
+        radii = {str(key): float(value) for key, value in words["smoothing_radii"].items()}
+        return cls(data, found, str(words["origin"]), radii)
+
+
+def gather_mesh(domain: Domain) -> WholeMesh | None:
+    """The mesh on rank 0, None elsewhere; collective."""
+    mesh, dim, comm = domain.mesh, domain.dim, domain.comm
+    numbers = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
+    owned = mesh.topology.index_map(dim).size_local
+    cells = numbers[_compat.cell_nodes(mesh)[:owned]]
+    facets = domain.facet_tags.indices
+    is_owned = facets < mesh.topology.index_map(dim - 1).size_local
+    corners = numbers[_compat.entities_to_geometry(mesh, dim - 1, facets[is_owned])]
+
+    def whole(local: Any) -> Any:
+        parts = comm.gather(np.ascontiguousarray(local))
+        return None if parts is None else np.concatenate(parts)
+
+    place, coordinates = whole(numbers), whole(mesh.geometry.x[:, :dim])
+    all_cells, groups, parts = (
+        gather_cells(domain, values)
+        for values in (cells, domain.cell_tags.values[:owned], domain.parts[:owned])
+    )
+    all_corners, marks = whole(corners), whole(domain.facet_tags.values[is_owned])
+    if place is None or all_cells is None or groups is None or parts is None:
+        return None
+    points = np.empty((int(place.max()) + 1, dim))
+    points[place] = coordinates
+    order = np.lexsort(np.sort(all_corners, axis=1).T[::-1])
+    named = simplices(all_corners[order], marks[order], domain.facet_names)
+    data = MeshData(
+        dim, points, np.arange(len(points)), simplices(all_cells, groups, domain.cell_names), named
+    )
+    found = Diagnosis(
+        domain.part_names,
+        parts.astype(np.int64),
+        named,
+        dict(domain.unusable),
+        list(domain.warnings),
+    )
+    return WholeMesh(data, found, domain.origin, dict(domain.smoothing_radii))
+
+
+def gather_cells(domain: Domain, values: Any) -> FloatArray | None:
+    """Values (k, ...) of the owned cells of all ranks, on rank 0; None elsewhere; collective."""
+    topology = domain.mesh.topology
+    owned = topology.index_map(domain.dim).size_local
+    order = np.asarray(topology.original_cell_index[:owned], dtype=np.int64)
+    parts = domain.comm.gather((order, np.ascontiguousarray(values)))
+    if parts is None:
+        return None
+    places = np.concatenate([place for place, _ in parts])
+    return np.asarray(np.concatenate([local for _, local in parts])[np.argsort(places)])
+
+
+def simplices(nodes: Any, groups: Any, names: Mapping[str, int]) -> Simplices:
+    """Simplices numbered from 1, as in a mesh file."""
+    count: IntArray = np.arange(1, len(nodes) + 1)
+    return Simplices(
+        np.asarray(nodes, dtype=np.int64), count, np.asarray(groups, dtype=np.int64), dict(names)
+    )
+
+
+def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
+    """A refined mesh, distributed; only rank 0 has ``mesh``; collective."""
+    origin, radii = comm.bcast(None if mesh is None else (mesh.origin, mesh.smoothing_radii))
+
+    def make() -> tuple[MeshData, Diagnosis]:
+        assert mesh is not None
+        return mesh.data, mesh.diagnosis
+
+    return distributed(make, comm, origin, is_refined=True, smoothing_radii=radii)

@@ -1,0 +1,219 @@
+"""The mesh of the body in an XDMF file, read and checked by all ranks together.
+
+Every rank reads a share of the file, and no rank ever has the whole mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from dolfinx import io
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from contact_locking.arrays import IndexArray, IntArray
+from contact_locking.errors import InputError, with_key
+from contact_locking.mesh.distributed_cells import DistributedCells, box
+from contact_locking.mesh.distribution import simplicial_mesh
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.mesh_shares import MeshShare
+from contact_locking.mesh_file import places
+from contact_locking.mesh_file.xdmf_grids import Grid, Grids, data_file, read_grids
+from contact_locking.parallel import agree, on_root
+
+_KEY = "mesh.file"
+# More numbers in one grid are no groups.
+_MOST_GROUPS = 1000
+
+
+@dataclass(frozen=True)
+class Tags:
+    """The local entities (k,) of groups, ascending, and the number (k,) of the group of each.
+
+    ``names`` maps the names of the groups to these numbers.
+    """
+
+    entities: IndexArray
+    numbers: IndexArray
+    names: dict[str, int]
+
+    def on(self, mesh: dmesh.Mesh, dim: int) -> Any:
+        """The tags of DOLFINx."""
+        return dmesh.meshtags(mesh, dim, self.entities, self.numbers)
+
+
+def from_xdmf(path: Path, comm: MPI.Intracomm) -> Domain:
+    """The mesh of a file that `dolfinx.io.XDMFFile` has written; collective.
+
+    The first grid of the file is the mesh.  Every other grid has tags of cells or facets.  Tags
+    with one value are a group with the name of the grid.  Of tags with several values each value
+    is a group, whose name is the number.  Cells without any tags are one region with the name of
+    the mesh.
+
+    Raises InputError if the file cannot be read, if the cells are not first-order triangles or
+    tetrahedra, and if the mesh is not a body.
+    """
+    return with_key(_KEY, lambda: _read(path, on_root(comm, lambda: read_grids(path)), comm))
+
+
+def _read(path: Path, grids: Grids, comm: MPI.Intracomm) -> Domain:
+    with _explained(path), io.XDMFFile(comm, path, "r") as file:
+        mesh = _mesh(file, grids)
+        cells = DistributedCells(mesh)
+        warnings = cells.check()
+        count, parts = cells.parts
+        regions = _regions(file, grids, cells, mesh)
+        boundary, unusable, more = _boundary_parts(file, grids.boundary_parts, cells, mesh)
+    return Domain(
+        mesh,
+        regions.on(mesh, grids.dim),
+        boundary.on(mesh, grids.dim - 1),
+        parts.astype(np.int32),
+        regions.names,
+        boundary.names,
+        _part_names(cells, count, parts, regions),
+        unusable,
+        (*warnings, *more),
+        str(path),
+    )
+
+
+def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
+    """The mesh, distributed; collective."""
+    comm, dim, name = file.comm, grids.dim, grids.cells.name
+    cells = np.asarray(file.read_topology_data(name), dtype=np.int64)
+    points = np.asarray(file.read_geometry_data(name), dtype=float)
+    MeshShare(comm, dim, points, cells).check()
+    mesh = simplicial_mesh(comm, np.ascontiguousarray(points[:, :dim]), cells)
+    used, total = mesh.geometry.index_map().size_global, comm.allreduce(len(points))
+    if used != total:
+        raise InputError(
+            f"{total - used} of its {total} nodes belong to no cell; write the nodes of cells alone"
+        )
+    return mesh
+
+
+def _groups(file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh) -> list[tuple[str, IndexArray, int]]:
+    """Name and local entities of each group in a grid, and how many the file has; collective."""
+    tags = file.read_meshtags(mesh, grid.name)
+    comm, owned = mesh.comm, mesh.topology.index_map(grid.dim).size_local
+    given = comm.allreduce(len(file.read_topology_data(grid.name)))
+    missing = given - comm.allreduce(int(np.count_nonzero(tags.indices < owned)))
+    values = np.unique(np.concatenate(comm.allgather(np.unique(tags.values)[: _MOST_GROUPS + 1])))
+    if len(values) > _MOST_GROUPS:
+        raise InputError(
+            f"grid {grid.name!r} has {len(values)} values or more, which are no groups"
+        )
+    if len(values) < 2:
+        return [(grid.name, tags.indices, missing)]
+    return [(str(value), tags.find(value), missing) for value in values]
+
+
+def _joined(groups: Sequence[tuple[str, IndexArray]], comm: MPI.Intracomm, what: str) -> Tags:
+    """Groups that share no entity as tags; collective."""
+    names: dict[str, int] = {}
+    for name, _ in groups:
+        if name in names:
+            raise InputError(f"it has two groups of {what} named {name!r}")
+        names[name] = len(names) + 1
+    entities = np.concatenate([np.empty(0, np.int32), *(found for _, found in groups)])
+    lengths = [len(found) for _, found in groups]
+    numbers = np.repeat(np.arange(1, len(groups) + 1, dtype=np.int32), lengths)
+    order = np.argsort(entities, kind="stable")
+    entities, numbers = entities[order].astype(np.int32), numbers[order]
+    twice = np.flatnonzero(entities[1:] == entities[:-1])
+    listed = list(names)
+    shared = [sorted((listed[numbers[i] - 1], listed[numbers[i + 1] - 1])) for i in twice[:1]]
+    for one, other in (pair for pairs in comm.allgather(shared) for pair in pairs):
+        raise InputError(f"groups {one!r} and {other!r} share {what}; let each have one name")
+    return Tags(entities, numbers, names)
+
+
+def _regions(file: io.XDMFFile, grids: Grids, cells: DistributedCells, mesh: dmesh.Mesh) -> Tags:
+    """The regions, one for each cell; collective."""
+    count = len(cells.facets)
+    if not grids.regions:
+        one = np.ones(count, dtype=np.int32)
+        return Tags(np.arange(count, dtype=np.int32), one, {grids.cells.name: 1})
+    found = [group for grid in grids.regions for group in _groups(file, grid, mesh)]
+    tags = _joined([(name, entities) for name, entities, _ in found], mesh.comm, "cells")
+
+    def require_all() -> None:
+        bare = np.ones(count, dtype=bool)
+        bare[tags.entities] = False
+        if bare.any():
+            raise InputError(
+                "it has cells outside every group, such as "
+                f"{places.cell(cells.data, int(np.argmax(bare)))}; name them all"
+            )
+
+    agree(mesh.comm, require_all)
+    return tags
+
+
+def _boundary_parts(
+    file: io.XDMFFile, grids: Sequence[Grid], cells: DistributedCells, mesh: dmesh.Mesh
+) -> tuple[Tags, dict[str, str], list[str]]:
+    """The boundary parts, why other groups bound nothing, and warnings; collective."""
+    unusable: dict[str, str] = {}
+    warnings: list[str] = []
+    kept = []
+    owned = mesh.topology.index_map(cells.dim - 1).size_local
+    what = "edges" if cells.dim == 2 else "faces"
+    for name, facets, missing in (g for grid in grids for g in _groups(file, grid, mesh)):
+        inner = cells.shared[facets] == 2
+        mine = facets < owned
+        total, inside = (
+            mesh.comm.allreduce(int(np.count_nonzero(mark & mine)))
+            for mark in (np.ones(len(facets), dtype=bool), inner)
+        )
+        if missing:
+            unusable[name] = (
+                f"{name!r} does not lie on the body: {missing} of its {places.FACET[cells.dim]}s "
+                f"are no {what} of the body's {places.CELL[cells.dim]}s; remove what dangles"
+            )
+            warnings.append(f"group {unusable[name]}")
+        elif inside == total:
+            unusable[name] = f"{name!r} lies inside the body and is not a part of its boundary"
+        else:
+            if inside:
+                warnings.append(
+                    f"group {name!r} is boundary in part only: {inside} of its {total} "
+                    f"{places.FACET[cells.dim]}s have cells on both sides, and are left out"
+                )
+            kept.append((name, facets[~inner]))
+    return _joined(kept, mesh.comm, what), unusable, warnings
+
+
+def _part_names(
+    cells: DistributedCells, count: int, parts: IntArray, regions: Tags
+) -> tuple[str, ...]:
+    """The name of each part, from its regions and its extreme coordinates; collective."""
+    if count == 1:
+        return ("the body",)
+    comm, listed = cells.comm, list(regions.names)
+    found = []
+    for part in range(count):
+        own = parts == part
+        here = {listed[number - 1] for number in np.unique(regions.numbers[own])}
+        names = ", ".join(sorted(set().union(*comm.allgather(here))))
+        x = cells.data.points[cells.data.cells.nodes[own]].reshape(-1, cells.dim)
+        low, high = (places.at(corner) for corner in box(comm, x))
+        found.append(f"part {part + 1} of the body ({names}, from {low} to {high})")
+    return tuple(found)
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Put the name of the file before a message, and raise an InputError for an error of HDF5."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}", error.key) from None
+    except RuntimeError as error:
+        raise InputError(f"{path} cannot be read with {data_file(path).name}: {error}") from error

@@ -1,0 +1,221 @@
+"""The steps of a process, one solution after the other.
+
+1. Put the problem to the next time: loads, prescribed displacements, gaps.
+2. Solve the problem of the step, from the state before if that helps.
+   A time that proofs for other times exclude is not tried: go back to 1 with half the step.
+3. Judge the solution: the certificate, and the energy balance of the step.  If the solve or a
+   criterion fails, or if a foundation has moved to where none can be, go back to 1 with half the
+   step, down to the least step.
+4. Add the row to the history and hand out the solution.
+5. Friction remembers the displacement and the slip.  Go on with 1.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contact_locking.certificate import certify
+from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
+from contact_locking.certificate.laws import ENTRY
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.errors import InputError, Misplaced
+from contact_locking.monitor import Monitor
+from contact_locking.problem.assembly import Problem
+from contact_locking.process.account import row_of, totals
+from contact_locking.process.demand import Demand
+from contact_locking.process.increment import Increment, solution_of
+from contact_locking.process.out_of_reach import OutOfReach
+from contact_locking.process.resume import restore
+from contact_locking.process.timeline import Timeline
+from contact_locking.results.contact_points import STICK
+from contact_locking.results.history import History
+from contact_locking.results.probe_table import ProbeSample
+from contact_locking.results.solution import Solution
+from contact_locking.solver import SavedState, SolverReport
+
+CRITERION = "energy_balance"
+
+
+class Steps(Iterator[Solution]):
+    """The solutions of an assembled problem with steps, in the order of their times; collective.
+
+    ``problem`` may be changed between two steps; ``history`` has the numbers of the steps so far.
+    After a step that does not converge, whatever its length, the iteration ends with the state that
+    was reached.  Raises InputError, with the time, for data that cannot be used at a time: the last
+    solution then says that the process has not come to its end.  ``saved`` are the checkpoints of
+    steps that were solved earlier: they are read and judged again, and the iteration goes on from
+    the last of them.  Whoever stops earlier calls :meth:`close`, on all ranks.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        monitor: Monitor | None = None,
+        petsc_options: Mapping[str, Any] | None = None,
+        saved: Sequence[Path] = (),
+    ) -> None:
+        given = problem.parameters.steps
+        assert given is not None
+        self.problem, self.history = problem, History()
+        self._monitor = monitor or Monitor()
+        self._increment = Increment(problem, self._monitor, petsc_options)
+        self._timeline = Timeline(given)
+        self._planned = self._timeline.left
+        self._halved: tuple[str, ...] = ()
+        self._out_of_reach = OutOfReach()
+        self._probes: tuple[ProbeSample, ...] = ()
+        self._saved = saved
+        self._solutions = self._solve()
+
+    def __next__(self) -> Solution:
+        return next(self._solutions)
+
+    def close(self) -> None:
+        """End the iteration and destroy the PETSc objects; collective."""
+        self._solutions.close()
+
+    def _solve(self) -> Generator[Solution]:
+        timeline = self._timeline
+        solution: Solution | None = None
+        saved: SavedState | None = None
+        before: Moment | None = None
+        try:
+            for path in self._saved:
+                restored = restore(path, self._increment)
+                state, self._halved = restored.state, restored.step.halved
+                self.history = restored.step.history
+                solution = self._solution(state, restored.energy, restored.step.time)
+                solution.summary["restart"] = f"the step was read from {path}"
+                self._tell(solution)
+                yield solution
+                timeline.skip_to(restored.step.time)
+                saved, before = _saved(state), Moment.of(state)
+                self._remember(state, restored.step.time)
+            self._began, self._to_solve = time.perf_counter(), timeline.left
+            while not timeline.is_over:
+                began = time.perf_counter()
+                at = timeline.target
+                try:
+                    self._increment.advance(at)
+                    demand = Demand.of(self._increment.system, at)
+                    if self._out_of_reach.excludes(demand) and timeline.fail():
+                        continue
+                    report = self._solve_at(at, saved)
+                except InputError as error:
+                    is_misplaced = isinstance(error, Misplaced)
+                    if is_misplaced and self._halve(
+                        f"the step to t = {at:.6g} takes {error.key} too far"
+                    ):
+                        continue
+                    text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
+                    self._end(solution, f"{error.key}: {text}")
+                    raise InputError(text, error.key) from error
+                self._out_of_reach.add(demand, report, at == timeline.planned)
+                if not report.converged and self._halve(
+                    f"the step to t = {at:.6g} did not converge ({report.reason})"
+                ):
+                    continue
+                state = self._increment.state(report)
+                energy, after = energy_balance(before or Moment.at_rest(state), state)
+                judged = self._solution(state, energy, at)
+                # Half the step misses a foundation between the nodes as well.
+                entering = judged.summary["certificate"]["criteria"].get(ENTRY, {"holds": True})
+                if (
+                    not judged.converged
+                    and entering["holds"]
+                    and self._halve(
+                        f"the step to t = {at:.6g} did not converge ({judged.summary['reason']})"
+                    )
+                ):
+                    continue
+                solution, before = judged, after
+                seconds = time.perf_counter() - began
+                self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
+                self._tell(solution)
+                if not (solution.converged or report.is_infeasible):
+                    self._out_of_reach.tell(solution, at)
+                yield solution
+                if not solution.converged:
+                    return
+                timeline.succeed()
+                saved = _saved(state)
+                self._remember(state, at)
+        finally:
+            self.problem.close()
+
+    def _remember(self, state: SolvedState, time: float) -> None:
+        """End a step; collective."""
+        # What penalties let exceed a limit or a gap is not admissible.
+        if self.problem.penalty.is_strict:
+            self._out_of_reach.reach(Demand.of(self._increment.system, time))
+        for fields in state.contacts:
+            fields.contact.remember(self.problem.u, fields.state == STICK)
+        self.problem.end_step()
+
+    def _solve_at(self, at: float, saved: SavedState | None) -> SolverReport:
+        """Solve at the present time; collective."""
+        self._monitor.step(len(self.history) + 1, self._timeline.left, at, self._seconds_left())
+        return self._increment.solve(saved)
+
+    def _halve(self, failure: str) -> bool:
+        """Halve the step after a failure, if it may be halved, and say so."""
+        if not self._timeline.fail():
+            return False
+        # The line about the failed solve comes before the line that says why.
+        self._monitor.finish()
+        text = f"{failure}; it is halved"
+        self._halved = (*self._halved, text)
+        self._monitor.message(f"warning: {text}")
+        return True
+
+    def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> Solution:
+        """The solution of a step with its certificate; collective."""
+        certificate = certify(state)
+        criteria = {**certificate.criteria, CRITERION: energy.criterion(state)}
+        solution = solution_of(state, dataclasses.replace(certificate, criteria=criteria))
+        # The next step overwrites the displacement of the problem.
+        own = self.problem.u.copy()
+        own.name = self.problem.u.name
+        return dataclasses.replace(solution, displacement=own, time=at)
+
+    def _end(self, last: Solution | None, reason: str) -> None:
+        """Let the last solution say why the process ends with it."""
+        if last is None:
+            return
+        new = self._halved[len(last.halved) :]
+        last.halved, last.summary["steps"]["halvings"] = self._halved, len(self._halved)
+        last.summary["warnings"] += new
+        last.summary |= {"converged": False, "reason": reason, "suggestion": ""}
+
+    def _tell(self, solution: Solution) -> None:
+        """Add the history of the process to a solution."""
+        halved, number = len(self._halved), len(self.history)
+        self._probes += tuple(
+            dataclasses.replace(taken, step=number, time=solution.time) for taken in solution.probes
+        )
+        solution.probes = self._probes
+        solution.summary.setdefault("restart", None)
+        solution.history, solution.halved = History([*self.history.rows]), self._halved
+        solution.summary["steps"] = totals(self.history, halved, self._planned)
+        solution.summary["warnings"] += [*self._halved, *self._increment.unused_options()]
+
+    def _seconds_left(self) -> float | None:
+        """About how long the planned steps that are left will take; None before the first step."""
+        planned = self._to_solve - self._timeline.left
+        return (
+            self._timeline.left * (time.perf_counter() - self._began) / planned if planned else None
+        )
+
+
+def _saved(state: SolvedState) -> SavedState:
+    """The solved state for the solver to start the next step from."""
+    pressures = tuple(fields.pressure for fields in state.contacts)
+    slips = tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts)
+    displacement, travels = state.problem.u.x.array.copy(), state.system.tools.travels
+    return SavedState(displacement, pressures, state.target.penalty, slips, travels)

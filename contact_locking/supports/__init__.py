@@ -1,0 +1,1 @@
+"""Displacement conditions, supports along directions, and the rigid motions that they leave."""

@@ -1,0 +1,94 @@
+"""The affine displacements among the quadratic ones, on which multigrid goes on."""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+from petsc4py import PETSc
+from scipy.sparse import bsr_matrix
+
+from contact_locking.arrays import FloatArray, IndexArray
+from contact_locking.supports.conditions import Constraints
+from contact_locking.supports.near_nullspace import orthonormal
+from contact_locking.supports.rigid_motions import rigid_motions
+
+
+def affine_part(
+    space: fem.FunctionSpace, constraints: Constraints
+) -> tuple[PETSc.Mat, PETSc.NullSpace]:
+    """``P``, from values at the corners of cells to nodal values, and the rigid motions there.
+
+    With ``F`` the projection of a node's displacement onto the directions that the conditions leave
+    free, the value at the midpoint m of an edge between the corners 1 and 2 is
+    ``F_m (F_1 v_1 + F_2 v_2)/2``, and ``v_1`` at the corner 1.  So ``P^T A P`` has the identity for
+    what the conditions hold wherever A has.  ``space`` has the quadratic displacements; the corners
+    are numbered rank by rank in the order of their nodes.  Collective.
+    """
+    dim, index_map = space.dofmap.index_map_bs, space.dofmap.index_map
+    corners, middles, ends = _nodes(space)
+    corners = corners[corners < index_map.size_local]
+    kept = middles < index_map.size_local
+    middles, ends = middles[kept], ends[kept]
+    numbers = _numbers(space, corners)
+    free = _free_parts(space, constraints)
+    # One block at a corner, and two at a midpoint.
+    lengths = np.ones(index_map.size_local, dtype=np.int32)
+    lengths[middles] = 2
+    rows = np.concatenate([corners, np.repeat(middles, 2)])
+    columns = numbers[np.concatenate([corners, ends.reshape(-1)])]
+    unit = np.broadcast_to(np.eye(dim), (len(corners), dim, dim))
+    shares = 0.5 * np.einsum("mij,mejk->meik", free[middles], free[ends])
+    blocks = np.concatenate([unit, shares.reshape(-1, dim, dim)])
+    order = np.argsort(rows, kind="stable")
+    total = dim * space.mesh.comm.allreduce(len(corners))
+    local = bsr_matrix(
+        (blocks[order], columns[order], np.append(0, np.cumsum(lengths))),
+        shape=(dim * len(lengths), total),
+    ).tocsr()
+    prolongation = PETSc.Mat().createAIJ(
+        ((local.shape[0], None), (dim * len(corners), None)),
+        bsize=dim,
+        csr=(local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data),
+        comm=space.mesh.comm,
+    )
+    motions = rigid_motions(space).reshape(-1, len(free), dim)[:, corners]
+    vectors = [prolongation.createVecRight() for _ in motions]
+    for vector, motion in zip(vectors, motions, strict=True):
+        vector.array_w[:] = motion.reshape(-1)
+    return prolongation, orthonormal(vectors)
+
+
+def _nodes(space: fem.FunctionSpace) -> tuple[IndexArray, IndexArray, IndexArray]:
+    """The local nodes at corners (c,) and at midpoints (m,) of edges, with the ends (m, 2)."""
+    layout, dim = space.dofmap.dof_layout, space.mesh.topology.dim
+    local = [layout.entity_dofs(0, corner)[0] for corner in range(dim + 1)]
+    corners = np.unique(space.dofmap.list[:, local])
+    edges = []
+    for edge in range(dim * (dim + 1) // 2):
+        (middle,) = layout.entity_dofs(1, edge)
+        edges.append([middle, *(i for i in layout.entity_closure_dofs(1, edge) if i != middle)])
+    found = space.dofmap.list[:, np.array(edges)].reshape(-1, 3)
+    found = found[np.unique(found[:, 0], return_index=True)[1]]
+    return corners, found[:, 0], found[:, 1:]
+
+
+def _numbers(space: fem.FunctionSpace, corners: IndexArray) -> IndexArray:
+    """The global numbers of corners at all local nodes, ghosts included; collective.
+
+    ``corners`` are owned.  Other nodes have no number.
+    """
+    comm, dim = space.mesh.comm, space.dofmap.index_map_bs
+    first = sum(comm.allgather(len(corners))[: comm.rank])
+    field = fem.Function(space)
+    # Doubles hold integers up to 9e15.
+    field.x.array[dim * corners] = first + np.arange(len(corners))
+    field.x.scatter_forward()
+    return np.asarray(field.x.array[::dim].astype(PETSc.IntType))
+
+
+def _free_parts(space: fem.FunctionSpace, constraints: Constraints) -> FloatArray:
+    """``F`` (n, d, d) at the n local nodes, ghosts included."""
+    dim, index_map = space.dofmap.index_map_bs, space.dofmap.index_map
+    count = index_map.size_local + index_map.num_ghosts
+    units = (np.tile(row, count) for row in np.eye(dim))
+    return np.stack([constraints.free_part(unit).reshape(count, dim) for unit in units], axis=2)

@@ -1,0 +1,287 @@
+"""Supports along the normal of the boundary or along a given direction: ``u . m = value``."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem, la
+
+from contact_locking import _compat
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.errors import InputError
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import agree, maximum, on_every_rank
+from contact_locking.supports.directions import HeldDirections
+
+# The rounding of a unit vector: a direction within this distance of an axis is along the axis.
+_ALONG_AXIS = 1e-14
+# The sine of the angle between two directions that count as one direction, and between two
+# directions that are too close to each other to be held both.
+_SAME, _TOO_CLOSE = 1e-6, 1e-2
+# A facet belongs to a smooth boundary if its normal is within this cosine of the normal at a node.
+_SMOOTH = float(np.cos(np.radians(30.0)))
+# Two conditions for one direction agree up to this share of the largest prescribed value.
+AGREES = 1e-9
+
+
+@dataclass(frozen=True)
+class Support:
+    """``u . m = value(x)`` on the named boundary parts; ``value`` maps (d, k) to (k,).
+
+    ``along`` is the direction m, of any length, or None for the outward normal.  ``timed`` says
+    that the values depend on the time.
+    """
+
+    on: tuple[str, ...]
+    along: tuple[float, ...] | None
+    value: Callable[[FloatArray], FloatArray]
+    key: str
+    timed: bool = False
+
+
+@dataclass(frozen=True)
+class PlacedSupport:
+    """A support with its local ``nodes`` (k,), ghosts included, and directions m (k, d)."""
+
+    support: Support
+    nodes: IndexArray
+    directions: FloatArray
+    points: FloatArray
+
+    def values(self) -> FloatArray:
+        """The prescribed values (k,) at the present time; collective."""
+        return self.support.value(self.points)
+
+    def rows_at(self, nodes: IndexArray) -> tuple[IndexArray, FloatArray]:
+        """The directions at those of the given nodes that the support holds.
+
+        Returns the positions (m,) in ``nodes`` and the directions (m, d).
+        """
+        places = np.flatnonzero(np.isin(nodes, self.nodes)).astype(np.int32)
+        return places, self.directions[np.searchsorted(self.nodes, nodes[places])]
+
+
+def place(domain: Domain, space: fem.FunctionSpace, support: Support) -> PlacedSupport:
+    """Find the nodes and the directions of a support; collective.
+
+    Raises InputError for a boundary part whose normal jumps at a node.
+    """
+    facets = domain.facets(support.on, f"{support.key}.on")
+    nodes = np.unique(fem.locate_dofs_topological(space, domain.dim - 1, facets))
+    nodes = np.asarray(nodes, dtype=np.int32)
+    points = space.tabulate_dof_coordinates()[nodes, : domain.dim]
+    if support.along is None:
+        directions = _nodal_normals(domain, space, support, facets)[nodes]
+    else:
+        unit = np.array(support.along) / np.linalg.norm(support.along)
+        directions = np.tile(unit, (len(nodes), 1))
+    return PlacedSupport(support, nodes, directions, np.asarray(points.T))
+
+
+def axis_of(domain: Domain, placed: PlacedSupport) -> tuple[int, float] | None:
+    """The component and the sign of an axis that all directions of a support have; collective.
+
+    None if a direction is not along the axis.
+    """
+    for axis in range(domain.dim):
+        for sign in (1.0, -1.0):
+            wanted = sign * np.eye(domain.dim)[axis]
+            away = np.abs(placed.directions - wanted).max(initial=0.0)
+            if on_every_rank(domain.comm, bool(away <= _ALONG_AXIS)):
+                return axis, sign
+    return None
+
+
+class Supports:
+    """The supports of a problem, and the directions that they hold at the nodes.
+
+    ``fixed`` (n,) marks the local dofs of all component conditions.  The constructor is collective
+    and raises InputError for directions that are too close to each other.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        space: fem.FunctionSpace,
+        placed: Sequence[PlacedSupport],
+        fixed: BoolArray,
+    ) -> None:
+        self.placed = tuple(placed)
+        self.domain = domain
+        dim, index_map = domain.dim, space.dofmap.index_map
+        self._points = space.tabulate_dof_coordinates()[:, :dim]
+        every = [np.empty(0, dtype=np.int32), *(item.nodes for item in placed)]
+        nodes = np.unique(np.concatenate(every))
+        # Every row of a node is the direction of one support or of one component condition.
+        self._rows = np.zeros((len(nodes), len(placed) + dim, dim))
+        for number, item in enumerate(placed):
+            self._rows[np.searchsorted(nodes, item.nodes), number] = item.directions
+        self._components = fixed.reshape(-1, dim)[nodes]
+        axes = np.arange(dim)
+        self._rows[:, len(placed) + axes, axes] = self._components
+        agree(domain.comm, lambda: self._refuse_close(nodes))
+        held, self._inverse = _pseudo_inverse(self._rows)
+        self.directions = HeldDirections(
+            domain.comm, nodes, index_map.local_to_global(nodes), index_map.size_local, held
+        )
+
+    def without(self, nodes: IndexArray) -> Supports:
+        """The same supports, but not at some local nodes, which other conditions hold wholly."""
+        kept = copy.copy(self)
+        kept.directions = self.directions.without(nodes)
+        return kept
+
+    @property
+    def timed(self) -> bool:
+        """Whether prescribed values depend on the time."""
+        return any(item.support.timed for item in self.placed)
+
+    def advance(self, u: fem.Function) -> None:
+        """Find the prescribed displacements; collective.
+
+        ``u`` has the values of the component conditions, and gets those of the supports.  Raises
+        InputError where two conditions prescribe different values for one direction.
+        """
+        if not self.placed:
+            return
+        wanted = [item.values() for item in self.placed]
+        nodes, dim = self.directions.nodes, self.domain.dim
+        nodal = u.x.array.reshape(-1, dim)
+        given = np.zeros(self._rows.shape[:2])
+        for number, item in enumerate(self.placed):
+            given[np.searchsorted(nodes, item.nodes), number] = wanted[number]
+        given[:, len(self.placed) :] = np.where(self._components, nodal[nodes], 0.0)
+        self.directions.values = np.einsum("kir,kr->ki", self._inverse, given)
+        self.directions.apply(u.x.array)
+        comm = self.domain.comm
+        largest = max(maximum(comm, np.abs(values)) for values in wanted)
+        largest = max(largest, maximum(comm, np.abs(u.x.array)))
+        agree(comm, lambda: self._refuse_conflict(u, wanted, AGREES * largest))
+
+    def _refuse_conflict(self, u: fem.Function, wanted: list[FloatArray], most: float) -> None:
+        nodal = u.x.array.reshape(-1, self.domain.dim)
+        for item, values in zip(self.placed, wanted, strict=True):
+            defect = np.abs(np.sum(item.directions * nodal[item.nodes], axis=1) - values)
+            if np.any(defect > most):
+                where = self.domain.where(self._points[item.nodes[np.argmax(defect)]])
+                raise InputError(
+                    "another condition prescribes another value for the same direction at "
+                    f"{where}; give both conditions the same value there",
+                    item.support.key,
+                )
+
+    def _refuse_close(self, nodes: IndexArray) -> None:
+        """Raise InputError for two directions at a node that are almost the same."""
+        for second, item in enumerate(self.placed):
+            for first in range(len(self._rows[0]) if len(nodes) else 0):
+                if first >= second and first < len(self.placed):
+                    continue
+                rows, others = self._rows[:, second], self._rows[:, first]
+                held = np.any(rows != 0.0, axis=1) & np.any(others != 0.0, axis=1)
+                cosine = np.abs(np.sum(rows * others, axis=1))
+                sine = np.linalg.norm(
+                    rows - np.sum(rows * others, axis=1)[:, None] * others, axis=1
+                )
+                close = (sine > _SAME) & (sine < _TOO_CLOSE)
+                if first < len(self.placed):
+                    normals = (self.placed[first].support.along, item.support.along)
+                    if normals == (None, None):
+                        close |= (sine > _SAME) & (cosine > _SMOOTH)
+                if np.any(held & close):
+                    where = self.domain.where(self._points[nodes[np.argmax(held & close)]])
+                    raise InputError(
+                        f"at {where} the direction is almost, and not quite, that of another "
+                        "condition; let one entry with both names in its on hold both boundary "
+                        "parts, or give both conditions the same direction",
+                        item.support.key,
+                    )
+
+
+def _pseudo_inverse(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The projections (k, d, d) onto the spans of rows (k, r, d), and the pseudo-inverses.
+
+    The pseudo-inverses (k, d, r) map the prescribed components to the displacement in the span.
+    """
+    left, sizes, right = np.linalg.svd(rows, full_matrices=False)
+    kept = sizes > _SAME
+    held = np.einsum("ksi,ks,ksj->kij", right, kept.astype(float), right)
+    over = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=kept)
+    return held, np.einsum("ksi,ks,krs->kir", right, over, left)
+
+
+def _nodal_normals(
+    domain: Domain, space: fem.FunctionSpace, support: Support, facets: IndexArray
+) -> FloatArray:
+    """The outward unit normals (k, d) at the local nodes of a support, 0 elsewhere; collective.
+
+    The normal at a vertex is the mean of the normals of the facets of the support around the
+    vertex.  A facet with the edges e_i from the vertex has the weight ``1/|e_1|`` in 2D and
+    ``sin(angle)/(|e_1| |e_2|)`` in 3D: the mean is then exact for vertices on a circle or a sphere
+    (N. Max, 1999, doi:10.1080/10867651.1999.10487501).
+    """
+    dim, mesh = domain.dim, domain.mesh
+    cells = domain.owners(facets)
+    # A ghost of a facet counts on the rank that owns the cell.
+    own = cells < mesh.topology.index_map(dim).size_local
+    facets, cells = facets[own], cells[own]
+    nodes = _facet_nodes(domain, space, facets, cells)
+    corners = space.tabulate_dof_coordinates()[nodes[:, :dim], :dim]
+    units, weights = _facet_normals(corners)
+    inside = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][..., :dim].mean(axis=1)
+    units = units * np.sign(np.sum(units * (corners.mean(axis=1) - inside), axis=1))[:, None]
+    total = la.vector(space.dofmap.index_map, dim)
+    total.array[:] = 0.0
+    sums = total.array.reshape(-1, dim)
+    np.add.at(sums, nodes[:, :dim], weights[..., None] * units[:, None])
+    # At the other nodes of quadratic displacements the facets count alike.
+    np.add.at(sums, nodes[:, dim:], units[:, None])
+    total.scatter_reverse(la.InsertMode.add)
+    total.scatter_forward()
+    sizes = np.linalg.norm(sums, axis=1, keepdims=True)
+    means = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0.0)
+    cosines = np.einsum("fnd,fd->fn", means[nodes], units)
+
+    def refuse_edge() -> None:
+        if cosines.size and cosines.min() < _SMOOTH:
+            facet, place = np.unravel_index(np.argmin(cosines), cosines.shape)
+            where = domain.where(space.tabulate_dof_coordinates()[nodes[facet, place], :dim])
+            raise InputError(
+                f"the boundary has an edge at {where}, where the normal jumps; give each side of "
+                "the edge a name and an entry of its own",
+                f"{support.key}.along",
+            )
+
+    agree(domain.comm, refuse_edge)
+    return means
+
+
+def _facet_normals(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit normals (f, d) of facets with corners (f, d, d), and the weights (f, d) at corners."""
+    if corners.shape[1] == 2:
+        edges = corners[:, 1] - corners[:, 0]
+        sizes = np.linalg.norm(edges, axis=1)[:, None]
+        return np.stack([edges[:, 1], -edges[:, 0]], axis=1) / sizes, np.tile(1.0 / sizes, 2)
+    # The edge opposite to each corner.
+    opposite = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
+    squares = np.sum(opposite**2, axis=2)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    sizes = np.linalg.norm(normals, axis=1)[:, None]
+    # The edges from a corner are the edges opposite to the other two corners.
+    weights = sizes * squares / np.prod(squares, axis=1)[:, None]
+    return normals / sizes, weights
+
+
+def _facet_nodes(
+    domain: Domain, space: fem.FunctionSpace, facets: IndexArray, cells: IndexArray
+) -> IndexArray:
+    """The local nodes (f, n) of facets with their cells, the vertices first."""
+    topology, dim = domain.mesh.topology, domain.dim
+    topology.create_connectivity(dim, dim - 1)
+    facets_of = topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)
+    place = np.argmax(facets_of[cells] == facets[:, None], axis=1)
+    layout = space.dofmap.dof_layout
+    closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
+    return np.asarray(space.dofmap.list[cells[:, None], closure[place]])
