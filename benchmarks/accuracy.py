@@ -26,8 +26,8 @@ from contact_locking import convergence, solving
 from contact_locking.fem.spaces import P1, P2, P2_GAUSS, Element
 from contact_locking.files.atomic import write_text
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import assemble
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
@@ -54,7 +54,7 @@ def case(dim: int, divisions: int, n: float) -> Parameters:
     return block(dim, 1.0 / divisions, friction__smoothing__radius=radius, **changes)
 
 
-def solved(dim: int, divisions: int, n: float, element: Element) -> tuple[Solution, float]:
+def solved(dim: int, divisions: int, n: float, element: Element) -> tuple[StudySolution, float]:
     """The solution, and the seconds of its nonlinear solve."""
     watch = Stopwatch()
     problem = assemble(case(dim, divisions, n), MPI.COMM_WORLD, element=element)

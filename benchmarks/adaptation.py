@@ -31,7 +31,7 @@ from contact_locking.convergence import fitted_rate
 from contact_locking.laws.elasticity import strain
 from contact_locking.parameters import Parameters
 from contact_locking.plotting.rates import Curve, Panel, rate_plot
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
 from problems import block
@@ -58,7 +58,7 @@ class Strain:
     tree: Any
 
     @classmethod
-    def of(cls, solution: Solution) -> Strain:
+    def of(cls, solution: StudySolution) -> Strain:
         mesh = solution.domain.mesh
         space = fem.functionspace(mesh, ("DG", solution.element.degree - 1, (2, 2)))
         function = fem.Function(space)
@@ -78,7 +78,7 @@ class Strain:
 class Reference:
     """The strain of the reference at the points of a quadrature."""
 
-    def __init__(self, solution: Solution) -> None:
+    def __init__(self, solution: StudySolution) -> None:
         mesh = solution.domain.mesh
         points, weights = basix.make_quadrature(basix.CellType.triangle, 2)
         corners = mesh.geometry.x[_compat.cell_nodes(mesh)][:, :, :2]
@@ -90,7 +90,7 @@ class Reference:
         self.points[:, :2] = places.reshape(-1, 2)
         self.strain = Strain.of(solution).at(self.points)
 
-    def error(self, solution: Solution) -> float:
+    def error(self, solution: StudySolution) -> float:
         """The relative error in V."""
         difference = Strain.of(solution).at(self.points) - self.strain
         return float(np.sqrt(self._square(difference) / self._square(self.strain)))
@@ -129,7 +129,7 @@ def adapted(reference: Reference, degree: int, limit_at: str, most: int) -> Iter
         began = time.process_time()
 
 
-def row(reference: Reference, solution: Solution, seconds: float) -> Row:
+def row(reference: Reference, solution: StudySolution, seconds: float) -> Row:
     """The row of a solution."""
     assert solution.converged, solution.summary["reason"]
     summary = solution.summary

@@ -27,8 +27,8 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
-from contact_locking.problem.assembly import assemble
-from contact_locking.process.increment import Increment
+from contact_locking.process.problem_solver import solver_of
+from contact_locking.study.assembly import assemble
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
@@ -54,7 +54,7 @@ def case(divisions: int) -> Parameters:
 
 def solved_state(divisions: int) -> SolvedState:
     """The state at the end of a solve, from which the bound is computed."""
-    solve = Increment(assemble(case(divisions), MPI.COMM_WORLD), Monitor(), {})
+    solve = solver_of(assemble(case(divisions), MPI.COMM_WORLD), Monitor())
     return solve.state(solve.solve())
 
 

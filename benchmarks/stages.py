@@ -31,9 +31,10 @@ from contact_locking import certificate, report, writing
 from contact_locking._version import __version__
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble, mesh_of
-from contact_locking.process.increment import Increment, solution_of
-from contact_locking.results.solution import Solution
+from contact_locking.process.judgement import extras_of, of_study, solution_of
+from contact_locking.process.problem_solver import solver_of
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import assemble, mesh_of
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
@@ -110,20 +111,20 @@ def run(parameters: Parameters, folder: Path) -> Stages:
     return stages
 
 
-def solved(parameters: Parameters, stages: Stages) -> Solution:
+def solved(parameters: Parameters, stages: Stages) -> StudySolution:
     """The solution, as `solving.solve` makes it; collective."""
     with stages.stage("mesh"):
         domain = mesh_of(parameters, COMM)
     with stages.stage("assembly"):
         problem = assemble(parameters, COMM, domain)
-        increment = Increment(problem, Monitor())
+        solver = solver_of(problem, Monitor())
     with stages.stage("solve"):
-        outcome = increment.solve()
+        outcome = solver.solve()
     with stages.stage("certificate"):
-        state = increment.state(outcome)
-        judged = certificate.certify(state)
+        state = solver.state(outcome)
+        judged = certificate.certify(state, extras_of(parameters))
     with stages.stage("fields and summary"):
-        solution = solution_of(state, judged)
+        solution = of_study(problem, solution_of(state, judged))
         solution.summary["version"] = __version__
         problem.close()
     return solution

@@ -18,10 +18,10 @@ from contact_locking import solving
 from contact_locking.fem import compiled
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
-from contact_locking.problem.assembly import assemble
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
+from contact_locking.study.assembly import assemble
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
@@ -35,7 +35,7 @@ class Run:
 
     divisions: int
     n: float
-    solution: Solution
+    solution: StudySolution
     seconds: float
     total: float
 

@@ -24,8 +24,8 @@ from contact_locking.laws.triangulated import TriangulatedSurface
 from contact_locking.mesh_file.tool_surface import read_surface
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
-from contact_locking.process.increment import Increment
+from contact_locking.process.problem_solver import solver_of
+from contact_locking.study.assembly import assemble
 
 # The block and the files of tools belong to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
@@ -58,17 +58,19 @@ def case(h: float, file: Path, n: float) -> Parameters:
 def measured(h: float, file: Path, n: float) -> tuple[int, int, float, float]:
     """Cells, nodes of Gamma_C, seconds of the tool in a step, and of the solve."""
     problem = assemble(case(h, file, n), MPI.COMM_SELF)
-    increment = Increment(problem, Monitor(), {})
-    increment.advance(0.5)
-    increment.solve()
-    (moving,) = problem.moving_gaps
+    solver = solver_of(problem, Monitor())
+    problem.advance(0.5)
+    solver.begin()
+    solver.solve()
+    (contact,) = problem.contacts
     problem.clock.set(1.0)
     began = time.process_time()
-    moving.advance()
+    contact.place()
     placed = time.process_time()
-    increment.advance(1.0)
+    problem.advance(1.0)
+    solver.begin()
     solving = time.process_time()
-    assert increment.solve().converged
+    assert solver.solve().converged
     ended = time.process_time()
     nodes = len(problem.contacts[0].surface.nodes)
     problem.close()

@@ -15,12 +15,13 @@ from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from contact_locking.adaptivity import solve, solve_adaptively
-    from contact_locking.contact.contact import Contact, FrictionBound
+    from contact_locking.contact.contact import Contact
+    from contact_locking.contact.friction_bound import FrictionBound
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
     from contact_locking.parameters import Parameters
-    from contact_locking.problem.assembly import assemble
-    from contact_locking.results.solution import Solution
+    from contact_locking.results.solution import Solution, StudySolution
     from contact_locking.solving import check, solve_assembled, solve_steps
+    from contact_locking.study.assembly import assemble
     from contact_locking.study_file import from_mapping, load
     from contact_locking.writing import save, write
 
@@ -32,6 +33,7 @@ __all__ = [
     "NotConverged",
     "Parameters",
     "Solution",
+    "StudySolution",
     "assemble",
     "check",
     "from_mapping",
@@ -47,12 +49,13 @@ __all__ = [
 _HOME = {
     "Contact": "contact.contact",
     "ContactLockingError": "errors",
-    "FrictionBound": "contact.contact",
+    "FrictionBound": "contact.friction_bound",
     "InputError": "errors",
     "NotConverged": "errors",
     "Parameters": "parameters",
     "Solution": "results.solution",
-    "assemble": "problem.assembly",
+    "StudySolution": "results.solution",
+    "assemble": "study.assembly",
     "check": "solving",
     "from_mapping": "study_file",
     "load": "study_file",

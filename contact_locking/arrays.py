@@ -17,6 +17,9 @@ IndexArray = npt.NDArray[np.int32]
 BoolArray = npt.NDArray[np.bool_]
 
 AXES = ("x", "y", "z")
+#: Bounds of the absolute values of quantities, and of divisors.  No quantity reaches them in any
+#: unit, and products of three such values stay in the range of double precision.
+LARGEST, SMALLEST = 1e100, 1e-100
 
 
 def flattened(values: npt.NDArray[S], kept: int = 0) -> npt.NDArray[S]:

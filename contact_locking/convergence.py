@@ -21,7 +21,7 @@ from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.results.derived import integral
 from contact_locking.results.names import TABLE_LINES
 from contact_locking.results.read import Row, read_rows
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 # A node may lie outside the other mesh by this share of the body because of rounding.
 _PADDING = 1e-8
@@ -52,7 +52,7 @@ def norms(w: fem.Function, domain: Domain, contact: tuple[str, ...] = ()) -> Nor
     return Norms(*(math.sqrt(square) for square in squares))
 
 
-def distance(solution: Solution, reference: Solution) -> Norms:
+def distance(solution: StudySolution, reference: StudySolution) -> Norms:
     """The norms of ``u - u_ref`` on the mesh of the reference; collective.
 
     u is interpolated on the mesh of the reference.  The interpolation is exact if that mesh refines

@@ -21,11 +21,12 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
-from contact_locking.problem import assembly
-from contact_locking.problem.assembly import Problem, assemble
-from contact_locking.process.increment import Increment, require_usable_options, solution_of
+from contact_locking.process.judgement import extras_of, of_study, solution_of
 from contact_locking.process.loop import Steps
-from contact_locking.results.solution import Solution
+from contact_locking.process.problem_solver import require_usable_options, solver_of
+from contact_locking.results.solution import StudySolution
+from contact_locking.study import assembly
+from contact_locking.study.assembly import StudyProblem, assemble
 
 
 def solve(
@@ -35,7 +36,7 @@ def solve(
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
     domain: Domain | None = None,
-) -> Solution:
+) -> StudySolution:
     """Solve (25)/(26) for the given parameters on one mesh; collective.
 
     ``domain`` is a mesh in place of the study's; the section ``adapt`` is for `adaptivity.solve`.
@@ -57,7 +58,7 @@ def solve_steps(
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
     domain: Domain | None = None,
-) -> Iterator[Solution]:
+) -> Iterator[StudySolution]:
     """Solve one step after the other, and yield the solution of each; collective.
 
     Without steps in the parameters the one solution is that of :func:`solve`.  A step that does not
@@ -93,11 +94,11 @@ def solve_steps(
 
 
 def solve_assembled(
-    problem: Problem,
+    problem: StudyProblem,
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
-) -> Solution:
+) -> StudySolution:
     """Solve a problem of :func:`assemble`, which can be solved only once; collective.
 
     Before this call ``problem.data`` may be changed, to data that no study file can describe.  With
@@ -109,11 +110,11 @@ def solve_assembled(
 
 
 def _solutions(
-    problem: Problem,
+    problem: StudyProblem,
     monitor: Monitor,
     petsc_options: Mapping[str, Any] | None,
     restart: str | Path | None,
-) -> Iterator[Solution]:
+) -> Iterator[StudySolution]:
     """The solutions of an assembled problem; collective."""
     if problem.parameters.steps is not None:
         saved = [] if restart is None else saved_steps(Path(restart))
@@ -122,23 +123,24 @@ def _solutions(
 
 
 def _static(
-    problem: Problem,
+    problem: StudyProblem,
     monitor: Monitor,
     petsc_options: Mapping[str, Any] | None,
     restart: str | Path | None,
-) -> Solution:
+) -> StudySolution:
     """The solution of a problem without steps; collective."""
     restarted = None if restart is None else Restart(restart, problem)
-    increment = Increment(problem, monitor, petsc_options)
+    solver = solver_of(problem, monitor, petsc_options)
     report = None
     if restarted is not None:
-        report = restarted.solved_already(increment.system, increment.target, increment.settings)
+        report = restarted.solved_already(solver.system, solver.target, solver.settings)
     if report is None:
-        report = increment.solve(None if restarted is None else restarted.state)
+        report = solver.solve(None if restarted is None else restarted.state)
     monitor.message("computing fields and the certificate")
-    state = increment.state(report)
-    solution = solution_of(state, certify(state))
-    solution.summary["warnings"] += increment.unused_options()
+    state = solver.state(report)
+    certificate = certify(state, extras_of(problem.parameters))
+    solution = of_study(problem, solution_of(state, certificate))
+    solution.summary["warnings"] += solver.unused_options()
     solution.summary["restart"] = None if restarted is None else restarted.told(report)
     problem.close()
     return solution
@@ -154,7 +156,7 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
 
 
 def _measure_against_limit(
-    solution: Solution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
+    solution: StudySolution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
 ) -> None:
     """Solve the inequality on the same mesh and add the distance to the certificate; collective."""
     monitor.message("solving for n = .inf, to measure the distance")

@@ -38,7 +38,7 @@ from contact_locking.results.output_folder import (
     on_root_of,
     require_own,
 )
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.results.summary import summary_text
 
 
@@ -58,7 +58,7 @@ class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
         self._series = None
         self._stack.close()
 
-    def add(self, solution: Solution) -> None:
+    def add(self, solution: StudySolution) -> None:
         """Add the fields of a step with its time; collective."""
         comm, functions = self._comm, fields.discontinuous(solution)
         size = fields.size(functions, comm)
@@ -79,7 +79,7 @@ class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
 
 
 def write(
-    solution: Solution,
+    solution: StudySolution,
     directory: str | Path,
     checkpoint: bool = False,
     series: Path | None = None,
@@ -142,7 +142,7 @@ def write(
     return warnings
 
 
-def save(solution: Solution, directory: str | Path) -> None:
+def save(solution: StudySolution, directory: str | Path) -> None:
     """Save a checkpoint in ``directory``/checkpoint, for ``restart=directory``; collective.
 
     Any number of ranks can read the checkpoint on the same mesh.  Raises ContactLockingError if
@@ -152,7 +152,7 @@ def save(solution: Solution, directory: str | Path) -> None:
     save_as(solution, Path(directory), checkpoints.NAME)
 
 
-def save_as(solution: Solution, directory: Path, name: str) -> None:
+def save_as(solution: StudySolution, directory: Path, name: str) -> None:
     """Save a checkpoint as ``directory``/``name``, whole or not at all; collective.
 
     Raises as :func:`save`.
@@ -164,7 +164,7 @@ def save_as(solution: Solution, directory: Path, name: str) -> None:
         on_root_of(comm, directory, lambda: ownership.replace(directory, staging, [name], KEY))
 
 
-def _write_fields(solution: Solution, target: Path, path: Path) -> None:
+def _write_fields(solution: StudySolution, target: Path, path: Path) -> None:
     """Write fields.bp, if the disk has room for the file; collective."""
     comm, functions = solution.domain.comm, fields.discontinuous(solution)
     size = fields.size(functions, comm)
@@ -173,7 +173,7 @@ def _write_fields(solution: Solution, target: Path, path: Path) -> None:
         fields.write(functions, path, comm)
 
 
-def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
+def _checkpoint(solution: StudySolution, target: Path, staging: Path) -> str | None:
     """Write a checkpoint and return None, or return why it failed; collective."""
     try:
         _write_checkpoint(solution, target, staging / checkpoints.NAME)
@@ -188,7 +188,7 @@ def _checkpoint(solution: Solution, target: Path, staging: Path) -> str | None:
     return reason
 
 
-def _write_checkpoint(solution: Solution, target: Path, folder: Path) -> None:
+def _write_checkpoint(solution: StudySolution, target: Path, folder: Path) -> None:
     comm = solution.domain.comm
     # The text files are written later and need room as well.
     size = checkpoints.size(solution) + TEXTS_BYTES
@@ -201,7 +201,7 @@ def _write_checkpoint(solution: Solution, target: Path, folder: Path) -> None:
     checkpoints.write(solution, folder)
 
 
-def _write_texts(solution: Solution, folder: Path) -> None:
+def _write_texts(solution: StudySolution, folder: Path) -> None:
     """Write the text files; for rank 0."""
     (folder / PARAMETERS).write_text(study_file.dump(solution.parameters), encoding="utf-8")
     (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")

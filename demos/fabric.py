@@ -25,7 +25,7 @@ import numpy.typing as npt
 from matplotlib.collections import PolyCollection
 from mpi4py import MPI
 
-from contact_locking import Solution, load, solve, write
+from contact_locking import StudySolution, load, solve, write
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,13 +54,13 @@ def threads(*angles: float) -> str:
     return f"material.locking=[{', '.join(limits)}]"
 
 
-def solved(*changes: str) -> Solution:
+def solved(*changes: str) -> StudySolution:
     solution = solve(load(FILE, [*CHANGES, *changes]).parameters, comm)
     assert solution.converged, solution.summary["reason"]
     return solution
 
 
-def force(solution: Solution) -> float:
+def force(solution: StudySolution) -> float:
     return float(solution.summary["contact_force"][1])
 
 
@@ -99,7 +99,7 @@ for entry in straight.summary["strain_sets"] + bias.summary["strain_sets"]:
 
 
 # %%
-def drawing(solution: Solution) -> tuple[FloatArray, FloatArray] | None:
+def drawing(solution: StudySolution) -> tuple[FloatArray, FloatArray] | None:
     """Deformed triangles (c, 3, 2), and 1 where a cell is locked (c,), on rank 0."""
     u, locked = solution.displacement, solution.locked
     owned = u.function_space.mesh.topology.index_map(2).size_local

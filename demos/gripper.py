@@ -19,7 +19,7 @@ from pathlib import Path
 from matplotlib import pyplot as plt
 from mpi4py import MPI
 
-from contact_locking import Solution, load, solve, write
+from contact_locking import StudySolution, load, solve, write
 
 FILE = Path(__file__).with_suffix(".yml")
 CHANGES = sys.argv[1:]
@@ -27,7 +27,7 @@ CHANGES = sys.argv[1:]
 comm = MPI.COMM_WORLD
 
 
-def gripped(*changes: str) -> Solution:
+def gripped(*changes: str) -> StudySolution:
     """The last solution of the process, or the state in which the process ends."""
     return solve(load(FILE, [*CHANGES, *changes]).parameters, comm)
 

@@ -22,7 +22,7 @@ from matplotlib import pyplot as plt
 from matplotlib.collections import PolyCollection
 from mpi4py import MPI
 
-from contact_locking import Solution, load, solve_steps, write
+from contact_locking import StudySolution, load, solve_steps, write
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -34,7 +34,7 @@ comm = MPI.COMM_WORLD
 parameters = load(FILE, CHANGES).parameters
 
 
-def pressed(*changes: str) -> Solution:
+def pressed(*changes: str) -> StudySolution:
     """The last step, whose history has all steps."""
     for solution in solve_steps(load(FILE, [*CHANGES, *changes]).parameters, comm):
         assert solution.converged, solution.summary["reason"]
@@ -77,7 +77,7 @@ assert 1.05 * hertz[-1] < forces["elastic"][-1] < 1.6 * hertz[-1]
 
 
 # %%
-def section(solution: Solution) -> tuple[FloatArray, FloatArray] | None:
+def section(solution: StudySolution) -> tuple[FloatArray, FloatArray] | None:
     """Deformed triangles (c, 3, 2), and |eps| in each (c,), on rank 0."""
     u, strain = solution.displacement, solution.strain_norm
     owned = u.function_space.mesh.topology.index_map(2).size_local

@@ -20,7 +20,7 @@ from matplotlib import pyplot as plt
 from matplotlib.collections import PolyCollection
 from mpi4py import MPI
 
-from contact_locking import Solution, load, solve, write
+from contact_locking import StudySolution, load, solve, write
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -31,7 +31,7 @@ LIMIT = 0.02  # M
 comm = MPI.COMM_WORLD
 
 
-def solved(*changes: str) -> Solution:
+def solved(*changes: str) -> StudySolution:
     solution = solve(load(FILE, [*CHANGES, *changes]).parameters, comm)
     assert solution.converged, solution.summary["reason"]
     return solution
@@ -70,7 +70,7 @@ assert 1.2 < largest[1] < largest[2]
 
 
 # %%
-def cells(solution: Solution) -> tuple[FloatArray, FloatArray] | None:
+def cells(solution: StudySolution) -> tuple[FloatArray, FloatArray] | None:
     """The triangles (c, 3, 2) of all ranks with |eps|/M (c,), on rank 0."""
     mesh, strain = solution.domain.mesh, solution.strain_norm
     owned = mesh.topology.index_map(2).size_local

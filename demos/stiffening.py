@@ -26,11 +26,11 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from contact_locking import Solution, assemble, load, solve, solve_assembled, write
+from contact_locking import StudySolution, assemble, load, solve, solve_assembled, write
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import strain
 from contact_locking.problem import forms
-from contact_locking.problem.assembly import Problem
+from contact_locking.study.assembly import StudyProblem
 
 FILE = Path(__file__).with_suffix(".yml")
 CHANGES = sys.argv[1:]
@@ -62,7 +62,7 @@ assert linear.converged, linear.summary["reason"]
 
 
 # %%
-def with_law(c: float, *changes: str) -> Problem:
+def with_law(c: float, *changes: str) -> StudyProblem:
     problem = assemble(load(FILE, [*CHANGES, *changes]).parameters, comm)
     dx = ufl.Measure("dx", problem.domain.mesh, metadata={"quadrature_degree": 1})
     stiffness = fem.Constant(problem.domain.mesh, c)
@@ -74,17 +74,17 @@ def with_law(c: float, *changes: str) -> Problem:
     return problem
 
 
-def solve_stiffening(problem: Problem) -> Solution:
+def solve_stiffening(problem: StudyProblem) -> StudySolution:
     solution = solve_assembled(problem)
     assert solution.converged, solution.summary["reason"]
     return solution
 
 
-def force(solution: Solution) -> float:
+def force(solution: StudySolution) -> float:
     return float(solution.summary["contact_force"][1])
 
 
-def largest(solution: Solution) -> float:
+def largest(solution: StudySolution) -> float:
     return float(solution.summary["strain_norm_max"])
 
 

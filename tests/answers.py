@@ -25,7 +25,7 @@ from contact_locking import solving
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.fem import compiled
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 # A value below this share of its scale is zero with rounding.
 _ROUNDING = 1e-9
@@ -159,7 +159,7 @@ def answer_of(
     return told(solving.solve(Parameters.model_validate(data)), transform)
 
 
-def told(solution: Solution, transform: Transform) -> Answer:
+def told(solution: StudySolution, transform: Transform) -> Answer:
     """The answer that a solution of a transformed problem gives to the problem; collective.
 
     At n = inf the locking stress is a multiplier, which in 3D is not unique: a tetrahedron that

@@ -12,10 +12,10 @@ from contact_locking import solving
 from contact_locking.laws.elasticity import strain
 from contact_locking.parameters import Parameters
 from contact_locking.results.derived import integral
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 
-def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Solution:
+def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> StudySolution:
     solution = solving.solve(parameters, comm)
     assert solution.converged, solution.summary["reason"]
     return solution
@@ -25,7 +25,7 @@ def certificate(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) ->
     return dict(solved(parameters, comm).summary["certificate"])
 
 
-def work_of_stored_forces(solution: Solution, dx: ufl.Measure) -> float:
+def work_of_stored_forces(solution: StudySolution, dx: ufl.Measure) -> float:
     """The work of stresses and contact forces on the displacement; ``dx`` is for locking."""
     work = 2.0 * solution.summary["elastic_energy"]
     eps = strain(solution.displacement)

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from simplices import Body, IntArray, Place
 
 from contact_locking.arrays import FloatArray
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 # The material of every reference problem.
 YOUNG, POISSON, LIMIT = 1.0, 0.3, 0.02
@@ -218,7 +218,7 @@ class ConicProblem:
 
 
 def conic_problem(
-    solution: Solution,
+    solution: StudySolution,
     touches: Place,
     held: Place,
     value: list[float],
@@ -257,7 +257,7 @@ def conic_problem(
     )
 
 
-def block_problem(solution: Solution, elements: type[Body] = Body) -> ConicProblem:
+def block_problem(solution: StudySolution, elements: type[Body] = Body) -> ConicProblem:
     """The conic problem of ``problems.block``."""
     pull = [0.03, -0.05] if solution.domain.dim == 2 else [0.03, 0.0, -0.05]
     return conic_problem(

@@ -28,8 +28,8 @@ from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.laws.elasticity import lame_from_young
-from contact_locking.problem.assembly import Problem, assemble
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import StudyProblem, assemble
 
 YOUNG, POISSON = 1.0, 0.3
 SYMBOLS = sp.symbols("x y z", real=True)
@@ -110,7 +110,9 @@ class Manufactured:
         mu = sp.sympify(self.friction).subs("s", sp.sqrt(square))
         return mu * self.smoothed * slip / sp.sqrt(square + self.epsilon**2)
 
-    def assembled(self, h: float, comm: MPI.Intracomm = MPI.COMM_WORLD, **changes: Any) -> Problem:
+    def assembled(
+        self, h: float, comm: MPI.Intracomm = MPI.COMM_WORLD, **changes: Any
+    ) -> StudyProblem:
         """The discrete problem on a regular grid, with the sources in place of its loads."""
         sides = ["left", "right", "top"] + ["front", "back"] * (self.dim - 2)
         values = [str(component) for component in self.displacement]
@@ -143,12 +145,12 @@ class Manufactured:
         )
         return made
 
-    def solved(self, h: float, **changes: Any) -> Solution:
+    def solved(self, h: float, **changes: Any) -> StudySolution:
         solution = solving.solve_assembled(self.assembled(h, **changes))
         assert solution.converged, solution.summary["reason"]
         return solution
 
-    def errors(self, solution: Solution) -> Errors:
+    def errors(self, solution: StudySolution) -> Errors:
         """The errors against the exact displacement and total stress; collective."""
         mesh, u = solution.domain.mesh, solution.displacement
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 6})

@@ -8,7 +8,7 @@ from typing import Any
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import Parameters, Solution, solve
+from contact_locking import Parameters, StudySolution, solve
 
 NONE = {"kernel": "none"}
 HELD = [{"on": "bottom", "value": [0.0, 0.0]}]
@@ -35,12 +35,12 @@ def pressed(contact: Any, n: float = math.inf, **changes: Any) -> Parameters:
     return block(**(given | changes))
 
 
-def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Solution:
+def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> StudySolution:
     solution = solve(parameters, comm)
     assert solution.converged, solution.summary["reason"]
     return solution
 
 
-def told(solution: Solution, number: int = 0) -> dict[str, Any]:
+def told(solution: StudySolution, number: int = 0) -> dict[str, Any]:
     """The entry of the summary about a tool."""
     return dict(solution.summary["contacts"][number]["tool"])

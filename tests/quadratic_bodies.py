@@ -12,7 +12,7 @@ from test_elements import LIMIT, benchmark
 
 from contact_locking import solving
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 POINTS = pytest.mark.parametrize("limit_at", ["vertices", "gauss"])
 GAUSS = {"degree": 2, "limit_at": "gauss"}
@@ -39,17 +39,17 @@ def cube(limit_at: str = "gauss", **changes: Any) -> Parameters:
     return with_changes(data, **changes)
 
 
-def solved(parameters: Parameters, comm: MPI.Intracomm) -> Solution:
+def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
     solution = solving.solve(parameters, comm)
     assert solution.converged, solution.summary["reason"]
     return solution
 
 
 @functools.cache
-def square(limit_at: str) -> Solution:
+def square(limit_at: str) -> StudySolution:
     return solved(quadratic(4, limit_at), MPI.COMM_WORLD)
 
 
 @functools.cache
-def solved_cube() -> Solution:
+def solved_cube() -> StudySolution:
     return solved(cube(), MPI.COMM_WORLD)

@@ -15,14 +15,14 @@ from problems import with_changes
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.contact import FrictionBound
+from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.convergence import on_mesh_of
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
-from contact_locking.problem.assembly import assemble
 from contact_locking.results.derived import integral
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import assemble
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def compared(parameters: Parameters, refinement: int, element: Element = P1) -> 
     return Comparison(found, float(np.sqrt(square)))
 
 
-def keep_friction_bound(contacts: Any, coarse: Solution) -> None:
+def keep_friction_bound(contacts: Any, coarse: StudySolution) -> None:
     """Give contacts along the x axis the friction bound of a solution on a coarser mesh."""
     for contact, known in zip(contacts, coarse.contacts, strict=True):
         order = np.argsort(known.surface.points[:, 0])

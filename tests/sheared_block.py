@@ -8,7 +8,7 @@ from typing import Any
 from problems import block
 
 from contact_locking import Parameters, solve_steps
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 SHEARED = ["0.02*sin(2*pi*t)", "-0.02*min(8*t, 1)"]
 
@@ -25,7 +25,7 @@ def sheared(count: int = 8, to: float = 1.0, **changes: Any) -> Parameters:
     return block(**(given | changes))
 
 
-def all_of(parameters: Parameters) -> list[Solution]:
+def all_of(parameters: Parameters) -> list[StudySolution]:
     solutions = list(solve_steps(parameters))
     assert all(found.converged for found in solutions), solutions[-1].summary["reason"]
     return solutions

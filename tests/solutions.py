@@ -18,9 +18,11 @@ from contact_locking.mesh.domain import from_geometry
 from contact_locking.plotting.gather import gather
 from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 DIVISIONS = 4
+#: Nothing goes on from a solution that was not solved for.
+NO_STATE: Any = None
 
 
 def displacement(x: FloatArray) -> FloatArray:
@@ -41,7 +43,7 @@ def state(x: FloatArray) -> FloatArray:
     return np.where((x[-1] < 1e-12) & (x[0] > 0.5), inside, OPEN).astype(float)
 
 
-def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
+def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> StudySolution:
     """On a regular grid of the unit block, locked in its upper half; collective."""
     changes = {"mesh__structured": True, **changes}
     parameters = block(dim, 1.0 / DIVISIONS, contact__on="bottom" if contact else [], **changes)
@@ -64,7 +66,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         return np.vstack([(i + 1) * (1.0 + x[0]) for i in range(dim * dim)])
 
     points, facets = joined([(_points(dim), _facets(dim))] if contact else [], dim)
-    return Solution(
+    return StudySolution(
         parameters=parameters,
         domain=domain,
         element=P1,
@@ -86,6 +88,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
         contacts=_nodal(points),
         contact_points=points if mesh.comm.rank == 0 else None,
         contact_facets=facets if mesh.comm.rank == 0 else None,
+        state=NO_STATE,
         summary={
             "converged": True,
             "reason": "every criterion held",
@@ -97,7 +100,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> Solution:
     )
 
 
-def of_kind(dim: int, kind: str, **changes: Any) -> Solution:
+def of_kind(dim: int, kind: str, **changes: Any) -> StudySolution:
     """A solution of one of the ``KINDS``, with changes of its parameters; collective."""
     solution = made_up(dim, contact=kind != "without contact", **changes)
     change = KINDS[kind]
@@ -113,16 +116,16 @@ def snapshot(dim: int = 3, kind: str = "locked") -> Snapshot:
     return body
 
 
-def _unlocked(solution: Solution) -> None:
+def _unlocked(solution: StudySolution) -> None:
     solution.locking_limit.x.array[:] = np.inf
     solution.locked.x.array[:] = 0.0
 
 
-def _partly_unlimited(solution: Solution) -> None:
+def _partly_unlimited(solution: StudySolution) -> None:
     solution.locking_limit.x.array[::2] = np.inf
 
 
-def _at_rest(solution: Solution) -> None:
+def _at_rest(solution: StudySolution) -> None:
     _unlocked(solution)
     for name in ("displacement", "strain_norm", "contact_pressure", "contact_state"):
         getattr(solution, name).x.array[:] = 0.0
@@ -133,15 +136,15 @@ def _at_rest(solution: Solution) -> None:
         points.state[:] = 0
 
 
-def _not_converged(solution: Solution) -> None:
+def _not_converged(solution: StudySolution) -> None:
     solution.summary["converged"] = False
 
 
-def _with_an_odd_title(solution: Solution) -> None:
+def _with_an_odd_title(solution: StudySolution) -> None:
     object.__setattr__(solution.parameters, "title", r"costs $5 \frac{ and 100 %")
 
 
-def _with_two_contacts(solution: Solution) -> None:
+def _with_two_contacts(solution: StudySolution) -> None:
     """On the bottom and, with the two axes swapped, on the left; both have the corner's nodes."""
     dim = solution.domain.dim
     points, facets = _points(dim), _facets(dim)
@@ -160,7 +163,7 @@ def _with_two_contacts(solution: Solution) -> None:
         solution.contact_points, solution.contact_facets = both
 
 
-KINDS: dict[str, Callable[[Solution], None] | None] = {
+KINDS: dict[str, Callable[[StudySolution], None] | None] = {
     "locked": None,
     "without contact": None,
     "unlocked": _unlocked,

@@ -9,10 +9,10 @@ from problems import block
 
 from contact_locking import solving
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 
-def solved(n: float, linear: str, **options: str) -> Solution:
+def solved(n: float, linear: str, **options: str) -> StudySolution:
     # A regular grid and a filter of stiff cells in all parts of it.
     parameters = block(3, 1 / 6, mesh__structured=True, penalty__n=n, solver__linear=linear)
     solution = solving.solve(parameters, petsc_options=options)
@@ -39,6 +39,6 @@ def crushed_steel() -> Parameters:
 _SAME = 2e-7
 
 
-def agree(one: Solution, other: Solution) -> None:
+def agree(one: StudySolution, other: StudySolution) -> None:
     for key in ("compliance", "elastic_energy"):
         assert one.summary[key] == pytest.approx(other.summary[key], rel=_SAME)

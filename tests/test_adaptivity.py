@@ -20,7 +20,7 @@ from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
 from contact_locking.parameters import Parameters
 from contact_locking.results import adapted_meshes
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 NO_CHECKPOINT = checkpoint.unavailable()
 LIMITLESS: dict[str, Any] = {
@@ -33,7 +33,7 @@ def adaptive(dim: int = 2, h: float = 0.25, adapt: Any = None, **changes: Any) -
     return block(dim, h, **{**LIMITLESS, "adapt": adapt or {"tolerance": 0.1}, **changes})
 
 
-def meshes(solution: Solution) -> list[dict[str, Any]]:
+def meshes(solution: StudySolution) -> list[dict[str, Any]]:
     return list(solution.summary["adapt"]["meshes"])
 
 

@@ -16,7 +16,7 @@ from contact_locking import solving
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import P1, P1_REVOLUTION
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file import mesh_identity, problem_fingerprint
 
 
@@ -32,7 +32,7 @@ def cylinder(**changes: Any) -> Parameters:
     return with_changes(data, **changes)
 
 
-def on_foundation(degree: int = 1, **changes: Any) -> Problem:
+def on_foundation(degree: int = 1, **changes: Any) -> StudyProblem:
     study = {"degree": degree, "limit_at": "gauss"}
     return assemble(cylinder(discretisation=study, **changes), MPI.COMM_WORLD)
 
@@ -104,7 +104,7 @@ def test_what_contradicts_the_axis_is_refused_with_its_key(
 
 @pytest.mark.serial
 def test_a_mesh_on_both_sides_of_the_axis_is_refused() -> None:
-    from contact_locking.problem.assembly import mesh_of
+    from contact_locking.study.assembly import mesh_of
 
     domain = mesh_of(cylinder(), MPI.COMM_WORLD)
     domain.mesh.geometry.x[:, 0] -= 0.5

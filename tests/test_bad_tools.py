@@ -15,7 +15,7 @@ from contact_locking import InputError
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh_file.stl import LARGEST_FILE, read_stl
 from contact_locking.mesh_file.tool_surface import checked
-from contact_locking.problem.assembly import assemble
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial

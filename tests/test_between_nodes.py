@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from tool_files import binary_stl, box
 
-from contact_locking import Solution, solve, solve_steps
+from contact_locking import StudySolution, solve, solve_steps
 from contact_locking.study_file import from_mapping
 
 # The top of a strip [10, 3] has a node at each whole number, and a block in space at each half.
@@ -31,11 +31,13 @@ def given(mesh: dict[str, Any], contact: dict[str, Any], **changes: Any) -> Any:
     )
 
 
-def pressed(foundation: dict[str, Any], mesh: dict[str, Any] = STRIP, **changes: Any) -> Solution:
+def pressed(
+    foundation: dict[str, Any], mesh: dict[str, Any] = STRIP, **changes: Any
+) -> StudySolution:
     return solve(given(mesh, {"foundation": foundation}, **changes))
 
 
-def assert_missed(solution: Solution, depth: float, at: str) -> None:
+def assert_missed(solution: StudySolution, depth: float, at: str) -> None:
     """The criterion fails, and a warning has the depth and the place."""
     criterion = solution.summary["certificate"]["criteria"]["penetration_between_nodes"]
     assert not solution.converged and not criterion["holds"]

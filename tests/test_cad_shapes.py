@@ -9,7 +9,7 @@ import pytest
 from cad_shapes import SHAPES
 from tool_files import binary_stl
 
-from contact_locking import Solution, solve
+from contact_locking import StudySolution, solve
 from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial
@@ -24,7 +24,7 @@ SHARP = ("crescent", "wedge", "cone", "pyramid", "plate with teeth", "plate with
 BLUNT = tuple(set(SHAPES) - {*SHARP, "hemisphere", "frustum"})
 
 
-def pressed(shape: str, h: float, folder: Path) -> Solution:
+def pressed(shape: str, h: float, folder: Path) -> StudySolution:
     """A pad whose nodes are not placed by the tool, which is turned and off the middle."""
     cosine, sine = np.cos(0.3), np.sin(0.3)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
@@ -49,7 +49,7 @@ def pressed(shape: str, h: float, folder: Path) -> Solution:
     )
 
 
-def force(solution: Solution) -> float:
+def force(solution: StudySolution) -> float:
     return -float(solution.summary["contact_force"][2])
 
 

@@ -15,7 +15,7 @@ from problems import block
 from contact_locking import solving
 from contact_locking.certificate import certify
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.contact.smoothing import Convolution
+from contact_locking.contact.smoothing import ConvolutionOperator
 from contact_locking.laws.convex import positive_part, unit_ball_excess
 from contact_locking.problem import forms, strain_sets
 from contact_locking.results import derived
@@ -125,8 +125,10 @@ def test_a_solver_that_solves_with_a_wrong_law_is_caught(
 
 
 def test_a_mollifier_that_changes_constants_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = Convolution.apply
-    monkeypatch.setattr(Convolution, "apply", lambda self, values: 1.001 * right(self, values))
+    right = ConvolutionOperator.apply
+    monkeypatch.setattr(
+        ConvolutionOperator, "apply", lambda self, values: 1.001 * right(self, values)
+    )
     summary = solving.solve(block()).summary
     failed = [
         name for name, entry in summary["certificate"]["criteria"].items() if not entry["holds"]

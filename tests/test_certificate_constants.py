@@ -13,10 +13,10 @@ from problems import block, column
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.constants import SAMPLED
-from contact_locking.contact.contact import FrictionBound
+from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.laws.friction_law import FrictionLaw
-from contact_locking.problem.assembly import assemble
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import assemble
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -22,7 +22,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files import atomic, ownership
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
@@ -42,7 +42,7 @@ class Values(NamedTuple):
     columns: FloatArray
 
     @classmethod
-    def of(cls, solution: Solution) -> Values:
+    def of(cls, solution: StudySolution) -> Values:
         summary, points = solution.summary, solution.contact_points
         names = ("compliance", "elastic_energy", "strain_norm_max", "contact_area")
         numbers = [summary[name] for name in names] + summary["friction_force"]

@@ -14,7 +14,7 @@ from verification_table import Row
 
 from contact_locking import solving
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 pytest.importorskip("clarabel")
 pytestmark = pytest.mark.serial
@@ -42,7 +42,7 @@ def half_disc() -> Parameters:
 
 
 def assert_the_same(
-    where: str, solution: Solution, reference: ConicProblem, found: list[Row]
+    where: str, solution: StudySolution, reference: ConicProblem, found: list[Row]
 ) -> None:
     """Energy to 8 digits and displacement to 1e-5, where something locks, sticks and slips."""
     summary, u = solution.summary, reference.minimiser(**TIGHT)

@@ -22,7 +22,7 @@ from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
 from contact_locking.meshes.block import Block
 from contact_locking.plotting.rates import Curve, Panel, rate_plot
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 STUDIES = Path(__file__).parent.parent / "demos" / "studies"
 MEASURED = "penalty_measured"
@@ -47,7 +47,7 @@ def field(domain: Domain, power: int) -> fem.Function:
     return u
 
 
-def solved(divisions: int, comm: MPI.Intracomm = MPI.COMM_WORLD, **changes: Any) -> Solution:
+def solved(divisions: int, comm: MPI.Intracomm = MPI.COMM_WORLD, **changes: Any) -> StudySolution:
     given = {"penalty__n": math.inf, "mesh__structured": True, **changes}
     solution = solving.solve(block(2, 1.0 / divisions, **given), comm)
     assert solution.converged, solution.summary["reason"]

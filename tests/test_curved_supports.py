@@ -15,8 +15,8 @@ from turned_supports import (
 )
 
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import Problem, assemble, mesh_of
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 
 
 def sector(n: float, **changes: Any) -> Parameters:
@@ -41,7 +41,7 @@ def sector(n: float, **changes: Any) -> Parameters:
     return Parameters.model_validate(data)
 
 
-def bent(parameters: Parameters) -> Problem:
+def bent(parameters: Parameters) -> StudyProblem:
     """The problem with the unit block bent to the sector: x + 1 is the radius."""
     domain = mesh_of(parameters, MPI.COMM_WORLD)
     x = domain.mesh.geometry.x

@@ -20,10 +20,10 @@ from contact_locking import solving, study_file
 from contact_locking.laws.elasticity import isotropic_stiffness, lame_from_young
 from contact_locking.parameters import Parameters
 from contact_locking.results.contact_points import SLIP
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 
-def _solved(parameters: Parameters) -> Solution:
+def _solved(parameters: Parameters) -> StudySolution:
     solution = solving.solve(parameters)
     assert solution.converged, solution.summary["reason"]
     return solution

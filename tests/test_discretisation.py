@@ -27,7 +27,8 @@ from contact_locking.study_file import from_mapping
 @pytest.mark.serial
 def test_the_keys_choose_the_element() -> None:
     def chosen(**given: Any) -> Any:
-        return element_of(from_mapping({"discretisation": given}).discretisation)
+        asked = from_mapping({"discretisation": given}).discretisation
+        return element_of(asked.degree, asked.limit_at)
 
     assert chosen() is chosen(degree=1, limit_at="gauss") is P1
     assert chosen(degree=2) is P2

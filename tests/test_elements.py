@@ -22,9 +22,9 @@ from contact_locking.errors import InputError
 from contact_locking.fem.spaces import P1, P2, Element
 from contact_locking.laws.elasticity import strain
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import assemble
 
 LIMIT = 0.02
 VERTICES = {"quadrature_rule": "vertex", "quadrature_degree": 1}
@@ -46,13 +46,13 @@ def benchmark(divisions: int, **changes: Any) -> Parameters:
     return block(2, 1.0 / divisions, mesh__structured=True, loads=loads, **changes)
 
 
-def solved(parameters: Parameters, element: Element, comm: MPI.Intracomm) -> Solution:
+def solved(parameters: Parameters, element: Element, comm: MPI.Intracomm) -> StudySolution:
     solution = solve_assembled(assemble(parameters, comm, element=element))
     assert solution.converged, solution.summary["reason"]
     return solution
 
 
-def largest_strain(solution: Solution) -> float:
+def largest_strain(solution: StudySolution) -> float:
     """At the points of a fine lattice in every cell; collective."""
     eps = strain(solution.displacement)
     space = fem.functionspace(solution.domain.mesh, ("DG", 4))

@@ -22,7 +22,7 @@ from contact_locking.fem.spaces import P2
 from contact_locking.parameters import Parameters
 from contact_locking.plain_text import per_cent
 from contact_locking.results import in_words
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 #: A displacement that vanishes on all sides but the bottom, where its normal component vanishes.
 BUBBLE = X * (1 - X) * (1 - Y)
@@ -49,7 +49,7 @@ def test_the_bound_of_a_manufactured_solution_is_sharp_and_never_below_the_error
     assert before <= 1.05
 
 
-def annulus_error(solution: Solution) -> float:
+def annulus_error(solution: StudySolution) -> float:
     """The energy norm of the error against the exact solution of V10; collective."""
     mesh = solution.domain.mesh
     eps = ufl.sym(ufl.grad(solution.displacement - exact_displacement(mesh)))

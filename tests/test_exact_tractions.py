@@ -14,7 +14,7 @@ from sweep.case import Study, clamp, study
 
 from contact_locking import from_mapping, solve
 from contact_locking.command import cli
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.serial
 
@@ -41,7 +41,7 @@ def sheared(dim: int, shear: float, kernel: str, **friction: Any) -> Study:
     return data
 
 
-def solved(data: Study) -> Solution:
+def solved(data: Study) -> StudySolution:
     solution = solve(from_mapping(data))
     assert solution.converged, solution.summary["reason"]
     return solution

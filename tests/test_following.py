@@ -13,7 +13,7 @@ from problems import block
 
 from contact_locking import solving
 from contact_locking.costs.factorised import FILTER_LIMIT
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point.bound_step import BoundStep
 from contact_locking.solver.interior_point.direction import Direction
 from contact_locking.solver.interior_point.iterate import Corrections, Iterate
@@ -116,7 +116,7 @@ def test_what_follows_the_displacement_without_symmetry_is_solved_for(
         vector.destroy()
 
 
-def _solved(coefficient: float = 0.3) -> Solution:
+def _solved(coefficient: float = 0.3) -> StudySolution:
     solution = solving.solve(
         block(
             3,

@@ -10,11 +10,11 @@ from mpi4py import MPI
 from pressed_tools import HELD, pressed, solved, told, tool
 from problems import column
 
-from contact_locking import Parameters, Solution, assemble, solve
+from contact_locking import Parameters, StudySolution, assemble, solve
 from contact_locking.certificate.balances import equilibrium
-from contact_locking.contact.tool_balance import ToolBalance
+from contact_locking.contact.force_balance import ToolBalance
 from contact_locking.monitor import Monitor
-from contact_locking.process.increment import Increment
+from contact_locking.process.problem_solver import ProblemSolver, solver_of
 
 # What is right by hand.
 
@@ -148,7 +148,7 @@ def test_an_iterative_solver_finds_the_same_travel() -> None:
 def test_units_do_not_matter() -> None:
     small, strong = 1e-6, 1e9
 
-    def scaled(length: float, stress: float) -> Solution:
+    def scaled(length: float, stress: float) -> StudySolution:
         plane = {"point": [0.0, length], "normal": [0.0, -1.0]}
         return solved(
             pressed(
@@ -188,17 +188,17 @@ def test_several_ranks_find_what_one_finds(comm: MPI.Intracomm) -> None:
 # The laws of a tool.
 
 
-def balance_of(parameters: Parameters) -> tuple[Increment, ToolBalance]:
+def balance_of(parameters: Parameters) -> tuple[ProblemSolver, ToolBalance]:
     problem = assemble(parameters, MPI.COMM_WORLD)
-    increment = Increment(problem, Monitor())
-    increment.system.set_penalty(problem.penalty)
-    return increment, increment.system.tools.balances[0]
+    solver = solver_of(problem, Monitor())
+    solver.system.set_penalty(problem.penalty)
+    return solver, solver.system.tools.balances[0]
 
 
 def test_a_tool_settles_from_anywhere_and_its_border_is_the_derivative() -> None:
     """``q(u)`` is the root of g, and ``dq = -B . du/c``."""
-    increment, balance = balance_of(pressed(tool([0.003, -0.03]), 1e3))
-    system, contact = increment.system, balance.tool.contact
+    solver, balance = balance_of(pressed(tool([0.003, -0.03]), 1e3))
+    system, contact = solver.system, balance.tool.contact
     random = np.random.default_rng(1)
     x = system.u.function_space.tabulate_dof_coordinates()[:, :2]
     waves = np.sin(x @ random.normal(size=(2, 2)) * 3.0)
@@ -223,9 +223,9 @@ def test_a_tool_settles_from_anywhere_and_its_border_is_the_derivative() -> None
 
 
 def test_a_wrong_force_or_travel_breaks_the_balance_of_the_tool() -> None:
-    increment, balance = balance_of(pressed(tool([0.0, -0.03]), h=0.5))
-    state = increment.state(increment.solve())
-    tolerance = increment.settings.tolerance
+    solver, balance = balance_of(pressed(tool([0.0, -0.03]), h=0.5))
+    state = solver.state(solver.solve())
+    tolerance = solver.settings.tolerance
     assert equilibrium(state).criteria(tolerance)["tool_balance"].holds
     balance.tool.force *= 1.0 + 1e-5
     assert not equilibrium(state).criteria(tolerance)["tool_balance"].holds

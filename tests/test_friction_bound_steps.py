@@ -11,7 +11,7 @@ from problems import block
 from contact_locking import solving, study_file
 from contact_locking.errors import NotConverged
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point import method
 from contact_locking.solver.interior_point.bound_step import BoundStep
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -19,7 +19,7 @@ from contact_locking.solver.interior_point.tuning import Tuning
 
 def _solved(
     monkeypatch: pytest.MonkeyPatch, coefficient: float, foreseen_above: float
-) -> tuple[Solution, int]:
+) -> tuple[StudySolution, int]:
     """The block with this friction, and how many responses to a step of the bound it took."""
     count = 0
     learn = BoundStep._learn

@@ -26,7 +26,7 @@ from contact_locking import checkpoint, solving, writing
 from contact_locking.mesh.whole_mesh import gather_mesh
 from contact_locking.plotting.gather import gather
 from contact_locking.results.heap import give_back
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 # The direct solver of several ranks partitions the graph of its matrix, whose size is limited.
 LIMITED = "separator.py"
@@ -55,7 +55,7 @@ def messages() -> Iterator[list[int]]:
         MPI.pickle.__init__()  # type: ignore[misc]
 
 
-def field_of_body(solution: Solution, comm: MPI.Intracomm) -> int:
+def field_of_body(solution: StudySolution, comm: MPI.Intracomm) -> int:
     """The least bytes of a rank's share of a field with one value for each node of the body."""
     owned = solution.displacement.function_space.dofmap.index_map.size_local
     least: int = comm.allreduce(8 * owned, op=MPI.MIN)

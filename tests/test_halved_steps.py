@@ -10,8 +10,14 @@ from problems import block
 from sheared_block import all_of, sheared
 
 from contact_locking import solve_steps
-from contact_locking.process.increment import Increment
+from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.study.assembly import StudyProblem
 from contact_locking.solver import SolverReport
+
+
+def now_of(solver: ProblemSolver) -> float:
+    assert isinstance(solver.problem, StudyProblem)
+    return solver.problem.clock.now
 
 
 class Failing:
@@ -21,17 +27,17 @@ class Failing:
         self.most, self.done, self.times = most, 0.0, [0.0]
 
     def patch(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        solve_one = Increment.solve
+        solve_one = ProblemSolver.solve
 
-        def solved(increment: Increment, *given: Any) -> SolverReport:
-            now = increment.problem.clock.now
+        def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+            now = now_of(solver)
             if now - self.done > self.most:
                 return SolverReport(reason="too far", suggestion="be quick")
             self.done = now
             self.times.append(now)
-            return solve_one(increment, *given)
+            return solve_one(solver, *given)
 
-        monkeypatch.setattr(Increment, "solve", solved)
+        monkeypatch.setattr(ProblemSolver, "solve", solved)
 
 
 def test_a_step_that_does_not_converge_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,19 +55,19 @@ def test_a_process_that_ends_short_of_an_impossible_time_says_so(
     impossible: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between the last solution and an impossible time a solve may fail for any reason."""
-    solve_one = Increment.solve
+    solve_one = ProblemSolver.solve
 
-    def solved(increment: Increment, *given: Any) -> SolverReport:
-        now = increment.problem.clock.now
+    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+        now = now_of(solver)
         if now > impossible:
             return SolverReport(
                 is_infeasible=True, reason="infeasible: too far", suggestion="pull less"
             )
         if now > 0.3:
             return SolverReport(reason="it is late", suggestion="be quick")
-        return solve_one(increment, *given)
+        return solve_one(solver, *given)
 
-    monkeypatch.setattr(Increment, "solve", solved)
+    monkeypatch.setattr(ProblemSolver, "solve", solved)
     *before, last = solve_steps(sheared(1, penalty__n=1e3))
     assert before and all(found.converged for found in before)
     reason, suggestion = last.summary["reason"], last.summary["suggestion"]
@@ -71,17 +77,17 @@ def test_a_process_that_ends_short_of_an_impossible_time_says_so(
 
 def test_a_step_whose_solution_fails_a_criterion_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
     """A state that the solver takes for a solution is not, if it is far from the last one."""
-    solve_one, last = Increment.solve, [0.0]
+    solve_one, last = ProblemSolver.solve, [0.0]
 
-    def wrong(increment: Increment, *given: Any) -> SolverReport:
-        report, now = solve_one(increment, *given), increment.problem.clock.now
+    def wrong(solver: ProblemSolver, *given: Any) -> SolverReport:
+        report, now = solve_one(solver, *given), now_of(solver)
         if now - last[0] > 0.3:
-            increment.problem.u.x.array[:] *= 1.001
+            solver.problem.u.x.array[:] *= 1.001
         else:
             last[0] = now
         return report
 
-    monkeypatch.setattr(Increment, "solve", wrong)
+    monkeypatch.setattr(ProblemSolver, "solve", wrong)
     found = all_of(sheared(2))
     assert [one.time for one in found] == pytest.approx([0.25, 0.5, 0.75, 1.0])
     halved = [text for text in found[-1].summary["warnings"] if "it is halved" in text]

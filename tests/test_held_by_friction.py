@@ -11,14 +11,14 @@ from certified import solved
 from mpi4py import MPI
 from sweep.case import Study
 
-from contact_locking.contact.contact import FrictionBound
+from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
 from contact_locking.problem.motion_in_words import describe_motion, resultant_on_plane
 from contact_locking.results import in_words
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solving import solve, solve_assembled
+from contact_locking.study.assembly import assemble
 
 _BOX = {2: np.array([[0.0, 0.0], [2.0, 1.0]]), 3: np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]])}
 _LOCAL = {"kernel": "none"}
@@ -142,7 +142,7 @@ def test_friction_may_hold_a_body_between_walls_that_open() -> None:
     assert forces == pytest.approx([0.0, -0.01], abs=1e-8)
 
 
-def hardening(law: str) -> Solution:
+def hardening(law: str) -> StudySolution:
     """A pressure of 0.02 and a shear of 0.006 that ask for mu = 0.3."""
     loads = {
         "tractions": [{"on": "top", "value": [0, -0.02]}, {"on": "bottom", "value": [0.006, 0]}]

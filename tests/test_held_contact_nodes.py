@@ -10,16 +10,16 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import Solution, assemble, solve, solve_assembled
+from contact_locking import StudySolution, assemble, solve, solve_assembled
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.problem.assembly import Problem
+from contact_locking.study.assembly import StudyProblem
 from contact_locking.supports.conditions import Constraints
 
 _PUSH = -0.02
 
 
-def _clamped_at_the_side(n: float) -> Solution:
+def _clamped_at_the_side(n: float) -> StudySolution:
     """A block that is clamped on its left, with a plate on top that a force pushes down."""
     contact: dict[str, Any] = {
         "on": "top",
@@ -56,7 +56,7 @@ def test_a_tool_that_enters_a_held_corner_is_warned_of(n: float) -> None:
     assert "where no contact acts" in warning
 
 
-def _guided(kernel: str = "convolution", n: float = math.inf, **changes: Any) -> Problem:
+def _guided(kernel: str = "convolution", n: float = math.inf, **changes: Any) -> StudyProblem:
     """A block that rubs on its foundation, and whose lower left corner slides at a fixed height."""
     contact: dict[str, Any] = {
         "on": "bottom",

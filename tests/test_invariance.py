@@ -39,7 +39,7 @@ from contact_locking.mesh_file.data import MeshData
 from contact_locking.mesh_file.gmsh_model import extract
 from contact_locking.meshes import empty_model
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
+from contact_locking.study.assembly import assemble
 
 Reference = Callable[[Make, int], Answer]
 

@@ -14,16 +14,16 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import Solution
+from contact_locking import StudySolution
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.penalty_error import distance
-from contact_locking.contact.contact import FrictionBound
+from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.convergence import norms
 from contact_locking.laws.convex import squared_norm
 from contact_locking.mesh.domain import Domain
-from contact_locking.problem.assembly import assemble
 from contact_locking.results.derived import integral
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import assemble
 
 Wave = Callable[[FloatArray], FloatArray]
 
@@ -35,7 +35,7 @@ def traction(domain: Domain, h: Wave) -> fem.Function:
     return field
 
 
-def solved(h: Wave, **changes: Any) -> Solution:
+def solved(h: Wave, **changes: Any) -> StudySolution:
     """u_n^h of (31): ``a(u, v) + (R_n, eps(v)) + (1/eps) int [u_nu]^+ v_nu = (f, v) - int h v_x``.
 
     ``h`` maps the place x to the component of h along Gamma_C, the bottom of the block.
@@ -44,21 +44,23 @@ def solved(h: Wave, **changes: Any) -> Solution:
     problem = assemble(block(**{**given, **changes}), MPI.COMM_WORLD)
     bottom = problem.domain.ds(("bottom",), quadrature_degree=3)
     acting = ufl.as_vector([-traction(problem.domain, h), 0.0])
-    loads = [*problem.data.loads, (acting, bottom)]
+    loads = ufl.inner(acting, ufl.TestFunction(problem.u.function_space)) * bottom
+    if problem.data.loads is not None:
+        loads += problem.data.loads
     problem.data = dataclasses.replace(problem.data, loads=loads)
     solution = solve_assembled(problem)
     assert solution.converged, solution.summary["reason"]
     return solution
 
 
-def between(one: Solution, other: Solution) -> float:
+def between(one: StudySolution, other: StudySolution) -> float:
     """``|u_1 - u_2|_V`` on one mesh."""
     difference = fem.Function(one.displacement.function_space)
     difference.x.array[:] = one.displacement.x.array - other.displacement.x.array
     return norms(difference, one.domain).v
 
 
-def size(solution: Solution, h: Wave) -> float:
+def size(solution: StudySolution, h: Wave) -> float:
     """``|h|`` in L2(Gamma_C)."""
     bottom = solution.domain.ds(("bottom",), quadrature_degree=4)
     square = squared_norm(traction(solution.domain, h)) * bottom
@@ -133,7 +135,7 @@ class Tresca(FrictionBound):
         return np.full(len(slip), self.strength)
 
 
-def under_tresca(n: float, domain: Domain | None = None) -> Solution:
+def under_tresca(n: float, domain: Domain | None = None) -> StudySolution:
     problem = assemble(block(penalty__n=n), MPI.COMM_WORLD, domain)
     (contact,) = problem.contacts
     given = contact.friction

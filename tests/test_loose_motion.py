@@ -12,9 +12,9 @@ from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
-from contact_locking.process.increment import Increment
-from contact_locking.results.solution import Solution
+from contact_locking.process.problem_solver import solver_of
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import assemble
 
 
 def _block(loads: dict[str, Any], gap: float = 0.0, friction: float = 0.5, **mesh: Any) -> Any:
@@ -59,7 +59,7 @@ def _pulled(pull: float, pressure: float, unit: float) -> dict[str, Any]:
     }
 
 
-def _solution(data: dict[str, Any]) -> Solution:
+def _solution(data: dict[str, Any]) -> StudySolution:
     return solving.solve(Parameters.model_validate(data))
 
 
@@ -117,7 +117,7 @@ def test_a_pull_below_the_friction_is_held(unit: float) -> None:
 def _anchored(data: dict[str, Any], u: Any) -> tuple[FloatArray, FloatArray]:
     """A displacement (d, k) of points (3, k), and what the system keeps of it."""
     problem = assemble(Parameters.model_validate(data), MPI.COMM_WORLD)
-    system = Increment(problem, Monitor()).system
+    system = solver_of(problem, Monitor()).system
     problem.u.interpolate(u)
     problem.constraints.apply(problem.u)
     return problem.u.x.array.copy(), system.rounding.anchored
@@ -151,10 +151,11 @@ def test_a_tool_that_follows_the_body_asks_for_no_displacement() -> None:
     """With the last force of the process the tool only touches the body, which runs away."""
     data = _LET_GO | {"steps": {"times": [0.5, 1.0]}}
     problem = assemble(Parameters.model_validate(data), MPI.COMM_WORLD)
-    system = Increment(problem, Monitor()).system
+    system = solver_of(problem, Monitor()).system
     (tool,) = system.tools
     problem.u.interpolate(lambda x: np.array([2e5 + 0.0 * x[0], 1e6 + 0.0 * x[0]]))
-    tool.advance(1.0)
+    problem.clock.set(1.0)
+    tool.advance()
     assert not tool.pushes
     system.tools.settle(problem.u)
     assert tool.travel < -1e5

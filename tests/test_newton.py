@@ -13,7 +13,6 @@ from problems import block
 
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
-from contact_locking.problem.assembly import assemble
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.continuation import PenaltyPath
 from contact_locking.solver.linear.direct.substructuring import Pieces
@@ -22,6 +21,7 @@ from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import solve
 from contact_locking.solver.target import Target
 from contact_locking.solver.task import Task
+from contact_locking.study.assembly import assemble
 
 TOLERANCE = 1e-9
 TARGET = Target(Penalty(10.0, 0.1, (0.1,)), 1.0, 1.0, 1.0, 1.0, 1.0)

@@ -17,9 +17,9 @@ from sweep.case import Study
 
 from contact_locking.certificate.other_solutions import IF_CONVEX, OTHERS, OWN_ENERGY, UNIQUE
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solving import solve, solve_assembled, solve_steps
+from contact_locking.study.assembly import assemble
 
 _LEFT = {"on": "left", "value": [0.0, None]}
 _DOWN = {"on": "top", "value": [0.0, -0.01]}
@@ -40,7 +40,7 @@ def between(gap: float = 0.01) -> list[Study]:
     return [{"on": "bottom", "gap": gap}, {"on": "top", "gap": gap}]
 
 
-def said(solution: Solution) -> tuple[str, str]:
+def said(solution: StudySolution) -> tuple[str, str]:
     entry = solution.summary["certificate"]["constants"]["uniqueness"]
     return entry["verdict"], entry["why"]
 

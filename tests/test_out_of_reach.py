@@ -12,13 +12,12 @@ from mpi4py import MPI
 from rings import floor, ring
 
 from contact_locking import Parameters, solve, solve_steps
-from contact_locking.monitor import Monitor
-from contact_locking.problem.assembly import assemble
 from contact_locking.process.demand import Demand
-from contact_locking.process.increment import Increment
 from contact_locking.process.out_of_reach import OutOfReach
-from contact_locking.results.solution import Solution
+from contact_locking.process.problem_solver import ProblemSolver, solver_of
+from contact_locking.results.solution import StudySolution
 from contact_locking.solver import SolverReport
+from contact_locking.study.assembly import StudyProblem, assemble
 
 STEPS = {"times": [0.3, 1.0], "least": 0.04}
 
@@ -29,26 +28,33 @@ def pushed(foundation: dict[str, Any] | None = None, **changes: Any) -> Paramete
 
 
 def demands(parameters: Parameters, times: list[float]) -> list[Demand]:
-    increment = Increment(assemble(parameters, MPI.COMM_WORLD), Monitor())
+    problem = assemble(parameters, MPI.COMM_WORLD)
+    solver = solver_of(problem)
     found = []
     for time in times:
-        increment.advance(time)
-        found.append(Demand.of(increment.system, time))
+        problem.advance(time)
+        solver.begin()
+        found.append(Demand.of(solver.system, time))
     return found
+
+
+def now_of(solver: ProblemSolver) -> float:
+    assert isinstance(solver.problem, StudyProblem)
+    return solver.problem.clock.now
 
 
 def times_and_reports(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch
-) -> tuple[list[float], list[SolverReport], Solution]:
-    times, reports, solve_one = [], [], Increment.solve
+) -> tuple[list[float], list[SolverReport], StudySolution]:
+    times, reports, solve_one = [], [], ProblemSolver.solve
 
-    def solved(increment: Increment, *given: Any) -> SolverReport:
-        report = solve_one(increment, *given)
-        times.append(float(increment.problem.clock.now or 0.0))
+    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+        report = solve_one(solver, *given)
+        times.append(now_of(solver))
         reports.append(report)
         return report
 
-    monkeypatch.setattr(Increment, "solve", solved)
+    monkeypatch.setattr(ProblemSolver, "solve", solved)
     *_, last = solve_steps(parameters)
     return times, reports, last
 

@@ -21,7 +21,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files import ownership
 from contact_locking.results import fields, output_folder, xdmf
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", ownership.LIST}
 FILES = TEXTS | {"fields.bp", "snapshot.npz", "picture.png"}
@@ -190,7 +190,7 @@ def test_a_full_disk_leaves_the_earlier_results_alone(
 def test_a_picture_that_cannot_be_drawn_is_a_warning_and_the_rest_is_there(
     folder: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(solution: Solution, folder: Path) -> str:
+    def fail(solution: StudySolution, folder: Path) -> str:
         return "no picture was drawn: no fonts"
 
     monkeypatch.setattr(plotting, "picture", fail)

@@ -11,15 +11,15 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import block
 
-from contact_locking.problem.assembly import Problem, assemble
 from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import StudyProblem, assemble
 
 LIMIT = 0.01
 
 
-def with_shape_limited(n: float, method: str, comm: MPI.Intracomm) -> Problem:
+def with_shape_limited(n: float, method: str, comm: MPI.Intracomm) -> StudyProblem:
     """``|eps - tr(eps)/2 I| <= LIMIT`` in the plane, beside the limit of the strain itself."""
     parameters = block(2, 0.2, material__locking_limit=0.015, penalty__n=n, solver__method=method)
     problem = assemble(parameters, comm)
@@ -30,7 +30,7 @@ def with_shape_limited(n: float, method: str, comm: MPI.Intracomm) -> Problem:
     return problem
 
 
-def largest_change_of_shape(solution: Solution) -> float:
+def largest_change_of_shape(solution: StudySolution) -> float:
     (entry,) = solution.summary["strain_sets"]
     assert entry["name"] == "shape"
     return LIMIT * float(entry["utilisation_max"])

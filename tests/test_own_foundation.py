@@ -12,12 +12,12 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import Solution, solve
+from contact_locking import StudySolution, solve
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.tool_shapes import FOUNDATIONS
 from contact_locking.laws.foundation import Foundation
 from contact_locking.parameters import rigid_body
 from contact_locking.results.contact_points import OPEN
+from contact_locking.study.shapes import FOUNDATIONS
 
 GAP = 0.005
 
@@ -62,7 +62,7 @@ class Wedge:
         return -np.array(self.normals)[self._heights(x).argmax(axis=0)].T
 
 
-def on(foundation: dict[str, Any], dim: int, comm: MPI.Intracomm) -> Solution:
+def on(foundation: dict[str, Any], dim: int, comm: MPI.Intracomm) -> StudySolution:
     h = 0.2 if dim == 2 else 0.5
     return solve(block(dim, h, contact={"on": "bottom", "foundation": foundation}), comm)
 

@@ -11,18 +11,18 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import Solution, solve
+from contact_locking import StudySolution, solve
 from contact_locking.errors import InputError
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.locking import locking_energy
-from contact_locking.problem.assembly import Problem, assemble
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import StudyProblem, assemble
 
 LIMIT = 0.02
 
 
-def with_energy(comm: MPI.Intracomm, energy: Any, **changes: Any) -> Solution:
+def with_energy(comm: MPI.Intracomm, energy: Any, **changes: Any) -> StudySolution:
     """Solved with ``energy(problem, u)`` added."""
     problem = assemble(block(2, 0.2, **changes), comm)
 
@@ -33,7 +33,7 @@ def with_energy(comm: MPI.Intracomm, energy: Any, **changes: Any) -> Solution:
     return solve_assembled(problem)
 
 
-def ball(problem: Problem, u: fem.Function) -> Any:
+def ball(problem: StudyProblem, u: fem.Function) -> Any:
     """The locking law of the package once more."""
     one_over = fem.Constant(problem.domain.mesh, 1.0 / LIMIT)
     return locking_energy(strain(u), one_over, problem.data.n) * problem.data.dx
@@ -51,7 +51,7 @@ def test_the_ball_as_an_own_law_gives_what_the_package_has(comm: MPI.Intracomm) 
 
 
 def test_springs_that_hold_the_body_are_in_its_balance(comm: MPI.Intracomm) -> None:
-    def springs(problem: Problem, u: fem.Function) -> Any:
+    def springs(problem: StudyProblem, u: fem.Function) -> Any:
         return 0.5 * 0.1 * squared_norm(u) * problem.domain.ds(("right",))
 
     solution = with_energy(comm, springs)
@@ -72,7 +72,7 @@ def test_no_bound_is_claimed_for_an_own_law(comm: MPI.Intracomm) -> None:
 
 
 def test_an_own_law_that_is_not_solved_for_does_not_converge(comm: MPI.Intracomm) -> None:
-    def not_convex(problem: Problem, u: fem.Function) -> Any:
+    def not_convex(problem: StudyProblem, u: fem.Function) -> Any:
         return -1e3 * squared_norm(strain(u)) * problem.data.dx
 
     solution = with_energy(comm, not_convex)

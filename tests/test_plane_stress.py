@@ -12,7 +12,7 @@ from problems import with_changes
 from contact_locking import solving
 from contact_locking.laws.elasticity import lame_from_young, plane_stress_lambda
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.study_file import problem_fingerprint
 
 pytestmark = pytest.mark.serial
@@ -38,13 +38,13 @@ def sheet(**changes: Any) -> Parameters:
     return with_changes(data, **changes)
 
 
-def solved(**changes: Any) -> Solution:
+def solved(**changes: Any) -> StudySolution:
     solution = solving.solve(sheet(**changes))
     assert solution.converged, solution.summary["reason"]
     return solution
 
 
-def strains(solution: Solution) -> tuple[float, float]:
+def strains(solution: StudySolution) -> tuple[float, float]:
     """The strains along x and y, which are the displacements of the far corner."""
     u = solution.displacement.x.array.reshape(-1, 2)
     x = solution.displacement.function_space.tabulate_dof_coordinates()[:, :2]

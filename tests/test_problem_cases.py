@@ -20,14 +20,14 @@ from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
 
 from contact_locking import solving, study_file
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.serial
 
 SOLVED_CASES = problem_cases.SOLVED | friction_cases.SOLVED
 
 
-def solution_of(data: Study) -> Solution:
+def solution_of(data: Study) -> StudySolution:
     solution = solving.solve(Parameters.model_validate(data), MPI.COMM_SELF)
     assert solution.converged, solution.summary["reason"]
     return solution

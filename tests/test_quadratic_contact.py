@@ -18,9 +18,9 @@ from contact_locking.fem.spaces import P2
 from contact_locking.fem.trace import Trace, make_nodal
 from contact_locking.parallel import maximum
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import Problem, assemble
 from contact_locking.results.derived import integral
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import StudyProblem, assemble
 
 #: Contact at the nodes of edges with the weights of Simpson's rule.
 SIMPSON = dataclasses.replace(
@@ -36,7 +36,7 @@ SIMPSON = dataclasses.replace(
 SLOPE = 0.02
 
 
-def random_field(problem: Problem) -> fem.Function:
+def random_field(problem: StudyProblem) -> fem.Function:
     """A field with the same random nodal values for every distribution."""
     field = fem.Function(problem.u.function_space)
     dim = problem.domain.dim
@@ -112,7 +112,7 @@ def test_friction_of_control_values_bounds_the_integral_from_above(
     problem.close()
 
 
-def entered(solution: Solution) -> float:
+def entered(solution: StudySolution) -> float:
     """``max u_nu - gap`` over a fine lattice of points of the flat bottom; collective."""
     u = solution.displacement
     mesh, dim = u.function_space.mesh, u.ufl_shape[0]

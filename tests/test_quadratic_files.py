@@ -18,10 +18,10 @@ from contact_locking import checkpoint, solving, study_file, writing
 from contact_locking.errors import InputError
 from contact_locking.plotting.gather import gather
 from contact_locking.plotting.snapshot import Snapshot
-from contact_locking.problem.assembly import assemble
 from contact_locking.results import fields
 from contact_locking.results.derived import integral
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 
@@ -105,7 +105,7 @@ def test_a_picture_shows_cells_of_degree_two_in_pieces(comm: MPI.Intracomm) -> N
         assert_values(body, solution)
 
 
-def assert_values(body: Snapshot, solution: Solution) -> None:
+def assert_values(body: Snapshot, solution: StudySolution) -> None:
     assert body.strain_norm.max() <= solution.summary["strain_norm_max_in_cells"]
     assert body.strain_norm.max() >= 0.95 * LIMIT
     share = body.locked.mean()

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from contact_locking import solving
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 
 def _between(low: float, high: float) -> st.SearchStrategy[float]:
@@ -72,7 +72,7 @@ def problems(draw: st.DrawFn) -> Parameters:
     return with_changes(data)
 
 
-def _is_infeasible(solution: Solution) -> bool:
+def _is_infeasible(solution: StudySolution) -> bool:
     """The verdict of Clarabel on the inequality: penalties can hide that no field is admissible."""
     pytest.importorskip("clarabel")
     _, *moved = solution.parameters.loads.displacements

@@ -11,7 +11,7 @@ from problems import block
 
 from contact_locking import checkpoint, save, solving
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
@@ -35,11 +35,11 @@ def given(method: str, dim: int = 2, load: float = 1.0, **changes: Any) -> Param
     return block(dim, h, **{"solver__method": method, "loads": loads, **changes})
 
 
-def tangents(solution: Solution) -> int:
+def tangents(solution: StudySolution) -> int:
     return int(solution.summary["iterations"]["tangents"])
 
 
-def agree(one: Solution, other: Solution, digits: float = 1e-8) -> bool:
+def agree(one: StudySolution, other: StudySolution, digits: float = 1e-8) -> bool:
     assert one.converged and other.converged, (one.summary["reason"], other.summary["reason"])
     for key in ("compliance", "elastic_energy", "strain_norm_max"):
         assert one.summary[key] == pytest.approx(other.summary[key], rel=digits), key

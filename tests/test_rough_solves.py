@@ -14,11 +14,11 @@ from solved_by_cg import crushed_steel
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
-from contact_locking.problem.assembly import assemble
 from contact_locking.solver.interior_point import farkas, method
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.target import Target
+from contact_locking.study.assembly import assemble
 from contact_locking.supports.rigid_motions import prescribed_motion
 
 _ANGLE = 1e-3

@@ -14,18 +14,18 @@ from problems import block
 from contact_locking import InputError
 from contact_locking.certificate.balances import nodal_forces
 from contact_locking.problem import forms
-from contact_locking.problem.assembly import Problem, assemble
+from contact_locking.study.assembly import StudyProblem, assemble
 
 _HELD = [{"on": "left", "value": [0.0, 0.0]}]
 
 
-def _block(h: float = 0.2, dim: int = 2, **changes: Any) -> Problem:
+def _block(h: float = 0.2, dim: int = 2, **changes: Any) -> StudyProblem:
     """A regular block; R reaches over several facets."""
     changes = {"mesh__structured": True, "friction__smoothing__radius": 0.6} | changes
     return assemble(block(dim, h, **changes), MPI.COMM_WORLD)
 
 
-def _loaded(h: float = 0.25, dim: int = 2, degree: int = 1, **loads: Any) -> Problem:
+def _loaded(h: float = 0.25, dim: int = 2, degree: int = 1, **loads: Any) -> StudyProblem:
     held = [{"on": "left", "value": [0.0] * dim}]
     return _block(h, dim, discretisation__degree=degree, loads={"displacements": held} | loads)
 
@@ -34,7 +34,7 @@ def _down(load: str, dim: int = 2) -> list[dict[str, Any]]:
     return [{"on": "top", "value": [0.0] * (dim - 1) + [f"-({load})"]}]
 
 
-def _weight(problem: Problem) -> float:
+def _weight(problem: StudyProblem) -> float:
     """The resultant of the loads downwards, from the forms of the solver."""
     test = ufl.TestFunction(problem.u.function_space)
     forces = nodal_forces(forms.external_work(test, problem.data))
@@ -91,7 +91,7 @@ def test_a_narrow_load_that_comes_later_has_the_right_resultant_then() -> None:
 
 def test_a_smooth_load_keeps_the_plain_rule_of_integration() -> None:
     problem = _loaded(tractions=_down("sin(5*x)"), body_force=[0.0, "cos(x*y)"])
-    rules = [measure.metadata() for _, measure in problem.data.loads]
+    rules = [measure.metadata() for _, measure in problem.loads.terms]
     assert all("quadrature_rule" not in rule for rule in rules)
     problem.close()
 
@@ -254,5 +254,5 @@ def test_data_that_the_mesh_sees_are_not_warned_of(changes: dict[str, Any]) -> N
 def test_values_that_are_no_numbers_at_single_points_are_passed_over() -> None:
     problem = _block(material__locking_limit="0.02*(1 + abs(x - 0.5)/abs(x - 0.5))")
     assert problem.warnings == []
-    assert np.allclose(problem.material.limit.x.array, 0.04)
+    assert np.allclose(problem.limits.limit.x.array, 0.04)
     problem.close()

@@ -19,7 +19,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.certificate import certify
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
+from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 

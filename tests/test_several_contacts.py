@@ -11,7 +11,7 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import Solution, assemble, save, solve, solve_assembled
+from contact_locking import StudySolution, assemble, save, solve, solve_assembled
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
 from contact_locking.solver.settings import Settings
@@ -32,13 +32,13 @@ def between(dim: int, contact: Any, **changes: Any) -> Parameters:
     return block(dim, 0.125 if dim == 2 else 0.34, **(given | changes))
 
 
-def solved(parameters: Parameters) -> Solution:
+def solved(parameters: Parameters) -> StudySolution:
     solution = solve(parameters)
     assert solution.converged, solution.summary["reason"]
     return solution
 
 
-def same(one: Solution, other: Solution, share: float = 1e-7) -> None:
+def same(one: StudySolution, other: StudySolution, share: float = 1e-7) -> None:
     """The displacements agree, relative to their size; collective."""
     a, b = one.displacement.x.array, other.displacement.x.array
     comm = one.domain.comm

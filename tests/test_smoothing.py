@@ -14,11 +14,11 @@ from problems import block, column
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.smoothing import Convolution, HelmholtzFilter, Smoothing
+from contact_locking.contact.smoothing import ConvolutionOperator, HelmholtzOperator, Smoothing
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.mesh.domain import Domain
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
+from contact_locking.study.assembly import assemble
 
 KERNELS = ("convolution", "helmholtz")
 
@@ -90,9 +90,9 @@ def test_a_part_of_gamma_c_that_is_held_everywhere_does_no_harm(kernel: str) -> 
     whole = surface.whole(np.zeros(len(surface.nodes), dtype=bool))
     laplacian = surface.laplacian()
     smoothing: Smoothing = (
-        Convolution(comm, whole, 0.2)
+        ConvolutionOperator(comm, whole, 0.2)
         if kernel == "convolution"
-        else HelmholtzFilter(comm, whole, laplacian, 0.2)
+        else HelmholtzOperator(comm, whole, laplacian, 0.2)
     )
     assert np.isfinite(smoothing.apply(np.ones(len(surface.nodes)))).all()
     assert smoothing.norm() == 1.0
@@ -154,7 +154,7 @@ def test_two_parts_of_gamma_c_that_are_not_joined_do_not_average_over_each_other
         return (x[dim - 1] < 1e-9) & ((x[0] < 0.41) | (x[0] > 0.59))
 
     surface = surface_of(comm, (1.0,) * dim, (10, 4, 4)[:dim], apart)
-    smoothing = Convolution(comm, surface.whole(), 0.5)
+    smoothing = ConvolutionOperator(comm, surface.whole(), 0.5)
     left = surface.points[:, 0] < 0.5
     smoothed = smoothing.apply(np.where(left, 1.0, 0.0))
     assert smoothed == pytest.approx(np.where(left, 1.0, 0.0), abs=1e-14)
@@ -171,7 +171,7 @@ def test_distances_in_two_dimensions_are_lengths_along_the_curve(comm: MPI.Intra
     place = np.where(y < 1e-9, x, np.where(x > 1.0 - 1e-9, 1.0 + y, 2.1 - x))
     place = np.where((y > 0.1 - 1e-9) & (x > 1.0 - 1e-9), 1.1, place)
     values = np.sin(3.0 * place)
-    found = Convolution(comm, surface.whole(), 0.3).apply(values)
+    found = ConvolutionOperator(comm, surface.whole(), 0.3).apply(values)
     s, weights, w, smoothed = gathered(comm, place, surface.weights, values, found)
     expected = kernel_mean(np.abs(s[:, None] - s), weights, w, 0.3)
     assert smoothed == pytest.approx(expected, abs=1e-12)

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 from tool_files import binary_stl, box
 
-from contact_locking import Solution, solve
+from contact_locking import StudySolution, solve
 from contact_locking.errors import Misplaced
 from contact_locking.study_file import from_mapping
 
@@ -23,7 +23,7 @@ def square(left: float, right: float, depth: float = DEPTH) -> list[list[float]]
     return [[left, low], [right, low], [right, high], [left, high], [left, low]]
 
 
-def pressed(foundation: dict[str, Any], **changes: Any) -> Solution:
+def pressed(foundation: dict[str, Any], **changes: Any) -> StudySolution:
     """A strip [4, 1] that stands on its bottom, with nodes at multiples of 0.1."""
     given: dict[str, Any] = {
         "mesh": {"builder": "block", "size": [4, 1], "h": 0.1, "structured": True},
@@ -37,7 +37,7 @@ def pressed(foundation: dict[str, Any], **changes: Any) -> Solution:
     return solution
 
 
-def force(solution: Solution) -> float:
+def force(solution: StudySolution) -> float:
     return float(solution.summary["contact_force"][-1])
 
 

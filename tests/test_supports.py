@@ -25,13 +25,13 @@ from turned_supports import (
 )
 
 from contact_locking.arrays import FloatArray
-from contact_locking.problem.assembly import assemble
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import assemble
 
 
 @functools.cache
-def unturned(dim: int, degree: int, n: float) -> Solution:
+def unturned(dim: int, degree: int, n: float) -> StudySolution:
     """The block on rollers that fix components."""
     return solved(dim, np.eye(dim), "component", **sharp(degree, n))
 

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from contact_locking import solving, study_file
 from contact_locking.command import cli
-from contact_locking.problem.assembly import assemble
+from contact_locking.study.assembly import assemble
 
 pytestmark = pytest.mark.serial
 

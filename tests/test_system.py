@@ -15,11 +15,11 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
-from contact_locking.problem.assembly import Problem, assemble
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.study.assembly import StudyProblem, assemble
 
 
-def _system(parameters: Parameters) -> tuple[Problem, PenalisedSystem]:
+def _system(parameters: Parameters) -> tuple[StudyProblem, PenalisedSystem]:
     from mpi4py import MPI
 
     made = assemble(parameters, MPI.COMM_WORLD)
@@ -27,7 +27,7 @@ def _system(parameters: Parameters) -> tuple[Problem, PenalisedSystem]:
     return made, system
 
 
-def _rough_state(made: Problem, size: float) -> None:
+def _rough_state(made: StudyProblem, size: float) -> None:
     """A displacement that locks, touches and slips somewhere, the same on any partition."""
     dim = made.domain.dim
     made.u.interpolate(
@@ -165,7 +165,7 @@ def test_equilibrium_of_forces_on_the_whole_body() -> None:
     assert solution.summary["contact_force"] == pytest.approx([0.0, 0.05], abs=1e-9)
 
 
-def _values(made: Problem) -> list[FloatArray]:
+def _values(made: StudyProblem) -> list[FloatArray]:
     return [made.u.x.array.copy(), *(contact.bounds for contact in made.contacts)]
 
 

@@ -19,7 +19,7 @@ from tool_files import box
 
 from contact_locking import assemble, solve_steps
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.tool_outline import box_around, outline
+from contact_locking.contact.outline import box_around, outline
 from contact_locking.laws.foundation import HalfSpace, Round
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.plotting import contact_map, draw, offscreen, plane, snapshot_file, views
@@ -106,7 +106,7 @@ def test_the_outline_of_an_expression_is_its_zeros_and_none_where_it_has_no_valu
     def of(text: str) -> FloatArray:
         contact = {"on": "bottom", "foundation": {"expression": text}}
         given = block(2, 0.5, contact=contact)
-        (tool,) = (contact.obstacle for contact in assemble(given, MPI.COMM_SELF).contacts)
+        (tool,) = (contact.foundation for contact in assemble(given, MPI.COMM_SELF).contacts)
         return tool.outline(BOX)
 
     facets = of("y + 0.1 + 0.05*cos(2*pi*x)")

@@ -13,7 +13,7 @@ from problems import block
 from scipy.spatial import ConvexHull
 from tool_files import ascii_stl, ball, binary_stl, box
 
-from contact_locking import InputError, Parameters, Solution, solve
+from contact_locking import InputError, Parameters, StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.expressions import parse
 from contact_locking.expressions.gradient import value_and_gradient
@@ -33,7 +33,7 @@ def on(foundation: dict[str, Any], dim: int = 2, **changes: Any) -> Parameters:
     return block(dim, **(given | {"contact": contact} | changes))
 
 
-def assert_same(a: Solution, b: Solution, within: float) -> None:
+def assert_same(a: StudySolution, b: StudySolution, within: float) -> None:
     assert a.converged and b.converged, a.summary["reason"]
     assert a.summary["contact_area"] > 0.0
     difference = np.abs(a.displacement.x.array - b.displacement.x.array).max(initial=0.0)

@@ -15,7 +15,7 @@ from problems import block
 from contact_locking import Parameters, save, solve, solve_steps
 from contact_locking.parallel import maximum
 from contact_locking.results.contact_points import SLIP, STICK
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.study_file import from_mapping
 
 WAY = ["0.02*sin(6*t)", "0.02*min(4*t, 1)"]
@@ -45,7 +45,7 @@ def in_space(way: list[str], dim: int) -> list[str]:
     return way if dim == 2 else [way[0], "0.01*t", way[1]]
 
 
-def all_of(parameters: Parameters) -> list[Solution]:
+def all_of(parameters: Parameters) -> list[StudySolution]:
     solutions = list(solve_steps(parameters))
     assert all(found.converged for found in solutions), solutions[-1].summary["reason"]
     return solutions
@@ -120,7 +120,7 @@ def test_no_tool_creates_energy_whatever_its_normals_do(n: float, motion: Any) -
 
 
 def test_a_tool_stands_where_its_motion_has_brought_it() -> None:
-    def solved(centre: list[float], motion: Any) -> Solution:
+    def solved(centre: list[float], motion: Any) -> StudySolution:
         disc: dict[str, Any] = {"sphere": {"centre": centre, "radius": 1.0}}
         contact = {"on": "bottom", "foundation": disc | motion}
         return solve(
@@ -181,7 +181,7 @@ def test_nodes_become_free_when_the_normal_of_a_tool_turns() -> None:
     plane = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
     turn = {"translation": [0.0, "0.015*t"], "rotation": "0.02*t", "about": [1.0, 0.0]}
 
-    def last(times: list[float]) -> tuple[Solution, Solution]:
+    def last(times: list[float]) -> tuple[StudySolution, StudySolution]:
         contact = {"on": "bottom", "foundation": plane | {"motion": turn}}
         loads = {"displacements": held}
         steps = {"times": times}

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from problems import block
 
-from contact_locking import Solution, solve
+from contact_locking import StudySolution, solve
 
 # The walls stand 0.05 to the right of the unit block, and the floor 0.01 below.
 FLOOR_AND_WALL = {"polyline": [[1.05, 3.0], [1.05, -0.01], [-3.0, -0.01]]}
 
 
-def solved(loads: dict[str, Any], **changes: Any) -> Solution:
+def solved(loads: dict[str, Any], **changes: Any) -> StudySolution:
     """A unit block that is clamped on its left."""
     clamp = {"on": "left", "value": [0.0, 0.0]}
     loads = {"tractions": [], **loads, "displacements": [clamp, *loads.get("displacements", [])]}
@@ -24,7 +24,7 @@ def solved(loads: dict[str, Any], **changes: Any) -> Solution:
     return solution
 
 
-def about_entries(solution: Solution) -> list[str]:
+def about_entries(solution: StudySolution) -> list[str]:
     """The warnings about a boundary that enters a foundation."""
     found = solution.summary["warnings"]
     return [text for text in found if "enters the foundation" in text]

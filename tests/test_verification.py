@@ -12,14 +12,19 @@ from verification_table import Row
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.smoothing import Convolution, HelmholtzFilter, Identity, Smoothing
+from contact_locking.contact.smoothing import (
+    ConvolutionOperator,
+    HelmholtzOperator,
+    Identity,
+    Smoothing,
+)
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.mesh.domain import Domain, from_geometry
 from contact_locking.meshes.block import Block
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)
 K = LAME_LAMBDA + 2.0 * LAME_MU
@@ -59,7 +64,7 @@ def test_v1_column_in_uniaxial_strain_is_exact(
 HALF_WIDTH, PEAK = 0.681, 9.35
 
 
-def pressed_cylinder(h_contact: float, **discretisation: int) -> Solution:
+def pressed_cylinder(h_contact: float, **discretisation: int) -> StudySolution:
     """V6: a cylinder of radius 8 that a force of 10 presses onto a plane, as its lower half."""
     parameters = Parameters.model_validate(
         {
@@ -100,7 +105,7 @@ def test_v6_hertz_line_contact_has_the_half_width_and_peak_of_theory(found: list
         assert largest == pytest.approx(PEAK, rel=0.05)
 
 
-def _fingerprint(solution: Solution) -> FloatArray:
+def _fingerprint(solution: StudySolution) -> FloatArray:
     """Numbers that any error of the parallel code would change."""
     summary = solution.summary
     square = fem.assemble_scalar(
@@ -146,10 +151,10 @@ class Foot:
     def smoothing(self, kernel: str, radius: float) -> Smoothing:
         surface = self.surface
         if kernel == "convolution":
-            return Convolution(self.domain.comm, surface.whole(), radius)
+            return ConvolutionOperator(self.domain.comm, surface.whole(), radius)
         if kernel == "helmholtz":
             whole, laplacian = surface.whole(), surface.laplacian()
-            return HelmholtzFilter(self.domain.comm, whole, laplacian, radius)
+            return HelmholtzOperator(self.domain.comm, whole, laplacian, radius)
         return Identity()
 
     def maximum(self, values: FloatArray) -> float:

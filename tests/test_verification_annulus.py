@@ -24,7 +24,7 @@ from verification_table import Row
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import lame_from_young
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 INNER, OUTER, EDGE, LIMIT = 1.0, 2.0, 1.4, 0.02
 ANGLE = 0.5  # phi at the edge
@@ -69,7 +69,7 @@ def locking_stress() -> tuple[FloatArray, FloatArray]:
     return solved.t, solved.y[0]
 
 
-def annulus(h: float, n: float, **changes: Any) -> Solution:
+def annulus(h: float, n: float, **changes: Any) -> StudySolution:
     circles = {name: float(radial(r)) / r for name, r in (("inner", INNER), ("outer", OUTER))}
     held: list[dict[str, Any]] = [
         {"on": name, "value": [f"{u!r}*x", f"{u!r}*y"]} for name, u in circles.items()
@@ -108,7 +108,7 @@ def exact_displacement(mesh: dolfinx.mesh.Mesh) -> fem.Function:
     return exact
 
 
-def errors(solution: Solution) -> tuple[float, float]:
+def errors(solution: StudySolution) -> tuple[float, float]:
     """The relative errors in V and in L2."""
     mesh = solution.domain.mesh
     exact = exact_displacement(mesh)

@@ -17,9 +17,9 @@ from contact_locking import solving
 from contact_locking.convergence import fitted_rate
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import lame_from_young
-from contact_locking.problem.assembly import assemble, mesh_of
 from contact_locking.results.derived import integral
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import assemble, mesh_of
 
 TEST = "test_verification_axisymmetric.py"
 YOUNG, POISSON = 1.0, 0.3
@@ -30,7 +30,7 @@ PRESSURE, LIMIT = 0.05, 0.03
 pytestmark = pytest.mark.serial
 
 
-def cylinder(**changes: Any) -> Solution:
+def cylinder(**changes: Any) -> StudySolution:
     """A cylinder of radius and height 1 that pressure pushes onto a smooth foundation."""
     data: dict[str, Any] = {
         "mesh": {"builder": "block", "size": [1.0, 1.0], "h": 0.5, "axisymmetric": True},
@@ -144,7 +144,7 @@ def test_v25_a_cylinder_in_a_rigid_tube_touches_it_all_around(found: list[Row]) 
     assert force == pytest.approx([-2.0 * math.pi * thrust, 0.0], rel=1e-6, abs=1e-8)
 
 
-def ring(h: float, degree: int = 1) -> tuple[list[float], Solution]:
+def ring(h: float, degree: int = 1) -> tuple[list[float], StudySolution]:
     """V25: a hollow sphere, of which a quarter of an annulus is the half section.
 
     The relative errors of the strain and of the displacement.

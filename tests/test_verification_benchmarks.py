@@ -12,20 +12,20 @@ from problems import with_changes
 from verification_table import Row
 
 from contact_locking import solving
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 TEST = "test_verification_benchmarks.py"
 
 pytestmark = pytest.mark.serial
 
 
-def solution_of(data: dict[str, Any]) -> Solution:
+def solution_of(data: dict[str, Any]) -> StudySolution:
     found = solving.solve(with_changes(data))
     assert found.converged, found.summary["reason"]
     return found
 
 
-def _torsion(mesh: dict[str, Any], rim: list[str]) -> Solution:
+def _torsion(mesh: dict[str, Any], rim: list[str]) -> StudySolution:
     """``min int |grad w|^2/2 - 5 w`` with ``|grad w| <= 1``, w = 0 on the rim: one layer of cells.
 
     The displacement is (0, 0, w) and mu = 1, so that ``|eps| = |grad w|/sqrt(2)``.
@@ -41,7 +41,7 @@ def _torsion(mesh: dict[str, Any], rim: list[str]) -> Solution:
     return solution_of({"mesh": mesh, "material": material, "loads": loads, "contact": []})
 
 
-def _least_energy(solution: Solution, thickness: float) -> float:
+def _least_energy(solution: StudySolution, thickness: float) -> float:
     summary = solution.summary
     return float((summary["elastic_energy"] - summary["compliance"]) / thickness)
 

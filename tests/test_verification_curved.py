@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 from verification_table import Row
 
-from contact_locking import Solution, solve
+from contact_locking import StudySolution, solve
 from contact_locking.study_file import from_mapping
 
 TEST = "test_verification_curved.py"
@@ -18,7 +18,7 @@ PRESS, NU = 0.01, 0.3
 LAME = PRESS / (2.0 * (1.0 - NU**2) * (5.0 / 3.0 - NU / (1.0 - NU)))
 
 
-def solved(data: dict[str, Any]) -> Solution:
+def solved(data: dict[str, Any]) -> StudySolution:
     solution = solve(
         from_mapping(
             data
@@ -31,7 +31,7 @@ def solved(data: dict[str, Any]) -> Solution:
     return solution
 
 
-def pressures(solution: Solution) -> Any:
+def pressures(solution: StudySolution) -> Any:
     return np.concatenate(MPI.COMM_WORLD.allgather(solution.contacts[0].pressure))
 
 

@@ -10,9 +10,9 @@ import pytest
 from mpi4py import MPI
 from verification_table import Row
 
-from contact_locking import Parameters, Solution, solving
+from contact_locking import Parameters, StudySolution, solving
 from contact_locking.mesh.domain import Domain
-from contact_locking.problem.assembly import assemble
+from contact_locking.study.assembly import assemble
 
 TEST = "test_verification_force.py"
 # A force of 10 presses a cylinder of radius 8, as its lower half, onto a plane (V6).
@@ -21,7 +21,7 @@ FORCE, HALF_WIDTH, PEAK = 10.0, 0.681, 9.35
 
 def pressed_cylinder(
     down: float, n: float, domain: Domain | None = None, **foundation: Any
-) -> Solution:
+) -> StudySolution:
     """The cylinder whose top moves down onto a plane, which a force may push.
 
     Two solutions are comparable on several ranks only on one ``domain``, as two meshes are not

@@ -9,7 +9,7 @@ import sympy as sp
 from manufactured import Errors, Manufactured, X, Y, Z, rate, sampled
 from verification_table import Row
 
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 # A shear, so that the strain is nowhere small, with waves.
 PLANE = (sp.sin(X + 2 * Y + 0.3) / 20 + 0.3 * Y, -sp.cos(2 * X - Y) / 20)
@@ -51,7 +51,9 @@ def problem_of(name: str, dim: int = 2) -> Manufactured:
     return Manufactured(u, pressure, smoothed, HELMHOLTZ, WEAKENING, limit=0.1)
 
 
-def solve_all(given: Manufactured, sizes: Sequence[float]) -> tuple[list[Solution], list[Errors]]:
+def solve_all(
+    given: Manufactured, sizes: Sequence[float]
+) -> tuple[list[StudySolution], list[Errors]]:
     solutions = [given.solved(h) for h in sizes]
     return solutions, [given.errors(solution) for solution in solutions]
 

@@ -24,8 +24,8 @@ from verification_table import Row
 from contact_locking import solving
 from contact_locking.fem.spaces import P1, P2, P2_GAUSS, Element
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import assemble
 
 TEST = "test_verification_quadratic.py"
 NAMES = {"vertices": P2, "Gauss points": P2_GAUSS}
@@ -41,7 +41,7 @@ RATES = [
 ]
 
 
-def solved(parameters: Parameters, element: Element, comm: MPI.Intracomm) -> Solution:
+def solved(parameters: Parameters, element: Element, comm: MPI.Intracomm) -> StudySolution:
     solution = solving.solve_assembled(assemble(parameters, comm, element=element))
     assert solution.converged, solution.summary["reason"]
     return solution

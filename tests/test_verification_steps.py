@@ -14,7 +14,7 @@ from verification_table import Row
 from contact_locking import assemble, solve_steps
 from contact_locking.arrays import FloatArray
 from contact_locking.process.loop import Steps
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.serial
 
@@ -24,7 +24,7 @@ YOUNG, POISSON, MU, RADIUS = 1.0, 0.45, 0.5, 2.0
 DEPTH, SHIFT, H = 0.037, 0.033, 0.0125
 
 
-def on_a_cylinder(shift: str, times: list[float]) -> list[Solution]:
+def on_a_cylinder(shift: str, times: list[float]) -> list[StudySolution]:
     """A block on a cylinder, pressed down until t = 1 and then moved along by ``shift``.
 
     The block is pressed without friction, as the theory has no traction before the shift.

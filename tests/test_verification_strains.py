@@ -12,7 +12,7 @@ from verification_table import Row
 
 from contact_locking import solving
 from contact_locking.laws.elasticity import lame_from_young
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)
 K = LAME_LAMBDA + 2.0 * LAME_MU
@@ -58,7 +58,7 @@ def strain_under(pressure: float, n: float, limits: list[tuple[float, float]]) -
     return push / (K + sum(2.0 * n * c**2 for c, _ in active))
 
 
-def require_solved(solution: Solution) -> dict[str, Any]:
+def require_solved(solution: StudySolution) -> dict[str, Any]:
     summary = solution.summary
     assert summary["converged"], summary["reason"]
     return summary

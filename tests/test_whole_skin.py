@@ -10,7 +10,7 @@ import pytest
 from problems import block
 from rings import floor, ring
 
-from contact_locking import InputError, Parameters, Solution, solve
+from contact_locking import InputError, Parameters, StudySolution, solve
 from contact_locking.errors import Misplaced
 
 
@@ -19,7 +19,7 @@ def roller(foundation: dict[str, Any]) -> Parameters:
     return ring([0.02, -0.05], foundation, mesh=mesh)
 
 
-def solved(parameters: Parameters) -> Solution:
+def solved(parameters: Parameters) -> StudySolution:
     found = solve(parameters)
     assert found.converged, found.summary["reason"]
     return found

@@ -11,9 +11,9 @@ from problems import block
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import Problem, assemble, mesh_of
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 
 # The displacement into the body that the rollers prescribe.
 MOVED = 0.002
@@ -35,7 +35,7 @@ def vector(values: FloatArray) -> list[float]:
     return [float(value) for value in values]
 
 
-def holds(solution: Solution) -> bool:
+def holds(solution: StudySolution) -> bool:
     """Whether every criterion of the certificate holds."""
     criteria = solution.summary["certificate"]["criteria"]
     return all(criterion["holds"] for criterion in criteria.values())
@@ -61,7 +61,7 @@ def rollers(dim: int, rotation: FloatArray, along: str) -> dict[str, Any]:
     return {"supports": held}
 
 
-def turned(parameters: Parameters, rotation: FloatArray) -> Problem:
+def turned(parameters: Parameters, rotation: FloatArray) -> StudyProblem:
     """The problem on the mesh of the parameters after a rotation about the origin."""
     domain = mesh_of(parameters, MPI.COMM_WORLD)
     x = domain.mesh.geometry.x
@@ -83,13 +83,13 @@ def pressed(dim: int, rotation: FloatArray, along: str, **changes: Any) -> Param
     return block(dim, 0.5, **(given | changes))
 
 
-def solved(dim: int, rotation: FloatArray, along: str, **changes: Any) -> Solution:
+def solved(dim: int, rotation: FloatArray, along: str, **changes: Any) -> StudySolution:
     solution = solve_assembled(turned(pressed(dim, rotation, along, **changes), rotation))
     assert solution.converged, solution.summary["reason"]
     return solution
 
 
-def nodal(solution: Solution) -> FloatArray:
+def nodal(solution: StudySolution) -> FloatArray:
     """The displacements (k, d) of the local nodes."""
     return np.asarray(solution.displacement.x.array.reshape(-1, solution.domain.dim))
 

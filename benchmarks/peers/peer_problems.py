@@ -15,7 +15,7 @@ import numpy as np
 from dolfinx import fem
 from exchange import Problem
 
-from contact_locking import Parameters, Solution
+from contact_locking import Parameters, StudySolution
 
 # Lengths are in units of the body's, stresses in units of Young's modulus, as the tests of
 # convergence of some programs add forces and displacements.
@@ -71,7 +71,7 @@ STUDIES["locking"] = STUDIES["block"] | {
 STUDIES["smooth"] = STUDIES["locking"] | {"friction": {"coefficient": 0.0}}
 
 
-def problem(name: str, solution: Solution) -> Problem:
+def problem(name: str, solution: StudySolution) -> Problem:
     """A problem on the mesh of a solution, with the friction bound of the solution."""
     given, domain = STUDIES[name], solution.domain
     x, cells = displaced(solution)[0], solution.displacement.function_space.dofmap.list
@@ -101,13 +101,13 @@ def problem(name: str, solution: Solution) -> Problem:
     )
 
 
-def displaced(solution: Solution) -> tuple[Any, Any]:
+def displaced(solution: StudySolution) -> tuple[Any, Any]:
     """The nodes and their displacements, both (k, 2)."""
     space = solution.displacement.function_space
     return space.tabulate_dof_coordinates()[:, :2], solution.displacement.x.array.reshape(-1, 2)
 
 
-def write(name: str, folder: Path) -> Solution:
+def write(name: str, folder: Path) -> StudySolution:
     """Solve a problem at n = inf and write it for the peers."""
     from contact_locking import solve
 

@@ -24,16 +24,16 @@ from contact_locking.adaptivity.measured_error import MEASURES, ErrorMeasure
 from contact_locking.adaptivity.mesh_sequence import MeshSequence
 from contact_locking.adaptivity.refinement import refined, singular_place
 from contact_locking.arrays import BoolArray
-from contact_locking.contact.contact_boundary import default_radius
+from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import AdaptParameters, Parameters
-from contact_locking.problem.assembly import mesh_of
 from contact_locking.results.adapted_meshes import AdaptedMesh
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import mesh_of
 
 
 def solve(
@@ -42,7 +42,7 @@ def solve(
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
-) -> Solution:
+) -> StudySolution:
     """Solve (25)/(26) for the given parameters; collective.
 
     With a section ``adapt`` this is the last solution of `solve_adaptively`.  For the arguments and
@@ -61,7 +61,7 @@ def solve_adaptively(
     monitor: Monitor | None = None,
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
-) -> Iterator[Solution]:
+) -> Iterator[StudySolution]:
     """The solutions on the adapted meshes, one after the other; collective.
 
     The section ``adapt`` sets the tolerance and the limits; without it the defaults hold.  The
@@ -96,7 +96,9 @@ def solve_adaptively(
         domain = finer
 
 
-def _refined(solution: Solution, measure: ErrorMeasure, sequence: MeshSequence) -> Domain | None:
+def _refined(
+    solution: StudySolution, measure: ErrorMeasure, sequence: MeshSequence
+) -> Domain | None:
     """The next mesh; None, with the reason in ``sequence``, if there is none; collective."""
     domain, given = solution.domain, sequence.given
     mesh = gather_mesh(domain)
@@ -150,7 +152,7 @@ def _finer(mesh: WholeMesh, marked: BoolArray, parameters: Parameters) -> WholeM
     return replace(finer, diagnosis=replace(finer.diagnosis, warnings=[*told, *news]))
 
 
-def _warn(solution: Solution, monitor: Monitor, sequence: MeshSequence) -> None:
+def _warn(solution: StudySolution, monitor: Monitor, sequence: MeshSequence) -> None:
     text = f"the meshes were not refined until adapt.tolerance was reached: {sequence.stopped}"
     solution.summary["warnings"].append(text)
     monitor.message(f"warning: {text}")

@@ -10,7 +10,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 
 @dataclass(frozen=True)
@@ -24,23 +24,23 @@ class ErrorMeasure:
     """
 
     entry: str
-    squares: Callable[[Solution], FloatArray | None]
+    squares: Callable[[StudySolution], FloatArray | None]
 
-    def relative(self, solution: Solution) -> float | None:
+    def relative(self, solution: StudySolution) -> float | None:
         """The relative error; None if it is not known."""
         found = self._entry(solution).get("relative")
         return None if found is None else float(found)
 
-    def reason(self, solution: Solution) -> str:
+    def reason(self, solution: StudySolution) -> str:
         """Why the error is not known."""
         return str(self._entry(solution).get("reason") or "the certificate has none")
 
-    def _entry(self, solution: Solution) -> dict[str, Any]:
+    def _entry(self, solution: StudySolution) -> dict[str, Any]:
         found = solution.summary["certificate"]["errors"].get(self.entry)
         return found if isinstance(found, dict) else {}
 
 
-def _estimated(solution: Solution) -> FloatArray | None:
+def _estimated(solution: StudySolution) -> FloatArray | None:
     """``eta_K^2`` of the indicator by recovery, for the elastic stress, as in the estimate.
 
     With the locking stress the contributions would lead to locked zones, where this stress
@@ -49,12 +49,12 @@ def _estimated(solution: Solution) -> FloatArray | None:
     return _squares(solution, solution.elastic_error_indicator)
 
 
-def _bounded(solution: Solution) -> FloatArray | None:
+def _bounded(solution: StudySolution) -> FloatArray | None:
     """The contributions of the cells to the guaranteed bound, with those of their contacts."""
     return _squares(solution, solution.error_bound)
 
 
-def _squares(solution: Solution, field: fem.Function | None) -> FloatArray | None:
+def _squares(solution: StudySolution, field: fem.Function | None) -> FloatArray | None:
     """The squares (k,) of a function that is constant in each of the owned cells."""
     if field is None:
         return None

@@ -8,7 +8,7 @@ from typing import Any
 from contact_locking.adaptivity.measured_error import ErrorMeasure
 from contact_locking.parameters import AdaptParameters
 from contact_locking.results.adapted_meshes import AdaptedMesh
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 # The error has to fall below this share of itself in so many meshes.
 _LEAST_FALL, _MESHES = 0.95, 4
@@ -29,7 +29,7 @@ class MeshSequence:
         self.is_reached = False
         self._began = time.perf_counter()
 
-    def add(self, solution: Solution, measure: ErrorMeasure) -> None:
+    def add(self, solution: StudySolution, measure: ErrorMeasure) -> None:
         """Add the solution on a further mesh, and decide whether the loop goes on."""
         summary, errors = solution.summary, solution.summary["certificate"]["errors"]
         guaranteed = errors.get("guaranteed") or {}
@@ -90,5 +90,5 @@ class MeshSequence:
         return len(errors) == _MESHES and errors[-1] > _LEAST_FALL * errors[0]
 
 
-def _is_at_rest(solution: Solution) -> bool:
+def _is_at_rest(solution: StudySolution) -> bool:
     return bool(solution.summary["elastic_energy"] == 0.0)

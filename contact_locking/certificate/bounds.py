@@ -160,7 +160,7 @@ def _remembered(state: SolvedState) -> float:
     """
     return sum(
         float(fields.surface.integral(fields.bound * np.linalg.norm(place, axis=1)))
-        for fields, place in ((f, f.contact.memory.tangential) for f in state.contacts)
+        for fields, place in ((f, f.contact.references) for f in state.contacts)
     )
 
 

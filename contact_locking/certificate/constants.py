@@ -17,7 +17,7 @@ from contact_locking.certificate.elliptic import (
 )
 from contact_locking.certificate.other_solutions import without_friction
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import raise_callback_error
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
@@ -50,16 +50,15 @@ class Coefficient:
     exceeded: bool = False
 
 
-def constants(state: SolvedState) -> dict[str, Any]:
+def constants(state: SolvedState, wanted: bool) -> dict[str, Any]:
     """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
 
-    c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless the study
-    file asks for the constants.
+    c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless ``wanted``.
     """
     found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
     if not state.contacts:
         return found | {"uniqueness": without_friction(state)}
-    trace, why = _trace(state)
+    trace, why = _trace(state, wanted)
     coefficient = coefficient_range(state)
     found |= {
         "c_0": trace,
@@ -89,7 +88,7 @@ def coefficient_range(state: SolvedState) -> Coefficient:
     )
 
 
-def _coefficient_range(contact: Contact, state: SolvedState) -> Coefficient:
+def _coefficient_range(contact: NodalContact, state: SolvedState) -> Coefficient:
     """mu* and L_mu of one contact; collective.
 
     The samples are at the nodes of Gamma_C, as in the discrete problem, and at slips up to the
@@ -160,10 +159,10 @@ def trace_constant(state: SolvedState) -> float:
     return float(np.sqrt(largest))
 
 
-def _trace(state: SolvedState) -> tuple[float | None, str | None]:
+def _trace(state: SolvedState, wanted: bool) -> tuple[float | None, str | None]:
     if state.problem.free:
         return None, "contact alone holds a rigid motion, so |.|_V is not a norm"
-    if not state.problem.parameters.certificate.constants:
+    if not wanted:
         return None, "skipped: certificate.constants is false"
     try:
         return trace_constant(state), None

@@ -147,9 +147,8 @@ def _regions(state: SolvedState, count: int) -> list[BoolArray]:
     """Masks (k,) of the owned cells: one for each region of the material, one for all others."""
     rest = np.ones(count, dtype=bool)
     masks = []
-    for name in sorted(state.problem.parameters.material.regions):
+    for found in state.problem.regions:
         mask = np.zeros(count, dtype=bool)
-        found = state.problem.domain.cells(name)
         mask[found[found < count]] = True
         masks.append(mask)
         rest &= ~mask

@@ -89,6 +89,8 @@ def _held_dofs(domain: Domain, constraints: Constraints, count: int) -> dict[str
             facets = domain.facets((name,), condition.key)
             nodes = fem.locate_dofs_topological(constraints.space, dim - 1, facets)
             held.setdefault(name, []).append(dim * nodes + condition.component)
+    for number, own in enumerate(constraints.given):
+        held[f"bcs.{number}"] = [np.asarray(own.dof_indices()[0], dtype=np.int32)]
     every = {name: np.unique(np.concatenate(dofs)) for name, dofs in held.items()}
     return {name: dofs[dofs < count] for name, dofs in every.items()}
 

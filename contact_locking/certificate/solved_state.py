@@ -17,31 +17,33 @@ from contact_locking.certificate.reactions import are_held
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
 from contact_locking.problem import forms
-from contact_locking.problem.assembly import Problem
+from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.strain_sets import StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.derived import ContactFields, integral, penalised
 from contact_locking.solver import Settings, SolverReport
+from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.target import Target
 
 
 @dataclass
 class SolvedState:
-    """A problem with its solution, the stored multipliers and the report of the solver."""
+    """A problem with its solution, its multipliers and the report of the solver."""
 
-    problem: Problem
+    problem: DiscreteProblem
     system: PenalisedSystem
     target: Target
     settings: Settings
     report: SolverReport
+    multipliers: Multipliers
     body: BodyFields
     contacts: tuple[ContactFields, ...]
 
     @classmethod
     def of(
         cls,
-        problem: Problem,
+        problem: DiscreteProblem,
         system: PenalisedSystem,
         target: Target,
         settings: Settings,
@@ -53,10 +55,10 @@ class SolvedState:
         """
         u, data, domain = problem.u, problem.data, problem.domain
         found = report.multipliers or penalised(domain, u, data)
-        body = BodyFields(domain, u, data, problem.material, found)
+        body = BodyFields(domain, u, data, problem.limits, found)
         pairs = zip(data.contacts, found.contacts, strict=True)
         contacts = tuple(ContactFields(contact, u, forces) for contact, forces in pairs)
-        return cls(problem, system, target, settings, report, body, contacts)
+        return cls(problem, system, target, settings, report, found, body, contacts)
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -150,7 +152,7 @@ class StrainPoints:
         ones = compiled.form(ufl.TestFunction(scalar) * state.problem.data.locking_dx)
         self.weights = self.scalars(fem.assemble_vector(ones).array, scalar)
         self.volume = float(domain.comm.allreduce(float(self.weights.sum())))
-        self.limit = self.scalars(state.problem.material.limit.x.array, scalar)
+        self.limit = self.scalars(state.problem.limits.limit.x.array, scalar)
         self.locking_stress = self.of(state.body.locking_stress)
         self.strain = self.interpolated(element.strain(state.problem.u))
         pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)

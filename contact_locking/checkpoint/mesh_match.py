@@ -11,7 +11,7 @@ from dolfinx import fem
 from contact_locking.checkpoint.record import Record
 from contact_locking.errors import InputError
 from contact_locking.parallel import maximum, on_every_rank
-from contact_locking.problem.assembly import Problem
+from contact_locking.study.assembly import StudyProblem
 
 # The coordinates of the same mesh may differ by this share of the extent, because another machine
 # may have made the mesh.
@@ -26,7 +26,7 @@ def places(space: fem.FunctionSpace) -> fem.Function:
     return found
 
 
-def difference_in_size(record: Record, problem: Problem) -> str:
+def difference_in_size(record: Record, problem: StudyProblem) -> str:
     """The difference in size between the two meshes, in words; empty if there is none.
 
     Raises InputError if the elements differ, or if only one of the bodies is axisymmetric.

@@ -9,17 +9,17 @@ import numpy as np
 from contact_locking import checkpoint
 from contact_locking.certificate import is_solved
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.problem.assembly import Problem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver import SavedState, Settings, SolverReport
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.solver.target import Target
+from contact_locking.study.assembly import StudyProblem
 
 
 class Restart:
     """The saved state of a run's folder, for the problem to solve now; collective."""
 
-    def __init__(self, directory: str | Path, problem: Problem) -> None:
+    def __init__(self, directory: str | Path, problem: StudyProblem) -> None:
         self._directory, self._problem = directory, problem
         self._saved = checkpoint.read(directory, problem)
 

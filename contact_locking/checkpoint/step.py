@@ -10,12 +10,12 @@ from typing import Any
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import on_root
-from contact_locking.problem.assembly import Problem
 from contact_locking.results.history import History, read_history
 from contact_locking.results.names import HISTORY
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import StudyProblem
 
 _PLACE, _SLIP = "old_place", "old_slip"
 
@@ -34,20 +34,20 @@ class SavedStep:
     history: History
     halved: tuple[str, ...]
 
-    def enter(self, contacts: Sequence[Contact]) -> None:
+    def enter(self, contacts: Sequence[NodalContact]) -> None:
         """Give the contacts their memories of the step; collective."""
         for contact, (place, slip) in zip(contacts, self.memories, strict=True):
             contact.recall(place, slip)
 
 
-def about(solution: Solution) -> dict[str, Any] | None:
+def about(solution: StudySolution) -> dict[str, Any] | None:
     """The entry of the record about the step; None for a problem without steps."""
     if not solution.history.rows:
         return None
     return {"time": solution.time, "halved": list(solution.halved)}
 
 
-def fields(solution: Solution) -> dict[str, fem.Function]:
+def fields(solution: StudySolution) -> dict[str, fem.Function]:
     """The fields with the memories by name; none for a problem without steps; collective."""
     found: dict[str, fem.Function] = {}
     for number, contact in enumerate(solution.contacts if solution.history.rows else ()):
@@ -56,7 +56,7 @@ def fields(solution: Solution) -> dict[str, fem.Function]:
     return found
 
 
-def write_history(solution: Solution, folder: Path) -> None:
+def write_history(solution: StudySolution, folder: Path) -> None:
     """Write the history of a process beside the record; for rank 0."""
     if solution.history.rows:
         (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
@@ -65,7 +65,7 @@ def write_history(solution: Solution, folder: Path) -> None:
 def load(
     entry: Mapping[str, Any],
     folder: Path,
-    problem: Problem,
+    problem: StudyProblem,
     read: Callable[[str, fem.FunctionSpace], fem.Function],
 ) -> SavedStep:
     """The step of a checkpoint in ``folder``, with the entry of its record; collective.

@@ -28,11 +28,11 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import gather_mesh
 from contact_locking.parallel import on_every_rank, on_root
-from contact_locking.problem.assembly import Problem
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.study.assembly import StudyProblem
 
 _PLACES = "places"
 # The bytes of the record and of the metadata of ADIOS2.
@@ -75,7 +75,7 @@ def has_cells_everywhere(domain: Domain) -> bool:
     return on_every_rank(domain.comm, domain.mesh.topology.index_map(domain.dim).size_local > 0)
 
 
-def size(solution: Solution) -> int:
+def size(solution: StudySolution) -> int:
     """The bytes that :func:`write` needs: the values, and the dofs of each cell; collective."""
     total = _NOTES
     for function in _fields(solution).values():
@@ -90,7 +90,7 @@ def size(solution: Solution) -> int:
     return int(total)
 
 
-def write(solution: Solution, folder: Path) -> None:
+def write(solution: StudySolution, folder: Path) -> None:
     """Write a checkpoint into an existing folder with enough room; collective.
 
     Raises ContactLockingError if the library is missing, a rank has no cells or a file cannot be
@@ -149,7 +149,7 @@ def expect(directory: str | Path, comm: MPI.Intracomm) -> None:
     _require_library()
 
 
-def read(directory: str | Path, problem: Problem) -> Checkpoint:
+def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
     """The saved state of a run's folder, on the mesh of ``problem``; collective.
 
     Raises InputError if the checkpoint is missing, damaged, of another mesh or of another format,
@@ -192,7 +192,7 @@ def read(directory: str | Path, problem: Problem) -> Checkpoint:
 
 
 def _load_multipliers(
-    load: Callable[[str, fem.FunctionSpace], fem.Function], problem: Problem
+    load: Callable[[str, fem.FunctionSpace], fem.Function], problem: StudyProblem
 ) -> tuple[Multipliers, tuple[FloatArray, ...]]:
     """The multipliers and the friction bound (k,) of each contact; collective."""
     dim, data = problem.domain.dim, problem.data
@@ -224,7 +224,7 @@ def _of(name: str, number: int) -> str:
     return f"{name}_{number}"
 
 
-def _fields(solution: Solution) -> dict[str, fem.Function]:
+def _fields(solution: StudySolution) -> dict[str, fem.Function]:
     """The stored fields by name; collective."""
     found = {"displacement": solution.displacement}
     found |= zip(_names_of_parts(len(solution.locking_parts)), solution.locking_parts, strict=True)

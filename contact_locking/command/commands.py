@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from contact_locking.monitor import Monitor
     from contact_locking.results import in_words
-    from contact_locking.results.solution import Solution
+    from contact_locking.results.solution import StudySolution
     from contact_locking.study_file import StudyFile
 
 CONVERGED, NOT_CONVERGED = 0, 3
@@ -140,8 +140,8 @@ def check(arguments: argparse.Namespace) -> int:
     from contact_locking.command import trial
     from contact_locking.costs import forecast
     from contact_locking.mesh import groups
-    from contact_locking.problem import assembly
     from contact_locking.results import output_folder
+    from contact_locking.study import assembly
 
     with _explained(study):
         output_folder.prepare(parameters.output.directory, comm)
@@ -274,7 +274,7 @@ def _explained(study: StudyFile) -> Iterator[None]:
         raise InputError(study.explain(error), error.key) from error
 
 
-def _use_of_limit(solution: Solution) -> in_words.UseOfLimit | None:
+def _use_of_limit(solution: StudySolution) -> in_words.UseOfLimit | None:
     """How far the body uses its strain limit, None for a body without a limit; collective."""
     from contact_locking.parallel import maximum, minimum
     from contact_locking.results import in_words

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from contact_locking.command import terminal
 from contact_locking.mesh import mesh_export
 from contact_locking.parameters import Parameters
-from contact_locking.problem import assembly
+from contact_locking.study import assembly
 
 
 def export_mesh(parameters: Parameters, place: Path, comm: MPI.Intracomm) -> int:

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 def require_usable_options(parameters: Parameters) -> None:
     """Raise InputError for a harmful PETSc option of the study, or one that is no option."""
     if parameters.solver.petsc:
-        from contact_locking.process import increment
+        from contact_locking.process import problem_solver
 
-        increment.require_usable_options(parameters)
+        problem_solver.require_usable_options(parameters)
 
 
 def warnings(parameters: Parameters, dim: int, comm: MPI.Intracomm) -> list[str]:

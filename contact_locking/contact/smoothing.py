@@ -66,7 +66,7 @@ class Identity:
         pass
 
 
-class Convolution:
+class ConvolutionOperator:
     """``(R w)(x) = int k(|x-y|) w(y) dy / int k(|x-y|) dy``, ``k(d) = exp(-1/(1 - (d/r)^2))``.
 
     The kernel k is smooth and vanishes for ``d >= r``.  Because of the denominator, R keeps
@@ -152,7 +152,7 @@ def _around(distance: FloatArray, chord: FloatArray) -> FloatArray:
     return mean * end / np.pi
 
 
-class HelmholtzFilter:
+class HelmholtzOperator:
     """``(I - r^2 Laplace_Gamma) w~ = w`` with natural conditions: ``(m + r^2 K) w~ = m w``.
 
     ``surface`` is Gamma_C with the lumped mass m as weights.  The mass is 0 at held nodes, whose

@@ -58,7 +58,7 @@ class ContactSurface:
     ) -> None:
         element.trace.check(domain.dim, element.degree, key)
         self._pieces = np.array(element.trace.pieces[domain.dim], dtype=np.int32)
-        self.domain = domain
+        self.domain, self.names = domain, names
         self.facets = domain.facets(names, key)
         self.vector_space = space
         self.scalar_space, to_vector = _compat.collapse(space.sub(0))

@@ -5,6 +5,9 @@ from __future__ import annotations
 import ast
 import math
 
+from contact_locking.arrays import LARGEST as LARGEST
+from contact_locking.arrays import SMALLEST as SMALLEST
+
 POSITION = ("x", "y", "z")
 #: The time of a problem with steps.
 TIME = "t"
@@ -20,9 +23,6 @@ FUNCTIONS: dict[str, int | None] = {
 MAX_LENGTH = 1000
 MAX_DEPTH = 40
 MAX_EXPONENT = 100.0
-# Bounds of the absolute values of quantities, and of divisors. No quantity reaches them in any
-# unit, and products of three such values stay in the range of double precision.
-LARGEST, SMALLEST = 1e100, 1e-100
 # Characters of an expression that a message repeats.
 _SHOWN = 60
 

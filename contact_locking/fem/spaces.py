@@ -20,7 +20,6 @@ from contact_locking.arrays import FloatArray
 from contact_locking.fem import gauss_points
 from contact_locking.fem.trace import Rule, Trace
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
-from contact_locking.parameters import DiscretisationParameters
 
 
 @dataclass(frozen=True)
@@ -204,8 +203,12 @@ _ELEMENTS = {(1, "vertices"): P1, (1, "gauss"): P1, (2, "vertices"): P2, (2, "ga
 _OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
 
-def element_of(given: DiscretisationParameters, axisymmetric: bool = False) -> Element:
-    """The element that a study file asks for."""
+def element_of(degree: int, limit_at: str | None = None, axisymmetric: bool = False) -> Element:
+    """The element of a degree, 1 or 2, with the points where the strain keeps the limit.
+
+    ``limit_at`` is "vertices" or "gauss"; None stands for the vertices, and for the Gauss points of
+    an axisymmetric body.
+    """
     if axisymmetric:
-        return _OF_REVOLUTION[given.degree]
-    return _ELEMENTS[given.degree, given.limit_at or "vertices"]
+        return _OF_REVOLUTION[degree]
+    return _ELEMENTS[degree, limit_at or "vertices"]

@@ -13,10 +13,10 @@ from contact_locking.results.names import PICTURE, SNAPSHOT
 if TYPE_CHECKING:
     from contact_locking.plotting.snapshot import Snapshot
     from contact_locking.plotting.views import Image
-    from contact_locking.results.solution import Solution
+    from contact_locking.results.solution import StudySolution
 
 
-def picture(solution: Solution, folder: Path) -> str | None:
+def picture(solution: StudySolution, folder: Path) -> str | None:
     """Draw ``solution`` into a PNG file in ``folder``, and save its snapshot; collective.
 
     Returns None, or on all ranks the reason why there is no picture or only a plainer one.

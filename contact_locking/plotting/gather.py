@@ -14,10 +14,10 @@ from contact_locking.plotting.ground import drawn_tool
 from contact_locking.plotting.pieces import Pieces
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.results.contact_points import contact_name
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 
-def gather(solution: Solution) -> Snapshot | None:
+def gather(solution: StudySolution) -> Snapshot | None:
     """The snapshot on rank 0, None elsewhere; collective.
 
     Each rank sends the nodes and the pieces of cells that it owns.  A global number is therefore a

@@ -11,7 +11,7 @@ from dolfinx import fem
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.laws.elasticity import strain
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 # Nodes of a cell of degree 2: first the corners, then the middles of the edges in the order of
 # DOLFINx.  The pieces at the corners come first, in the order of the corners.  The octahedron
@@ -48,7 +48,7 @@ class Pieces:
                     facets.append(facet)
         return owners, facets
 
-    def strain_norm(self, solution: Solution) -> FloatArray:
+    def strain_norm(self, solution: StudySolution) -> FloatArray:
         """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
 
         For an axisymmetric body these are the values of :meth:`at_points`.

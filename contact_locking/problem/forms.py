@@ -13,8 +13,8 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.contact.contact import Contact
-from contact_locking.contact.pushed_tool import PushedTool
+from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.signorini import contact_energy, contact_pressure
@@ -25,27 +25,28 @@ from contact_locking.problem.strain_sets import NormSet, StrainSet
 class ProblemData:
     """The data of (25) as UFL.
 
-    ``elastic_stress`` maps a strain to a stress.  ``largest_eigenvalue`` is the largest eigenvalue
-    of A at each point, and ``inverse_limit`` is 1/M of the ball.  ``loads`` pairs each body force
-    and traction with its measure.  ``contacts`` is empty for a body that touches nothing.  ``n``
-    and ``epsilon`` are the penalty parameters.  ``element`` is the element of the displacements.
-    ``limits`` are the sets of strains beside the ball.  ``tools`` are the foundations that a force
-    pushes.  ``own_energy`` is for a law that this
-    package does not have: it maps u to a convex and differentiable functional J(u), whose
-    derivative is added to (25).
+    ``elasticity`` maps displacements u and v to the form ``a(u, v)``, and ``elastic_stress`` maps a
+    strain to a stress.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, and
+    ``inverse_limit`` is 1/M of the ball.  ``loads`` is the linear form (f, .) (13), None without
+    loads.  ``contacts`` is empty for a body that touches nothing.  ``n`` and ``epsilon`` are the
+    penalty parameters.  ``element`` is the element of the displacements.  ``limits`` are the sets
+    of strains beside the ball.  ``tools`` are the foundations that a force pushes.  ``own_energy``
+    is for a law that this package does not have: it maps u to a convex and differentiable
+    functional J(u), whose derivative is added to (25).
     """
 
+    elasticity: Callable[[Expr, Expr], ufl.Form]
     elastic_stress: Callable[[Expr], Expr]
     largest_eigenvalue: Expr
     inverse_limit: fem.Function
     dx: ufl.Measure
-    loads: Sequence[tuple[Expr, ufl.Measure]]
-    contacts: tuple[Contact, ...]
+    loads: ufl.Form | None
+    contacts: tuple[NodalContact, ...]
     n: fem.Constant
     epsilon: fem.Constant
     element: Element
     limits: tuple[StrainSet, ...] = ()
-    tools: tuple[PushedTool, ...] = ()
+    tools: tuple[PushedFoundation, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
 
     def strain(self, u: Expr) -> Expr:
@@ -82,9 +83,8 @@ class ProblemData:
 
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
-    """``a(u, v) = int A eps(u) : eps(v)``."""
-    dx = data.element.elastic_dx(data.dx)
-    return ufl.inner(data.elastic_stress(data.strain(u)), data.strain(v)) * dx
+    """``a(u, v) = int A eps(u) : eps(v)``, or the form that was given."""
+    return data.elasticity(u, v)
 
 
 def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:
@@ -103,22 +103,24 @@ def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:
 def external_work(v: Expr, data: ProblemData) -> Expr:
     """``(f, v) = int f0 . v + int g . v`` (13)."""
     zero = fem.Constant(data.dx.ufl_domain(), [0.0] * v.ufl_shape[0])
-    return ufl.inner(zero, v) * data.dx + sum(
-        ufl.inner(load, v) * measure for load, measure in data.loads
-    )
+    work = ufl.inner(zero, v) * data.dx
+    if data.loads is None:
+        return work
+    (test,) = data.loads.arguments()
+    return work + (data.loads if v == test else ufl.replace(data.loads, {test: v}))
 
 
-def pressure(u: Expr, contact: Contact, data: ProblemData) -> Expr:
+def pressure(u: Expr, contact: NodalContact, data: ProblemData) -> Expr:
     """The contact pressure ``p = -sigma_nu`` of the penalty law (25), for limited values u."""
     return contact_pressure(contact.parts(u)[0], contact.gap, data.epsilon)
 
 
-def slip(u: Expr, contact: Contact) -> Expr:
+def slip(u: Expr, contact: NodalContact) -> Expr:
     """The slip of the step, ``u_tau - u_{k-1,tau}``."""
-    return contact.parts(u)[1] - contact.memory.place
+    return contact.parts(u)[1] - contact.reference
 
 
-def friction(u: Expr, contact: Contact) -> Expr:
+def friction(u: Expr, contact: NodalContact) -> Expr:
     """The negative friction traction ``-sigma_tau`` of (22), for limited values u."""
     return friction_traction(slip(u, contact), contact.bound, contact.regularisation)
 
@@ -178,7 +180,7 @@ def energy(u: fem.Function, data: ProblemData) -> Expr:
     return form if data.own_energy is None else form + data.own_energy(u)
 
 
-def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[Contact], factor: Expr) -> Expr:
+def contact_stiffness(v: Expr, du: Expr, contacts: Sequence[NodalContact], factor: Expr) -> Expr:
     """``factor int du_nu v_nu``: springs on Gamma_C along the contact normal."""
     form = ufl.Form([])
     for contact in contacts:

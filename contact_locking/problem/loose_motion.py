@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum
 from contact_locking.supports.conditions import Constraints
 
@@ -34,7 +34,7 @@ class LooseMotion:
         motions: FloatArray,
         owned: int,
         constraints: Constraints,
-        contacts: Sequence[Contact],
+        contacts: Sequence[NodalContact],
     ) -> None:
         self._comm, self._motions, self._owned = comm, motions, owned
         self._constraints, self._contacts = constraints, contacts
@@ -60,7 +60,7 @@ class LooseMotion:
                 continue
             gaps, along = contact.gaps, contact.split_nodal(stands)[0]
             closed = np.isfinite(gaps) & (np.abs(along - gaps) <= _CLOSED * np.abs(gaps))
-            made += [gaps[closed], contact.memory.tangential]
+            made += [gaps[closed], contact.references]
         length = sum(self._largest(values) for values in made)
         share = min(1.0, length / distance) if distance > 0.0 else 1.0
         return np.asarray(u - (1.0 - share) * motion)

@@ -8,15 +8,19 @@ from functools import cached_property
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.contact import Contact
-from contact_locking.contact.pushed_tool import PushedTool
+from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.pushed_foundation import PushedFoundation
 
 
 class MotionsAtContact:
     """Rigid motions at the owned nodes of one contact on one part of the body, less its tool's."""
 
     def __init__(
-        self, contact: Contact, motions: FloatArray, part: BoolArray, tools: Sequence[PushedTool]
+        self,
+        contact: NodalContact,
+        motions: FloatArray,
+        part: BoolArray,
+        tools: Sequence[PushedFoundation],
     ) -> None:
         self.contact, self._own = contact, contact.surface.is_of(part)
         blocks = contact.surface.blocks[self._own]

@@ -10,12 +10,11 @@ import ufl
 from dolfinx import fem, la
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.pushed_tool import PushedTool
+from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_every_rank
-from contact_locking.parameters import LoadParameters
 from contact_locking.problem import forms
 from contact_locking.problem.motion_in_words import (
     Resultant,
@@ -74,9 +73,13 @@ def check_parts_held(
     space: fem.FunctionSpace,
     data: forms.ProblemData,
     constraints: Constraints,
-    loads: LoadParameters,
+    displacements: Sequence[str],
+    supports: Sequence[str],
 ) -> list[Held]:
-    """How each part is held; raises InputError for a part that is free to move; collective."""
+    """How each part is held; raises InputError for a part that is free to move; collective.
+
+    ``displacements`` and ``supports`` are the boundary parts that conditions hold.
+    """
     several = len(domain.part_names) > 1
     found = []
     for number, name in enumerate(domain.part_names):
@@ -91,13 +94,11 @@ def check_parts_held(
             raise InputError(
                 f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
             ) from None
-        supports = [part for item in loads.supports for part in item.on]
-        on = [part for item in loads.displacements for part in item.on]
         touching = [part for contact in data.contacts for part in contact.on]
         found.append(
             Held(
                 name,
-                _touching(domain, number, list(dict.fromkeys(on))),
+                _touching(domain, number, list(dict.fromkeys(displacements))),
                 _touching(domain, number, list(dict.fromkeys(touching))),
                 _touching(domain, number, list(dict.fromkeys(supports))),
                 motions.of_body,
@@ -425,7 +426,7 @@ class _Motions:
                 )
 
 
-def _is_at(tool: PushedTool, part: BoolArray) -> bool:
+def _is_at(tool: PushedFoundation, part: BoolArray) -> bool:
     """Whether all nodes of a tool's contact are on one part of the body; collective."""
     return on_every_rank(tool.contact.surface.domain.comm, tool.contact.surface.is_of(part))
 

@@ -12,9 +12,9 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.force_balance import Tools
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import NodalAverage
-from contact_locking.contact.tool_balance import Tools
 from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.laws.penalty import Penalty
@@ -109,7 +109,7 @@ class PenalisedSystem:
             contact.regularisation.value = length
 
     @property
-    def rubbing(self) -> tuple[Contact, ...]:
+    def rubbing(self) -> tuple[NodalContact, ...]:
         """The contacts with friction."""
         return tuple(item for item in self.contacts if not item.friction.frictionless)
 

@@ -11,7 +11,7 @@ from contact_locking.certificate.energy import EnergyBalance
 from contact_locking.parallel import maximum
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.history import History, Row
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 #: The columns that add up over the steps, each with the column of the step.
 SUMS = {
@@ -22,7 +22,7 @@ SUMS = {
 
 
 def row_of(
-    solution: Solution, history: History, at: float, energy: EnergyBalance, seconds: float
+    solution: StudySolution, history: History, at: float, energy: EnergyBalance, seconds: float
 ) -> Row:
     """The row of history.csv for the next step; collective."""
     summary, comm = solution.summary, solution.domain.comm

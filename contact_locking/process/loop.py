@@ -18,31 +18,30 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from contact_locking.certificate import certify
 from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
-from contact_locking.problem.assembly import Problem
 from contact_locking.process.account import row_of, totals
 from contact_locking.process.demand import Demand
-from contact_locking.process.increment import Increment, solution_of
+from contact_locking.process.judgement import extras_of, of_study, solution_of
 from contact_locking.process.out_of_reach import OutOfReach
+from contact_locking.process.problem_solver import solver_of
 from contact_locking.process.resume import restore
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.contact_points import STICK
 from contact_locking.results.history import History
 from contact_locking.results.probe_table import ProbeSample
-from contact_locking.results.solution import Solution
-from contact_locking.solver import SavedState, SolverReport
+from contact_locking.results.solution import StudySolution
+from contact_locking.results.state import State
+from contact_locking.solver import SolverReport
+from contact_locking.study.assembly import StudyProblem
 
 CRITERION = "energy_balance"
 
 
-class Steps(Iterator[Solution]):
+class Steps(Iterator[StudySolution]):
     """The solutions of an assembled problem with steps, in the order of their times; collective.
 
     ``problem`` may be changed between two steps; ``history`` has the numbers of the steps so far.
@@ -55,7 +54,7 @@ class Steps(Iterator[Solution]):
 
     def __init__(
         self,
-        problem: Problem,
+        problem: StudyProblem,
         monitor: Monitor | None = None,
         petsc_options: Mapping[str, Any] | None = None,
         saved: Sequence[Path] = (),
@@ -64,7 +63,7 @@ class Steps(Iterator[Solution]):
         assert given is not None
         self.problem, self.history = problem, History()
         self._monitor = monitor or Monitor()
-        self._increment = Increment(problem, self._monitor, petsc_options)
+        self._solver = solver_of(problem, self._monitor, petsc_options)
         self._timeline = Timeline(given)
         self._planned = self._timeline.left
         self._halved: tuple[str, ...] = ()
@@ -73,21 +72,21 @@ class Steps(Iterator[Solution]):
         self._saved = saved
         self._solutions = self._solve()
 
-    def __next__(self) -> Solution:
+    def __next__(self) -> StudySolution:
         return next(self._solutions)
 
     def close(self) -> None:
         """End the iteration and destroy the PETSc objects; collective."""
         self._solutions.close()
 
-    def _solve(self) -> Generator[Solution]:
+    def _solve(self) -> Generator[StudySolution]:
         timeline = self._timeline
-        solution: Solution | None = None
-        saved: SavedState | None = None
+        solution: StudySolution | None = None
+        last: State | None = None
         before: Moment | None = None
         try:
             for path in self._saved:
-                restored = restore(path, self._increment)
+                restored = restore(path, self.problem, self._solver)
                 state, self._halved = restored.state, restored.step.halved
                 self.history = restored.step.history
                 solution = self._solution(state, restored.energy, restored.step.time)
@@ -95,18 +94,19 @@ class Steps(Iterator[Solution]):
                 self._tell(solution)
                 yield solution
                 timeline.skip_to(restored.step.time)
-                saved, before = _saved(state), Moment.of(state)
-                self._remember(state, restored.step.time)
+                last, before = solution.state, Moment.of(state)
+                self._remember(last, restored.step.time)
             self._began, self._to_solve = time.perf_counter(), timeline.left
             while not timeline.is_over:
                 began = time.perf_counter()
                 at = timeline.target
                 try:
-                    self._increment.advance(at)
-                    demand = Demand.of(self._increment.system, at)
+                    self.problem.advance(at)
+                    self._solver.begin()
+                    demand = Demand.of(self._solver.system, at)
                     if self._out_of_reach.excludes(demand) and timeline.fail():
                         continue
-                    report = self._solve_at(at, saved)
+                    report = self._solve_at(at, last)
                 except InputError as error:
                     is_misplaced = isinstance(error, Misplaced)
                     if is_misplaced and self._halve(
@@ -121,7 +121,7 @@ class Steps(Iterator[Solution]):
                     f"the step to t = {at:.6g} did not converge ({report.reason})"
                 ):
                     continue
-                state = self._increment.state(report)
+                state = self._solver.state(report)
                 energy, after = energy_balance(before or Moment.at_rest(state), state)
                 judged = self._solution(state, energy, at)
                 # Half the step misses a foundation between the nodes as well.
@@ -144,24 +144,22 @@ class Steps(Iterator[Solution]):
                 if not solution.converged:
                     return
                 timeline.succeed()
-                saved = _saved(state)
-                self._remember(state, at)
+                last = solution.state
+                self._remember(last, at)
         finally:
             self.problem.close()
 
-    def _remember(self, state: SolvedState, time: float) -> None:
+    def _remember(self, state: State, time: float) -> None:
         """End a step; collective."""
         # What penalties let exceed a limit or a gap is not admissible.
         if self.problem.penalty.is_strict:
-            self._out_of_reach.reach(Demand.of(self._increment.system, time))
-        for fields in state.contacts:
-            fields.contact.remember(self.problem.u, fields.state == STICK)
-        self.problem.end_step()
+            self._out_of_reach.reach(Demand.of(self._solver.system, time))
+        self.problem.enter(state.contacts)
 
-    def _solve_at(self, at: float, saved: SavedState | None) -> SolverReport:
+    def _solve_at(self, at: float, last: State | None) -> SolverReport:
         """Solve at the present time; collective."""
         self._monitor.step(len(self.history) + 1, self._timeline.left, at, self._seconds_left())
-        return self._increment.solve(saved)
+        return self._solver.solve(None if last is None else last.saved)
 
     def _halve(self, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
@@ -174,17 +172,14 @@ class Steps(Iterator[Solution]):
         self._monitor.message(f"warning: {text}")
         return True
 
-    def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> Solution:
+    def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> StudySolution:
         """The solution of a step with its certificate; collective."""
-        certificate = certify(state)
+        certificate = certify(state, extras_of(self.problem.parameters))
         criteria = {**certificate.criteria, CRITERION: energy.criterion(state)}
-        solution = solution_of(state, dataclasses.replace(certificate, criteria=criteria))
-        # The next step overwrites the displacement of the problem.
-        own = self.problem.u.copy()
-        own.name = self.problem.u.name
-        return dataclasses.replace(solution, displacement=own, time=at)
+        found = solution_of(state, dataclasses.replace(certificate, criteria=criteria))
+        return dataclasses.replace(of_study(self.problem, found), time=at)
 
-    def _end(self, last: Solution | None, reason: str) -> None:
+    def _end(self, last: StudySolution | None, reason: str) -> None:
         """Let the last solution say why the process ends with it."""
         if last is None:
             return
@@ -193,7 +188,7 @@ class Steps(Iterator[Solution]):
         last.summary["warnings"] += new
         last.summary |= {"converged": False, "reason": reason, "suggestion": ""}
 
-    def _tell(self, solution: Solution) -> None:
+    def _tell(self, solution: StudySolution) -> None:
         """Add the history of the process to a solution."""
         halved, number = len(self._halved), len(self.history)
         self._probes += tuple(
@@ -203,7 +198,7 @@ class Steps(Iterator[Solution]):
         solution.summary.setdefault("restart", None)
         solution.history, solution.halved = History([*self.history.rows]), self._halved
         solution.summary["steps"] = totals(self.history, halved, self._planned)
-        solution.summary["warnings"] += [*self._halved, *self._increment.unused_options()]
+        solution.summary["warnings"] += [*self._halved, *self._solver.unused_options()]
 
     def _seconds_left(self) -> float | None:
         """About how long the planned steps that are left will take; None before the first step."""
@@ -211,11 +206,3 @@ class Steps(Iterator[Solution]):
         return (
             self._timeline.left * (time.perf_counter() - self._began) / planned if planned else None
         )
-
-
-def _saved(state: SolvedState) -> SavedState:
-    """The solved state for the solver to start the next step from."""
-    pressures = tuple(fields.pressure for fields in state.contacts)
-    slips = tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts)
-    displacement, travels = state.problem.u.x.array.copy(), state.system.tools.travels
-    return SavedState(displacement, pressures, state.target.penalty, slips, travels)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contact_locking.process.demand import Demand
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solver import SolverReport
 
 
@@ -40,7 +40,7 @@ class OutOfReach:
             for refused in self._refused
         )
 
-    def tell(self, last: Solution, at: float) -> None:
+    def tell(self, last: StudySolution, at: float) -> None:
         """Let the last solution, which failed to get to a time, name the planned time, if any.
 
         Halved steps then end close to the largest load that can be followed, where a solve may

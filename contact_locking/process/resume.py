@@ -10,8 +10,9 @@ from contact_locking.certificate.energy import EnergyBalance
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import InputError
-from contact_locking.process.increment import Increment
+from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.solver import SolverReport
+from contact_locking.study.assembly import StudyProblem
 
 
 @dataclass(frozen=True)
@@ -27,22 +28,23 @@ class Restored:
         return EnergyBalance.of_row(self.step.history.rows[-1])
 
 
-def restore(path: Path, increment: Increment) -> Restored:
+def restore(path: Path, problem: StudyProblem, solver: ProblemSolver) -> Restored:
     """Put a problem to the step that was saved in ``path``; collective.
 
     Raises InputError for a checkpoint that is not of a converged step with these contacts, and the
     errors of `checkpoint.read`.
     """
-    saved = checkpoint.read(path, increment.problem)
+    saved = checkpoint.read(path, problem)
     if saved.step is None or saved.multipliers is None or not saved.converged:
         raise InputError(
             f"{path} is no checkpoint of a step that has converged, with the same contacts; a "
             "process starts from the last step of a process"
         )
-    increment.advance(saved.step.time)
-    saved.state.enter(increment.system)
-    saved.step.enter(increment.problem.contacts)
-    for contact, bound in zip(increment.problem.contacts, saved.bounds, strict=True):
+    problem.advance(saved.step.time)
+    solver.begin()
+    saved.state.enter(solver.system)
+    saved.step.enter(problem.contacts)
+    for contact, bound in zip(problem.contacts, saved.bounds, strict=True):
         contact.bounds = bound
     row = saved.step.history.rows[-1]
     report = SolverReport(
@@ -53,4 +55,4 @@ def restore(path: Path, increment: Increment) -> Restored:
         multipliers=saved.multipliers,
         from_saved=True,
     )
-    return Restored(increment.state(report), saved.step)
+    return Restored(solver.state(report), saved.step)

@@ -19,7 +19,7 @@ from dolfinx import fem
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.parallel import maximum
 
@@ -60,7 +60,7 @@ class Entry:
     missed: float = 0.0
 
 
-def entry_between_nodes(contact: Contact, u: fem.Function, touches: BoolArray) -> Entry:
+def entry_between_nodes(contact: NodalContact, u: fem.Function, touches: BoolArray) -> Entry:
     """The deepest entry of a contact for a displacement; collective.
 
     ``touches`` (k,) marks the owned nodes of Gamma_C where the body touches.
@@ -97,7 +97,7 @@ class _Facets:
     Barycentric coordinates of points of the facets are (m, q, d), for q points of each of m facets.
     """
 
-    def __init__(self, contact: Contact, u: fem.Function, touches: BoolArray) -> None:
+    def __init__(self, contact: NodalContact, u: fem.Function, touches: BoolArray) -> None:
         surface = contact.surface
         self._contact, self._dim = contact, surface.domain.dim
         dim, nodes = self._dim, surface.facet_nodes
@@ -135,7 +135,7 @@ class _Facets:
             [p for p in itertools.product(range(parts + 1), repeat=dim) if sum(p) == parts]
         )
         points = (lattice / parts)[None].repeat(count, axis=0)
-        obstacle = self._contact.obstacle
+        obstacle = self._contact.foundation
         near: IntArray = np.arange(count)
         if obstacle.is_distance:
             # The distance changes by no more than the way.
@@ -162,7 +162,7 @@ class _Facets:
         """
         from scipy.spatial import cKDTree
 
-        obstacle, centres = self._contact.obstacle, self._moved.mean(axis=1)
+        obstacle, centres = self._contact.foundation, self._moved.mean(axis=1)
         reach = _REACH * self._radius
         box = np.stack(
             [
@@ -231,7 +231,7 @@ class _Facets:
             found = np.einsum("mqn,mni->imq", basis, values[facets])
             return found.reshape(len(found), -1)
 
-        opening = self._contact.obstacle.opening(
+        opening = self._contact.foundation.opening(
             of(self._x),
             of(self._u_normal[:, :, None])[0],
             of(self._x + self._u) - self._contact.travel[:, None],

@@ -11,12 +11,12 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
-from contact_locking.expressions import LARGEST
+from contact_locking.arrays import LARGEST
 from contact_locking.fem.spaces import Element
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
 from contact_locking.problem import forms
-from contact_locking.problem.coefficients import Material
+from contact_locking.problem.limits import LimitsOnMesh
 from contact_locking.results.derived import integral
 from contact_locking.solver.multipliers import Multipliers
 
@@ -37,7 +37,7 @@ class BodyFields:
         domain: Domain,
         u: fem.Function,
         data: forms.ProblemData,
-        m: Material,
+        limits: LimitsOnMesh,
         found: Multipliers,
     ) -> None:
         eps = data.strain(u)
@@ -46,24 +46,24 @@ class BodyFields:
         self.strain_norm = _at_points(data.element, domain, norm, "strain_norm")
         self.elastic_stress = _at_points(data.element, domain, stress, "elastic_stress")
         self.locking_stress, self.locking_parts = found.locking_stress, found.parts
-        limits = [(item, item.utilisation(eps)) for item in data.limits]
+        shares = [(item, item.utilisation(eps)) for item in data.limits]
         #: The utilisation of each set of strains but the ball.
         self.utilisations = [
-            _at_points(data.element, domain, share, item.name) for item, share in limits
+            _at_points(data.element, domain, share, item.name) for item, share in shares
         ]
-        self.locking_limit = m.limit
+        self.locking_limit = limits.limit
         if not data.only_ball:
-            self.locking_limit = self._limit_along_strain(data, m.limit)
-        self.locked = fem.Function(m.limit.function_space, name="locked")
+            self.locking_limit = self._limit_along_strain(data, limits.limit)
+        self.locked = fem.Function(limits.limit.function_space, name="locked")
         threshold = self.locking_limit.x.array * (1.0 - _LOCKED_MARGIN)
         self.locked.x.array[:] = self.strain_norm.x.array >= threshold
         at_peaks = data.element.at_peaks
         self._peaks = self.strain_norm
         if at_peaks is not data.element:
             self._peaks = _at_points(at_peaks, domain, norm, "strain_norm")
-        self._limit_at_peaks = m.limit_at_peaks
+        self._limit_at_peaks = limits.limit_at_peaks
         self._utilisations_at_peaks = [
-            _at_points(at_peaks, domain, share, item.name) for item, share in limits
+            _at_points(at_peaks, domain, share, item.name) for item, share in shares
         ]
 
     def _limit_along_strain(self, data: forms.ProblemData, ball: fem.Function) -> fem.Function:

@@ -1,4 +1,4 @@
-"""Contact fields of a solved displacement, and the multipliers of the penalty laws."""
+"""NodalContact fields of a solved displacement, and the multipliers of the penalty laws."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IntArray
-from contact_locking.contact.contact import Contact
-from contact_locking.contact.pushed_tool import PushedTool
-from contact_locking.contact.tool_outline import box_around
+from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.outline import box_around
+from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.fem import compiled
 from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.domain import Domain
@@ -42,18 +42,18 @@ _SCALAR_FIELDS = {
 class ContactFields:
     """The nodal fields of one contact, as arrays over its owned nodes."""
 
-    def __init__(self, contact: Contact, u: fem.Function, forces: ContactForces) -> None:
+    def __init__(self, contact: NodalContact, u: fem.Function, forces: ContactForces) -> None:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
         self.u_normal, self.u_tangent = contact.split(u)
         # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
-        self.old_place, self.old_slip = contact.memory.tangential, contact.memory.slip
+        self.old_place, self.old_slip = contact.references, contact.state.slip
         domain = contact.surface.domain
         box = box_around(domain.bounding_box(), domain.axisymmetric)
-        self.outline = contact.obstacle.outline(box - contact.travel) + contact.travel
+        self.outline = contact.foundation.outline(box - contact.travel) + contact.travel
         # How far the foundation has moved in the step.
-        self.drag, self.free = contact.memory.drag, contact.free
+        self.drag, self.free = contact.drag, contact.free
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
         self.smoothed_stress = -contact.friction.smoothing.apply(self.pressure)
@@ -139,7 +139,7 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
 
 
 def contact_summary(
-    contacts: Sequence[ContactFields], tools: Sequence[PushedTool], dim: int
+    contacts: Sequence[ContactFields], tools: Sequence[PushedFoundation], dim: int
 ) -> dict[str, Any]:
     """The keys of summary.json about all contacts together, and about each contact; collective."""
     total: dict[str, Any] = {

@@ -11,7 +11,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import AXES, FloatArray
-from contact_locking.problem.probe_points import ProbePoints
+from contact_locking.study.probe_points import ProbePoints
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from contact_locking.mesh.domain import Domain
     from contact_locking.parameters import Parameters
     from contact_locking.results.derived import ContactFields
+    from contact_locking.results.state import State
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Solution:
     """The result of a solve: each rank has a share of the fields, rank 0 all contact points.
 
@@ -30,7 +31,6 @@ class Solution:
     facets are empty.
     """
 
-    parameters: Parameters
     domain: Domain
     element: Element
     displacement: fem.Function  # P1, vector
@@ -51,13 +51,21 @@ class Solution:
     contacts: tuple[ContactFields, ...]  # the nodal fields of each contact, on every rank
     contact_points: ContactPoints | None  # None on the ranks other than 0
     contact_facets: IntArray | None  # (m, d), corners as numbers of the points; None likewise
-    summary: dict[str, Any] = field(default_factory=dict)
+    state: State  # all that the next solve may take from this one
+    summary: dict[str, Any]
+
+    @property
+    def converged(self) -> bool:
+        return bool(self.summary["converged"])
+
+
+@dataclass(kw_only=True)
+class StudySolution(Solution):
+    """The solution of a problem from a study file, or of one of its steps."""
+
+    parameters: Parameters
     meshes: tuple[AdaptedMesh, ...] = ()  # the adapted meshes up to this one, on rank 0
     time: float = 0.0  # the time of the step, 0 without steps
     history: History = field(default_factory=History)  # the steps up to this one, none without
     probes: tuple[ProbeSample, ...] = ()  # the probes of the steps up to this one, none without
     halved: tuple[str, ...] = ()  # which steps were halved, in words
-
-    @property
-    def converged(self) -> bool:
-        return bool(self.summary["converged"])

@@ -9,7 +9,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
 
@@ -29,7 +29,7 @@ class UncoveredEntry:
     place: tuple[float, ...]
 
 
-def uncovered_entry(domain: Domain, u: fem.Function, contact: Contact) -> UncoveredEntry:
+def uncovered_entry(domain: Domain, u: fem.Function, contact: NodalContact) -> UncoveredEntry:
     """The deepest entry of the moved boundary ``x + u(x)``, judged at its nodes; collective.
 
     The rest of a flat side, of which a part is pressed by a half space, is left out.
@@ -42,13 +42,13 @@ def uncovered_entry(domain: Domain, u: fem.Function, contact: Contact) -> Uncove
     )
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
     places = space.tabulate_dof_coordinates()[nodes, :dim]
-    if contact.obstacle.is_plane:
+    if contact.foundation.is_plane:
         # A flat punch is a half space that ends where the part of the flat side ends.
         apart = ~_on_flat_side(domain, contact, places)
         nodes, places = nodes[apart], places[apart]
     moved = places + u.x.array.reshape(-1, dim)[nodes]
     # A foundation that a force has moved is entered like one at rest by a body that moved back.
-    depths = np.maximum(-contact.obstacle.distance((moved - contact.travel).T), 0.0)
+    depths = np.maximum(-contact.foundation.distance((moved - contact.travel).T), 0.0)
     found: tuple[float, list[float]] = (0.0, [])
     if len(depths):
         deepest = int(np.argmax(depths))
@@ -57,7 +57,7 @@ def uncovered_entry(domain: Domain, u: fem.Function, contact: Contact) -> Uncove
     return UncoveredEntry(depth, tuple(place))
 
 
-def _on_flat_side(domain: Domain, contact: Contact, places: FloatArray) -> BoolArray:
+def _on_flat_side(domain: Domain, contact: NodalContact, places: FloatArray) -> BoolArray:
     """Which places (k, d) lie in the plane of one contact's part of Gamma_C if it is flat."""
     normals, points = contact.surface.body_normals(), contact.surface.points
     own = [(normals[0], points[0])] if len(points) else []

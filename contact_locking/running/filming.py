@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 if TYPE_CHECKING:
     from contact_locking.plotting.animation import Film
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 class Filming(Protocol):
     """What a run asks of its film."""
 
-    def add(self, solution: Solution) -> None:
+    def add(self, solution: StudySolution) -> None:
         """Add a solved step; collective."""
 
     def finish(self, monitor: Monitor) -> tuple[bytes | None, str | None]:
@@ -29,7 +29,7 @@ def film_of(parameters: Parameters) -> Filming:
 
 
 class _Nothing:
-    def add(self, solution: Solution) -> None:
+    def add(self, solution: StudySolution) -> None:
         pass
 
     def finish(self, monitor: Monitor) -> tuple[bytes | None, str | None]:
@@ -41,10 +41,10 @@ class _Recording:
 
     def __init__(self) -> None:
         self._film: Film | None = None
-        self._solution: Solution | None = None
+        self._solution: StudySolution | None = None
         self._problem: str | None = None
 
-    def add(self, solution: Solution) -> None:
+    def add(self, solution: StudySolution) -> None:
         self._solution = solution
         if self._problem is not None:
             return

@@ -20,7 +20,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
 from contact_locking.results.output_folder import on_root_of
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.running.filming import film_of
 
 
@@ -32,7 +32,7 @@ def run_steps(
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
     save_state: bool = False,
-) -> tuple[Solution, list[str]]:
+) -> tuple[StudySolution, list[str]]:
     """The solution of the last step, its results in ``directory``, and the warnings of writing.
 
     fields.bp has every step with its time, history.csv a row for each, and animation.gif a frame
@@ -51,7 +51,7 @@ def run_steps(
     if found and restart is None:
         monitor.message(f"going on from step {int(found[-1].name)} of an earlier run")
         restart = target
-    last: Solution | None = None
+    last: StudySolution | None = None
     with contextlib.ExitStack() as stack:
         series = None
         if parameters.output.fields:
@@ -86,7 +86,7 @@ def run_steps(
     return last, warnings
 
 
-def _save(solution: Solution, target: Path, parameters: Parameters) -> None:
+def _save(solution: StudySolution, target: Path, parameters: Parameters) -> None:
     """Save a step; only fields and probes of all steps need the steps before it; collective."""
     number = len(solution.history)
     writing.save_as(solution, target / saved_steps.FOLDER, saved_steps.name_of(number))

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.contact import joint_norm
+from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.errors import NotConverged
 from contact_locking.solver.task import Task
 

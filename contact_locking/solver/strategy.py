@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
@@ -194,7 +194,7 @@ def _friction_way_out(task: Task) -> list[str]:
     return [_HELD_BY_FRICTION if task.system.held_by_friction else _BOUND_WAY_OUT]
 
 
-def _solve_by(solver: InteriorPoint, nested: Sequence[Contact], task: Task) -> None:
+def _solve_by(solver: InteriorPoint, nested: Sequence[NodalContact], task: Task) -> None:
     """Solve once, or for each value of ``nested`` bounds; a failure is written into the report."""
     system, report = task.system, task.report
     start = system.constraints.held_part(system.u.x.array)

@@ -50,8 +50,9 @@ class ComponentCondition:
 class Constraints:
     """The conditions for DOLFINx, and the local dofs, ghosts included, that the conditions fix.
 
-    ``wanted`` are the conditions for single components.  ``supports`` hold directions that are no
-    axes.  ``timed`` pairs each condition that depends on the time with the function of its values.
+    ``wanted`` are the conditions for single components, and ``given`` those that were made as
+    conditions of DOLFINx.  ``supports`` hold directions that are no axes.  ``timed`` pairs each
+    condition that may change with the function of its values.
     """
 
     space: fem.FunctionSpace
@@ -60,12 +61,13 @@ class Constraints:
     supports: Supports
     wanted: Sequence[ComponentCondition] = ()
     timed: Sequence[tuple[ComponentCondition, fem.Function]] = ()
+    given: Sequence[fem.DirichletBC] = ()
 
     def advance(self) -> None:
         """Evaluate the prescribed values at the present time; collective."""
         for condition, values in self.timed:
             condition.write(values)
-        if self.timed or self.supports.timed:
+        if self.timed or self.given or self.supports.timed:
             self.combine()
 
     def combine(self) -> None:
@@ -83,7 +85,10 @@ class Constraints:
 
     def _refuse_conflict(self, held: FloatArray, most: float) -> None:
         """Raise InputError where a condition prescribes another value than ``held`` (k,)."""
-        for item, condition in zip(self.wanted, self.conditions, strict=False):
+        for number, condition in enumerate(self.conditions):
+            key = self._name(number)
+            if not key:
+                continue
             dofs, own = condition.dof_indices()[0], np.zeros_like(held)
             condition.set(own)
             defect = np.abs(own - held)[dofs]
@@ -95,17 +100,21 @@ class Constraints:
             where = self.supports.domain.where(points[dof // dim, :dim])
             others = [dof in other.dof_indices()[0] for other in self.conditions]
             last = len(others) - 1 - others[::-1].index(True)
-            if last == len(self.wanted):
-                raise InputError(
-                    f"moves the axis x = 0 along x at {where}, where u_r is zero", item.key
-                )
+            if last >= len(self.wanted) + len(self.given):
+                raise InputError(f"moves the axis x = 0 along x at {where}, where u_r is zero", key)
             raise InputError(
                 f"prescribes {own[dof]:.6g} for the component {AXES[dof % dim]} of the "
                 f"displacement at {where}, where another condition prescribes another value: "
-                f"{self.wanted[last].key} prescribes {held[dof]:.6g}; give both conditions the "
+                f"{self._name(last)} prescribes {held[dof]:.6g}; give both conditions the "
                 "same value there",
-                item.key,
+                key,
             )
+
+    def _name(self, number: int) -> str:
+        """The key of a condition; empty for that of the axis of revolution."""
+        keys = [item.key for item in self.wanted]
+        keys += [f"bcs.{own}" for own in range(len(self.given))]
+        return keys[number] if number < len(keys) else ""
 
     def apply(self, u: fem.Function) -> None:
         """Write the prescribed values into ``u``."""
@@ -163,7 +172,10 @@ class Constraints:
 
     def largest(self) -> float:
         """The largest prescribed component or displacement along a direction; collective."""
-        local = [self.supports.directions.values, *(item.g.x.array for item in self.conditions)]
+        u = np.zeros_like(self._mask)
+        for condition in self.conditions:
+            condition.set(u)
+        local = [self.supports.directions.values, u]
         most = max(float(np.abs(values).max(initial=0.0)) for values in local)
         return maximum(self.space.mesh.comm, most)
 
@@ -174,7 +186,12 @@ class Constraints:
         dofs = np.union1d(self.dofs, (dim * nodes[:, None] + np.arange(dim)).reshape(-1))
         supports = self.supports.without(nodes)
         return Constraints(
-            self.space, [*self.conditions, more], dofs.astype(np.int32), supports, self.wanted
+            self.space,
+            [*self.conditions, more],
+            dofs.astype(np.int32),
+            supports,
+            self.wanted,
+            given=self.given,
         )
 
     def free_dofs(self) -> FloatArray:
@@ -195,11 +212,13 @@ def constrain(
     space: fem.FunctionSpace,
     wanted: Sequence[ComponentCondition],
     supports: Sequence[Support] = (),
+    given: Sequence[fem.DirichletBC] = (),
 ) -> Constraints:
     """The displacement conditions and supports of a space of displacements; collective.
 
-    A support along an axis is a condition for a component.  On the axis of an axisymmetric body u_r
-    is zero.  Raises InputError for conditions that contradict each other, and for a condition that
+    A support along an axis is a condition for a component.  ``given`` are conditions of DOLFINx,
+    whose values are read anew before each solve.  On the axis of an axisymmetric body u_r is zero.
+    Raises InputError for conditions that contradict each other, and for a condition that
     moves the axis.
     """
     oblique = []
@@ -228,6 +247,9 @@ def constrain(
         dofs = fem.locate_dofs_topological((sub, scalar), domain.dim - 1, facets)
         conditions.append(fem.dirichletbc(values, dofs, sub))
         fixed.append(np.asarray(dofs[0], dtype=np.int32))
+    for own in given:
+        conditions.append(own)
+        fixed.append(np.asarray(own.dof_indices()[0], dtype=np.int32))
     if domain.axisymmetric:
         on_axis = axis_condition(domain, space)
         conditions.append(on_axis)
@@ -237,7 +259,7 @@ def constrain(
     marks = np.zeros((index_map.size_local + index_map.num_ghosts) * domain.dim, dtype=bool)
     marks[fixed_dofs] = True
     held = Supports(domain, space, oblique, marks)
-    made = Constraints(space, conditions, fixed_dofs, held, tuple(wanted), timed)
+    made = Constraints(space, conditions, fixed_dofs, held, tuple(wanted), timed, tuple(given))
     made.combine()
     return made
 

@@ -19,7 +19,7 @@ from typing import Any
 import ufl
 from mpi4py import MPI
 
-from contact_locking import Solution, load, solve
+from contact_locking import StudySolution, load, solve
 from contact_locking.convergence import on_mesh_of, write_table
 from contact_locking.laws.elasticity import isotropic_stress, lame_from_young, strain
 from contact_locking.results.derived import integral
@@ -29,7 +29,7 @@ RESULTS = Path("results/error_bound_measured")
 LAME = lame_from_young(1.0, 0.3)
 
 
-def solved(changes: dict[str, Any]) -> Solution:
+def solved(changes: dict[str, Any]) -> StudySolution:
     """The problem of the study with some keys changed."""
     given = [
         f"{key}={'.inf' if value == math.inf else json.dumps(value)}"
@@ -41,7 +41,7 @@ def solved(changes: dict[str, Any]) -> Solution:
     return solution
 
 
-def energy_norm(u: Any, solution: Solution) -> float:
+def energy_norm(u: Any, solution: StudySolution) -> float:
     """``sqrt(a(u, u))`` on the mesh of a solution; collective."""
     stress = isotropic_stress(strain(u), *LAME)
     dx = ufl.Measure("dx", domain=solution.domain.mesh)
@@ -54,7 +54,7 @@ def main() -> None:
     finest = 1.0 / parser.parse_args().finest
     study = load(FILE, []).parameters.study
     assert study is not None
-    references: dict[float, Solution] = {}
+    references: dict[float, StudySolution] = {}
     rows: list[dict[str, Any]] = []
     for case in study.cases():
         limit = case["material.locking_limit"]

@@ -18,7 +18,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking import Solution, assemble, load, solve_assembled
+from contact_locking import StudySolution, assemble, load, solve_assembled
 from contact_locking.convergence import distance, fitted_rate, norms, write_table
 from contact_locking.mesh.domain import Domain
 
@@ -27,7 +27,7 @@ RESULTS = Path("results/local_friction")
 RADII = (0.4, 0.2, 0.1, 0.05, 0.025)
 
 
-def solved(divisions: int, smoothing: str, domain: Domain | None = None) -> Solution:
+def solved(divisions: int, smoothing: str, domain: Domain | None = None) -> StudySolution:
     """The block on a grid, or on a mesh that there is already."""
     changes = [f"mesh.h={1.0 / divisions!r}", "penalty.n=.inf", f"friction.smoothing={smoothing}"]
     parameters = load(FILE, changes).parameters

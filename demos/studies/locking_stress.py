@@ -18,7 +18,7 @@ import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from contact_locking import Solution, load, solve
+from contact_locking import StudySolution, load, solve
 from contact_locking.convergence import fitted_rate, write_table
 from contact_locking.results.derived import integral
 
@@ -27,7 +27,7 @@ RESULTS = Path("results/locking_stress")
 COARSEST = 8
 
 
-def solved(divisions: int) -> Solution:
+def solved(divisions: int) -> StudySolution:
     """The block on a grid of ``divisions`` squares along each side."""
     changes = [f"mesh.h={1.0 / divisions!r}", "penalty.n=.inf", "certificate.limit=false"]
     solution = solve(load(FILE, changes).parameters)
@@ -36,7 +36,7 @@ def solved(divisions: int) -> Solution:
     return solution
 
 
-def norms(solution: Solution) -> dict[str, Any]:
+def norms(solution: StudySolution) -> dict[str, Any]:
     """``int |Z|``, ``int |Z|^2``, ``max |Z|`` and the midpoint of the cell where that is."""
     domain, stress = solution.domain, solution.locking_stress
     size = ufl.sqrt(ufl.inner(stress, stress))

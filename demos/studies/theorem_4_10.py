@@ -21,7 +21,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking import Solution, load, solve
+from contact_locking import StudySolution, load, solve
 from contact_locking.convergence import distance, fitted_rate, norms, write_table
 
 FILE = Path(__file__).with_name("theorem_4_9.yml")
@@ -33,7 +33,7 @@ EXPONENTS = (0.5, 1.0, 1.5, 2.0)
 FITTED = 3
 
 
-def solved(divisions: int, n: float, epsilon: float | None = None) -> Solution:
+def solved(divisions: int, n: float, epsilon: float | None = None) -> StudySolution:
     """The block on a grid of ``divisions`` squares along each side."""
     changes = [f"mesh.h={1.0 / divisions!r}", f"penalty.n={_yaml(n)}", "certificate.limit=false"]
     changes += [] if epsilon is None else [f"penalty.epsilon={epsilon!r}"]

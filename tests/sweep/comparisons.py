@@ -9,9 +9,9 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import assemble
 
 from . import judge, reference
 from .case import Study, Truth
@@ -61,7 +61,7 @@ def slip_of_truth(truth: Truth, discrete: Discrete, state: State) -> str:
     return f"the slip is off by {off:.1e}" if off > _SLIP * size else ""
 
 
-def about_other_solutions(truth: Truth, solution: Solution) -> str:
+def about_other_solutions(truth: Truth, solution: StudySolution) -> str:
     """A verdict on uniqueness that is false, or not as sharp as it can be; "" if it is right."""
     verdict = str(solution.summary["certificate"]["constants"]["uniqueness"]["verdict"])
     wanted = {None: verdict, True: "covered by theory", False: "not unique"}[truth.unique]
@@ -80,7 +80,7 @@ def another(truth: Truth, parameters: Parameters, discrete: Discrete, state: Sta
     return "" if "" in told else f"the other solution is none: {told}"
 
 
-def exported(solution: Solution) -> str:
+def exported(solution: StudySolution) -> str:
     """Whether the list of contact points, which goes to files, has other tractions than the fields.
 
     Both are sums over the same nodes, so that their order does not matter.
@@ -126,7 +126,7 @@ def against_reference(discrete: Discrete, state: State) -> str:
 
 
 def against_transformed(
-    transform: Transform, study: Study, solution: Solution, discrete: Discrete
+    transform: Transform, study: Study, solution: StudySolution, discrete: Discrete
 ) -> tuple[str, float | None]:
     """How the same problem in other units, turned or mirrored, differs; "" if it agrees.
 

@@ -21,7 +21,7 @@ from contact_locking.expressions import parse
 from contact_locking.laws.elasticity import mean_young
 from contact_locking.mesh.domain import Domain
 from contact_locking.parameters import Elasticity, Parameters
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 from .geometry import Geometry
 
@@ -251,7 +251,7 @@ class State:
     smoothed: FloatArray
 
 
-def state_of(solution: Solution, discrete: Discrete) -> State:
+def state_of(solution: StudySolution, discrete: Discrete) -> State:
     """The fields of a solution in the order of the discrete problem."""
     dim = discrete.dim
     tensors = solution.locking_stress

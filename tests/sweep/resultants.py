@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 from contact_locking.arrays import FloatArray
 from contact_locking.expressions import parse
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import assemble
+from contact_locking.study.assembly import assemble
 
 from .case import Study
 

@@ -14,10 +14,10 @@ from pydantic import ValidationError
 
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
-from contact_locking.problem.assembly import Problem, assemble
 from contact_locking.process.loop import Steps
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 from contact_locking.solving import solve_assembled
+from contact_locking.study.assembly import StudyProblem, assemble
 
 from . import comparisons, judge, reference, stepwise
 from .case import Case, Study, Truth
@@ -99,7 +99,7 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
         outcome.kind = WEDGED if forces_grow(outcome.study, problem) else NOT_SOLVED
 
 
-def _solve_process(case: Case, problem: Problem, outcome: Outcome, checks: bool) -> None:
+def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: bool) -> None:
     """Solve all steps; with ``checks`` those of the twin, too."""
     found = list(Steps(problem))
     outcome.tangents = max((int(row["tangents"]) for row in found[-1].history), default=0)
@@ -120,7 +120,7 @@ def _solve_process(case: Case, problem: Problem, outcome: Outcome, checks: bool)
     outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
 
 
-def forces_grow(study: Study, problem: Problem) -> bool:
+def forces_grow(study: Study, problem: StudyProblem) -> bool:
     """Whether the largest pressure grows in proportion to the penalty of contact and locking.
 
     Each solution is judged by the sums of the sweep, and the stiffest two that are right decide.
@@ -143,7 +143,7 @@ def forces_grow(study: Study, problem: Problem) -> bool:
     return len(largest) > 1 and largest[-1] > _GROWTH * largest[-2]
 
 
-def at_the_verge(case: Case, problem: Problem) -> Study:
+def at_the_verge(case: Case, problem: StudyProblem) -> Study:
     """The study with its prescribed displacements at a share of the largest that are possible."""
     discrete = discretise(problem.parameters, problem.domain, problem.u.function_space)
     assert case.verge is not None
@@ -155,7 +155,7 @@ def at_the_verge(case: Case, problem: Problem) -> Study:
 
 
 def _judge(
-    truth: Truth, solution: Solution, discrete: Discrete, outcome: Outcome, checks: bool
+    truth: Truth, solution: StudySolution, discrete: Discrete, outcome: Outcome, checks: bool
 ) -> None:
     reason = str(solution.summary["reason"])
     if not solution.converged:

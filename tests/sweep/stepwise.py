@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import StudySolution
 
 from . import judge
 from .case import Study
@@ -20,7 +20,7 @@ _FORCE, _EXCESS = 1e-6, 1e-6
 _EPS = float(np.finfo(float).eps)
 
 
-def complaint(solutions: Sequence[Solution]) -> str:
+def complaint(solutions: Sequence[StudySolution]) -> str:
     """What is wrong with the steps of a process; "" if nothing is."""
     found = []
     for solution in solutions:
@@ -32,7 +32,7 @@ def complaint(solutions: Sequence[Solution]) -> str:
     return "; ".join(found)
 
 
-def _wrong(solution: Solution) -> list[str]:
+def _wrong(solution: StudySolution) -> list[str]:
     found = []
     u = solution.displacement.x.array.reshape(-1, 2)
     reach = float(np.abs(u).max(initial=0.0))
@@ -63,7 +63,7 @@ def _wrong(solution: Solution) -> list[str]:
     return found
 
 
-def unlike(solutions: Sequence[Solution], twins: Sequence[Solution], study: Study) -> str:
+def unlike(solutions: Sequence[StudySolution], twins: Sequence[StudySolution], study: Study) -> str:
     """How the energies of a process differ with a modulus of 1 and a length of 1; "" if they agree.
 
     Displacements of bodies at rest may differ.
@@ -83,5 +83,5 @@ def unlike(solutions: Sequence[Solution], twins: Sequence[Solution], study: Stud
     return ""
 
 
-def _column(solutions: Sequence[Solution], name: str) -> FloatArray:
+def _column(solutions: Sequence[StudySolution], name: str) -> FloatArray:
     return np.asarray(solutions[-1].history.column(name))

@@ -26,7 +26,8 @@ import basix
 import numpy as np
 import ufl
 from dolfinx import fem
-from ufl.algorithms.analysis import extract_type
+from ufl.algorithms.analysis import extract_arguments, extract_type
+from ufl.differentiation import Derivative
 
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.certificate.elliptic import NotApplicable
@@ -97,20 +98,30 @@ def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElemen
         np.zeros(count),
         np.zeros((count, 3)),
     )
-    for load, measure in data.loads:
-        kind = measure.integral_type()
-        if measure.metadata().get("quadrature_rule") == "custom":
+    for integral in () if data.loads is None else data.loads.integrals():
+        kind, load = integral.integral_type(), _density(integral.integrand())
+        if integral.metadata().get("quadrature_rule") == "custom":
             raise NotApplicable("a load changes too sharply inside of a cell or facet")
         if kind == "cell":
-            if measure.subdomain_id() != "everywhere":
+            if integral.subdomain_id() != "everywhere":
                 raise NotApplicable("a body force acts on a part of the body only")
             _add_body_force(found, load, triangles, element)
         elif kind == "exterior_facet":
-            facets = _facets_of(measure)
+            facets = _facets_of(integral)
             _add_traction(found, load, triangles, facets, k)
         else:
             raise NotApplicable(f"a load acts on the measure {kind!r}")
     return found
+
+
+def _density(integrand: Any) -> Any:
+    """The load f (2,) in ``f . v``; raises NotApplicable for other linear forms of v."""
+    (test,) = extract_arguments(integrand)
+    for derivative in extract_type(integrand, Derivative):
+        if extract_arguments(derivative):
+            raise NotApplicable("a load does work along strains")
+    units = [ufl.as_vector([float(i == j) for j in range(2)]) for i in range(2)]
+    return ufl.as_vector([ufl.replace(integrand, {test: unit}) for unit in units])
 
 
 def _add_body_force(
@@ -188,7 +199,7 @@ def _on_sides(
         found = _values(load, triangles, points, chosen.astype(np.int32))
         return found.reshape(len(chosen), *edges.shape)[np.arange(len(chosen)), side]
 
-    normals = () if isinstance(load, fem.Constant) else extract_type(load, ufl.FacetNormal)
+    normals = extract_type(load, ufl.FacetNormal)
     if not normals:
         return evaluate(load, cells, sides)
     space = fem.functionspace(triangles.domain.mesh, ("DG", 0, (2,)))
@@ -210,8 +221,6 @@ def _beyond_rounding(rest: FloatArray, whole: FloatArray) -> FloatArray:
 
 def _values(load: Any, triangles: Triangles, points: FloatArray, cells: IndexArray) -> FloatArray:
     """The load (m, q, 2) at points (q, 2) of the reference triangle in cells (m,); collective."""
-    if isinstance(load, fem.Constant):
-        return np.broadcast_to(load.value, (len(cells), len(points), 2))
     try:
         expression = fem.Expression(load, points, jit_options=compiled.options())
     except (ValueError, RuntimeError, TypeError) as error:

@@ -154,9 +154,9 @@ def _require_applicable(state: SolvedState) -> None:
     require_still_foundations(state)
     if problem.data.own_energy is not None:
         raise NotApplicable("no proof covers the user's own energy")
-    memories = [contact.memory.tangential for contact in problem.contacts]
+    memories = [contact.references for contact in problem.contacts]
     if on_any_rank(state.comm, any(bool(np.any(values)) for values in memories)):
-        if any(contact.obstacle.moves for contact in problem.contacts):
+        if any(contact.foundation.moves for contact in problem.contacts):
             raise NotApplicable("friction counts the slip on a tool that moves")
         raise NotApplicable("friction counts the slip from an earlier step")
     if not problem.data.only_ball:

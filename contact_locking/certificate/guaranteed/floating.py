@@ -19,7 +19,7 @@ from contact_locking.certificate.guaranteed.facet_polynomials import (
 )
 from contact_locking.certificate.guaranteed.macro_element import MacroElement
 from contact_locking.certificate.guaranteed.triangles import Triangles
-from contact_locking.problem.assembly import Problem
+from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.supports.rigid_motions import free_motions
 
 # Pressures that balance the data differ from those of the solution by less than this share.
@@ -46,7 +46,7 @@ class FloatingPart:
         return np.einsum("m...,mf->f...", basis, self.motions)
 
 
-def floating_parts(problem: Problem, triangles: Triangles) -> list[FloatingPart]:
+def floating_parts(problem: DiscreteProblem, triangles: Triangles) -> list[FloatingPart]:
     """The parts of the body that have free motions; collective."""
     space, domain = problem.u.function_space, problem.domain
     found = []

@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from scipy.sparse import identity, kron
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.problem.system import PenalisedSystem
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -26,7 +26,7 @@ class ContactNodes:
     Vectors are (d, k), scalars (k,); ``weights`` (k,) are those of the nodes.
     """
 
-    def __init__(self, contact: Contact, number: int, system: PenalisedSystem) -> None:
+    def __init__(self, contact: NodalContact, number: int, system: PenalisedSystem) -> None:
         self.contact, self.number = contact, number
         self.comm, self.dim = system.comm, system.dim
         surface, self._active = contact.surface, contact.free
@@ -55,7 +55,7 @@ class ContactNodes:
 
     def old_slips(self) -> FloatArray:
         """``u_{k-1,tau}`` (d, k), where the nodes stood before the step."""
-        return self.contact.memory.tangential[self._active].T
+        return self.contact.references[self._active].T
 
     def increments(self, displacement: FloatArray) -> FloatArray:
         """The slips (d, k) of the step, ``u_tau - u_{k-1,tau}``, of a displacement; collective."""

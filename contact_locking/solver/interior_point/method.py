@@ -30,7 +30,7 @@ import math
 import numpy as np
 from petsc4py import PETSc
 
-from contact_locking.contact.contact import joint_norm
+from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
 from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.farkas import excluded_factor

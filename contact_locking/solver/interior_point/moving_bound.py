@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
@@ -23,7 +23,7 @@ class MovingBound:
     """
 
     u: fem.Function
-    contact: Contact
+    contact: NodalContact
     pressing: ContactCones
     friction: FrictionCones
     least: float

@@ -1,31 +1,24 @@
-"""What stops the body at a contact: a given gap, or a rigid foundation that may move."""
+"""A foundation at its place: a gap, or a rigid body that may move."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.contact.outline import outline
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.contact.tool_outline import outline
-from contact_locking.contact.tool_shapes import Site, build
 from contact_locking.errors import InputError, Misplaced, with_key
-from contact_locking.expressions import TIME, parse
-from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
 from contact_locking.fields.plausibility import about_the_distance, about_the_size
-from contact_locking.fields.sampling import Entities, features
-from contact_locking.fields.values import evaluate
-from contact_locking.laws.foundation import Foundation
+from contact_locking.laws.foundation import Foundation, HalfSpace, Round
 from contact_locking.laws.level_set import LevelSet
 from contact_locking.laws.polyline import Polyline
-from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
+from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion
 from contact_locking.laws.triangulated import TriangulatedSurface
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
-from contact_locking.parameters import ContactParameters
 
 _TOO_FAR = "its distance is not a finite number: the foundation is too far away or too large"
 _NOT_FINITE = {
@@ -69,13 +62,14 @@ _ROUNDING = 1e-10
 _TOUCH = 8.0 * float(np.finfo(float).eps)
 
 
-class Obstacle(Protocol):
-    """What the body at one contact does not enter; it may depend on the time of a clock.
+@runtime_checkable
+class PlacedFoundation(Protocol):
+    """What the body at one contact does not enter, at its present place.
 
-    ``is_timed`` says that gap or normal change with the time, and ``moves`` that the obstacle has a
-    motion, which drags the body by friction.  ``is_distance`` says that its distance is exact
-    everywhere, so that the distance changes by no more than the way, and ``is_plane`` that it is a
-    half space.
+    ``is_timed`` says that gap or normal may change from solve to solve, and ``moves`` that the
+    foundation has a motion, which drags the body by friction.  ``is_distance`` says that its
+    distance is exact everywhere, so that the distance changes by no more than the way, and
+    ``is_plane`` that it is a half space.
     """
 
     is_timed: bool
@@ -102,17 +96,17 @@ class Obstacle(Protocol):
         """
 
     def corners(self, box: FloatArray, spacing: float) -> FloatArray:
-        """Points (c, d) at present in a box (2, d) where the obstacle may enter a flat facet first.
+        """Points (c, d) at present in a box (2, d) where it may enter a flat facet first.
 
-        These are the corners of an obstacle of facets, and points of its sharp edges that are
+        These are the corners of a foundation of facets, and points of its sharp edges that are
         ``spacing`` apart.
         """
 
-    def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
-        """How far (k, d) the obstacle has moved at the nodes since a time, or since it was at rest.
+    def motion(self) -> RigidMotion:
+        """Where it has moved from rest."""
 
-        ``since`` is None for the state at rest.
-        """
+    def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
+        """How far (k, d) it has moved at the nodes since it was at ``before``."""
 
     def outline(self, box: FloatArray) -> FloatArray:
         """The facets (t, d, d) of its surface at present, by their corners, if it has any.
@@ -125,24 +119,29 @@ class Obstacle(Protocol):
 
 
 class GivenGap:
-    """A gap along the outward normal of the body, as a number or an expression.
+    """A gap along the outward normal of the body.
 
-    With the time, gaps that are small beside earlier ones are zero with rounding.
+    ``values`` maps points (d, k) to the present gaps (k,).
     """
 
     moves = is_distance = is_plane = False
+    is_timed = True
 
-    def __init__(self, comm: MPI.Intracomm, given: ContactParameters, clock: Clock) -> None:
-        self._comm, self._gap, self._clock = comm, given.gap, clock
-        self._key = f"{given.key}.gap"
-        self.is_timed = is_timed(parse(given.gap, (*AXES, TIME), tables=clock.tables))
-        self._so_far = LargestSoFar()
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        dim: int,
+        values: Callable[[FloatArray], FloatArray],
+        key: str,
+    ) -> None:
+        self._comm, self._values, self._key = comm, values, key
+        self._rest = RigidMotion.rest(dim)
 
     def gap(self, x: FloatArray) -> FloatArray:
-        clock = self._clock
-        found = evaluate(self._comm, self._gap, x, self._key, time=clock.now, tables=clock.tables)
-        is_zero = self.is_timed and self._so_far.hides(maximum(self._comm, np.abs(found)))
-        return np.zeros_like(found) if is_zero else found
+        found = agree(self._comm, lambda: with_key(self._key, lambda: self._values(x)))
+        if not on_every_rank(self._comm, np.isfinite(found)):
+            raise InputError("is not a finite number somewhere on Gamma_C", self._key)
+        return found
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         return self.gap(surface.places.T), surface.body_normals()
@@ -157,43 +156,60 @@ class GivenGap:
     def corners(self, box: FloatArray, spacing: float) -> FloatArray:
         return np.empty((0, box.shape[1]))
 
-    def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
+    def motion(self) -> RigidMotion:
+        return self._rest
+
+    def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
         return np.zeros_like(surface.points)
 
     def outline(self, box: FloatArray) -> FloatArray:
         return np.empty((0, *[box.shape[1]] * 2))
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        clock, domain = self._clock, surface.domain
-        expression = parse(self._gap, (*AXES, TIME), tables=clock.tables)
-        facets = Entities.of(domain, domain.dim - 1, surface.facets)
-        advice = "refine the mesh there"
-        return features(facets, expression, self._key, advice, "range", clock.some_times)
+        return []
 
 
-class Tool:
+#: The names of the shapes of rigid bodies in messages.
+_SHAPES: dict[type, str] = {
+    HalfSpace: "half_space",
+    Round: "sphere",
+    LevelSet: "expression",
+    Polyline: "polyline",
+    TriangulatedSurface: "surface",
+}
+
+
+class RigidFoundation:
     """A rigid body with a prescribed motion from rest, or at rest.
 
-    The constructor is collective, as a shape may be in a file.  Raises InputError for a shape that
-    is none and for a body whose distance is not finite, and Misplaced for one that lies behind
-    Gamma_C, or reaches into the body so that the way out of it leads through the body.
+    ``motion`` tells where the body is at present, and ``is_timed`` that it may move, or change its
+    shape.  ``key`` is that of the foundation in messages.  The methods raise InputError for a body
+    whose distance is not finite, and Misplaced for one that lies behind Gamma_C, or reaches into
+    the body so that the way out of it leads through the body.
     """
 
-    def __init__(self, site: Site, given: ContactParameters) -> None:
-        assert given.foundation is not None
-        self._site, self._on, self._key = site, f"{given.key}.on", site.key
-        self._shape, value = given.foundation.shape
-        self.is_plane = self._shape == "half_space"
-        self._body = build(self._shape, value, site)
-        # A tool is judged once, at its first place, whether its orientation fits the body.
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        dim: int,
+        body: Foundation,
+        motion: Callable[[], RigidMotion],
+        key: str,
+        is_timed: bool,
+    ) -> None:
+        self._comm, self._dim, self._body, self._key = comm, dim, body, key
+        self.motion = motion
+        self._shape = _SHAPES.get(type(body), "shape")
+        if isinstance(body, Round) and body.axis is not None:
+            self._shape = "cylinder"
+        self.is_plane = isinstance(body, HalfSpace)
+        self.is_distance = not isinstance(body, LevelSet)
+        self.is_timed = self.moves = is_timed
+        # A body is judged once, at its first place, whether its orientation fits that of the
+        # deformable body.
         self._is_oriented = False
-        self._motion = given.foundation.moved
-        text = given.foundation.expression
-        timed_shape = text is not None and is_timed(
-            parse(text, (*AXES, TIME), tables=site.clock.tables)
-        )
-        self.is_distance = not isinstance(self._body, LevelSet)
-        self.is_timed = self.moves = self._motion is not None or timed_shape
+        #: What was not intended, probably, with the shape itself.
+        self.told: list[str] = []
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._evaluated(self.now.gap, x)
@@ -205,41 +221,18 @@ class Tool:
             with np.errstate(all="ignore"):
                 return with_key(f"{self._key}.{self._shape}", lambda: function(x))
 
-        return agree(self._site.comm, values)
+        return agree(self._comm, values)
 
     @property
     def now(self) -> Foundation:
         """The body at its present place."""
-        if self._motion is None:
-            return self._body
-        return MovedFoundation(self._body, self.motion(self._site.clock.now))
+        return MovedFoundation(self._body, self.motion()) if self.moves else self._body
 
-    def motion(self, time: float | None) -> RigidMotion:
-        """The motion from rest at a time; None for the state at rest."""
-        given, dim = self._motion, self._site.dim
-        if given is None or time is None:
-            return RigidMotion.rest(dim)
-        key, zero = f"{self._key}.motion", (0.0,) * dim
-        angles = given.angles or (0.0,) * (1 if dim == 2 else 3)
-        return RigidMotion(
-            self._at_time(given.translation or zero, time, f"{key}.translation"),
-            rotation(self._at_time(angles, time, f"{key}.rotation")),
-            np.array(given.about or zero, dtype=float),
-        )
-
-    def _at_time(self, components: tuple[float | str, ...], time: float, key: str) -> FloatArray:
-        def value(component: float | str) -> float:
-            expression = parse(component, (TIME,), tables=self._site.clock.tables)
-            return float(expression.numpy(**{TIME: time}))
-
-        return np.array([with_key(key, partial(value, component)) for component in components])
-
-    def drag(self, surface: ContactSurface, since: float | None) -> FloatArray:
-        now = self.motion(self._site.clock.now)
-        return now.step_from(self.motion(since), surface.points.T).T
+    def drag(self, surface: ContactSurface, before: RigidMotion) -> FloatArray:
+        return self.motion().step_from(before, surface.points.T).T
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
-        body, points, comm = self.now, surface.places.T, self._site.comm
+        body, points, comm = self.now, surface.places.T, self._comm
         gap = self._evaluated(body.gap, points)
         # A tool that is back where it touched would press by the rounding of the coordinates.
         gap = np.where(np.abs(gap) <= _TOUCH * maximum(comm, np.abs(points)), 0.0, gap)
@@ -272,7 +265,9 @@ class Tool:
             raise Misplaced(_TOO_DEEP, self._key)
         # A tool with several sides may come from where nothing faces it yet.
         if not turn and on_every_rank(comm, facing <= 0.0):
-            raise Misplaced(_BEHIND.format(on=self._on), self._key)
+            raise Misplaced(
+                _BEHIND.format(on=self._key.removesuffix("foundation") + "on"), self._key
+            )
         return gap, normals
 
     def _is_reversed(self, surface: ContactSurface, gap: FloatArray, facing: FloatArray) -> bool:
@@ -295,7 +290,7 @@ class Tool:
     def _reverse(self) -> None:
         assert isinstance(self._body, TriangulatedSurface | Polyline)
         self._body = self._body.reversed()
-        self._site.warnings.append(
+        self.told.append(
             f"{self._key}.{self._shape}: it is that of a die, whose hole is inside of the outline, "
             f"but the body is not in the hole; the other side was taken: {_TURN[self._shape]}"
         )
@@ -312,10 +307,10 @@ class Tool:
         ``points`` (d, k) are inside of the tool near a side of it that the body does not face, as
         beside a sharp edge: the way out is that against the outward normals (k, d) of the body.
         """
-        motion = self.motion(self._site.clock.now)
+        motion = self.motion()
         depth, normals = body.way_out(motion.origin(points), -motion.turn.T @ outward.T)
         low, high = surface.domain.bounding_box()
-        if maximum(self._site.comm, depth) > (high - low).min():
+        if maximum(self._comm, depth) > (high - low).min():
             raise Misplaced(_TOO_FAR_IN, self._key)
         return -depth, -(motion.turn @ normals).T
 
@@ -334,7 +329,7 @@ class Tool:
     def corners(self, box: FloatArray, spacing: float) -> FloatArray:
         if not isinstance(self._body, TriangulatedSurface | Polyline):
             return np.empty((0, box.shape[1]))
-        motion, middle = self.motion(self._site.clock.now), box.mean(axis=0)
+        motion, middle = self.motion(), box.mean(axis=0)
         # The box around the ball around the box, where the tool was at rest.
         reach = 0.5 * float(np.linalg.norm(box[1] - box[0]))
         at_rest = motion.origin(middle[:, None])[:, 0] + np.array([[-reach], [reach]])
@@ -342,7 +337,7 @@ class Tool:
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         """What is probably not intended with the gap (k,) at the nodes at present; collective."""
-        found, comm = [*self._site.warnings], self._site.comm
+        found, comm = [*self.told], self._comm
         body = self._body
         if isinstance(body, LevelSet):
             low, high = self._slopes(body, surface)
@@ -362,26 +357,26 @@ class Tool:
         return found + about_the_distance(surface.domain, gap, self._key)
 
     def outline(self, box: FloatArray) -> FloatArray:
-        motion = self.motion(self._site.clock.now)
+        motion = self.motion()
         if not isinstance(self._body, TriangulatedSurface | Polyline):
             return outline(self._body, motion, box)
         facets = self._body.facets
-        places = motion.place(facets.reshape(-1, self._site.dim).T)
+        places = motion.place(facets.reshape(-1, self._dim).T)
         return places.T.reshape(facets.shape)
 
     def _slopes(self, body: LevelSet, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""
-        slope = body.slope(self.motion(self._site.clock.now).origin(surface.points.T))
-        return -maximum(self._site.comm, -slope, -np.inf), maximum(self._site.comm, slope)
+        slope = body.slope(self.motion().origin(surface.points.T))
+        return -maximum(self._comm, -slope, -np.inf), maximum(self._comm, slope)
 
     def _at_open_end(self, points: FloatArray) -> BoolArray:
         if not isinstance(self._body, TriangulatedSurface | Polyline):
             return np.zeros(points.shape[1], dtype=bool)
-        return self._body.at_open_end(self.motion(self._site.clock.now).origin(points))
+        return self._body.at_open_end(self.motion().origin(points))
 
     def _check_open_end(self, points: FloatArray, gap: FloatArray) -> None:
         """Raise Misplaced for a node that is behind an open tool, beyond its end; collective."""
-        if on_any_rank(self._site.comm, self._at_open_end(points) & (gap < 0.0)):
+        if on_any_rank(self._comm, self._at_open_end(points) & (gap < 0.0)):
             raise Misplaced(
                 "Gamma_C reaches around the end of the open tool, where it has no inside; close "
                 "the tool, or let it reach beyond the body",
@@ -394,10 +389,3 @@ def _most(surface: ContactSurface, marks: BoolArray, among: BoolArray) -> bool:
     weights = np.where(among, surface.weights, 0.0)
     sums = surface.domain.comm.allreduce(np.array([weights[marks].sum(), weights.sum()]))
     return bool(2.0 * sums[0] > sums[1])
-
-
-def obstacle_of(comm: MPI.Intracomm, dim: int, given: ContactParameters, clock: Clock) -> Obstacle:
-    """The obstacle of a contact; collective."""
-    if given.foundation is None:
-        return GivenGap(comm, given, clock)
-    return Tool(Site(dim, comm, clock, f"{given.key}.foundation"), given)

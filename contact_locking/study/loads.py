@@ -39,19 +39,11 @@ _SUSPECTS = 8
 _REFERENCE_MEASURE = {1: 1.0, 2: 0.5, 3: 1.0 / 6.0}
 
 
-def build_loads(
-    domain: Domain,
-    given: LoadParameters,
-    stiffness: float,
-    warnings: list[str],
-    element: Element,
-    clock: Clock,
-) -> Loads:
+def build_loads(domain: Domain, given: LoadParameters, element: Element, clock: Clock) -> Loads:
     """Each body force, traction and pressure as a UFL vector with its measure; collective.
 
     Raises InputError with the key and the point for a value that is not finite, for a pole, and for
-    a load that is mostly lost.  Adds a warning for a load that no rule of integration resolves, and
-    for a load above the ``stiffness`` of the material.
+    a load that is mostly lost.
     """
     found = Loads()
     if given.body_force is not None:
@@ -60,9 +52,7 @@ def build_loads(
         on = Entities.of(domain, domain.dim, cells)
         load = _Load(on, given.body_force, key, element, clock)
         low, high = domain.bounding_box()
-        stress = load.check(warnings) * float((high - low).max())
-        warnings += about_a_load(stress, stiffness, key)
-        found.add(load, domain.dx(**load.metadata))
+        found.add(load, domain.dx(**load.metadata), key, float((high - low).max()))
     on_boundary: list[tuple[tuple[str, ...], str, type[_Load], Sequence[float | str]]] = [
         *((item.on, f"tractions.{i}", _Load, item.value) for i, item in enumerate(given.tractions)),
         *(
@@ -74,8 +64,7 @@ def build_loads(
         key = f"loads.{place}"
         on = Entities.of(domain, domain.dim - 1, domain.facets(names, f"{key}.on"))
         load = kind(on, values, f"{key}.value", element, clock)
-        warnings += about_a_load(load.check(warnings), stiffness, f"{key}.value")
-        found.add(load, domain.ds(names, f"{key}.on", **load.metadata))
+        found.add(load, domain.ds(names, f"{key}.on", **load.metadata), f"{key}.value")
     return found
 
 
@@ -85,21 +74,36 @@ class Loads:
     def __init__(self) -> None:
         self.terms: list[tuple[Any, ufl.Measure]] = []
         self._timed: list[_Load] = []
+        self._told: list[str] = []
+        self._stresses: list[tuple[float, str]] = []
 
-    def add(self, load: _Load, measure: ufl.Measure) -> None:
-        """Add a load that acts on a measure."""
+    def add(self, load: _Load, measure: ufl.Measure, key: str, length: float = 1.0) -> None:
+        """Add a load that acts on a measure, and times ``length`` is a stress; collective."""
+        largest, told = load.check()
+        self._told += told
+        self._stresses.append((largest * length, key))
         self.terms.append((load.ufl(), measure))
         if load.timed:
             self._timed.append(load)
 
-    def advance(self, warnings: list[str]) -> None:
+    def work(self, v: Any) -> ufl.Form | None:
+        """``(f, v)`` (13), None without loads."""
+        if not self.terms:
+            return None
+        return sum(ufl.inner(load, v) * measure for load, measure in self.terms)
+
+    def warnings(self, stiffness: float) -> list[str]:
+        """Loads that no rule of integration resolves, or above the stiffness of the material."""
+        large = [about_a_load(stress, stiffness, key) for stress, key in self._stresses]
+        return [*self._told, *(text for texts in large for text in texts)]
+
+    def advance(self) -> list[str]:
         """Put the loads to the present time, and check them; collective.
 
-        Raises InputError for a value that is not finite, and for a pole.  Adds the first warning of
-        each load that its rule of integration does not resolve.
+        Returns the first warning of each load that its rule of integration does not resolve.
+        Raises InputError for a value that is not finite, and for a pole.
         """
-        for load in self._timed:
-            load.advance(warnings)
+        return [text for load in self._timed for text in load.advance()]
 
 
 class _Load:
@@ -163,25 +167,26 @@ class _Load:
         load = ufl.as_vector([component.ufl(tables, **places) for component in self._components])
         return self._acts * load if self.timed else load
 
-    def advance(self, warnings: list[str]) -> None:
+    def advance(self) -> list[str]:
         """Put the load to the present time, with the check of :meth:`check`; collective."""
         self._lookups.refresh()
-        self.check(warnings)
+        return self.check()[1]
 
-    def check(self, warnings: list[str]) -> float:
-        """The largest ``|g|`` at the points of cells or facets; collective.
+    def check(self) -> tuple[float, list[str]]:
+        """The largest ``|g|`` at the points of cells or facets, and warnings; collective.
 
-        A load that depends on the time is put to zero where it is zero with rounding.  Raises and
-        warns as `build_loads`.
+        A load that depends on the time is put to zero where it is zero with rounding.  Raises
+        InputError as `build_loads`.
         """
-        largest = self._largest(warnings)
+        largest, told = self._largest()
         is_zero = self._so_far.hides(largest)
         self._acts.value = float(not (self.timed and is_zero))
-        return largest
+        return largest, told
 
-    def _largest(self, warnings: list[str]) -> float:
+    def _largest(self) -> tuple[float, list[str]]:
         if self._constant:
-            return float(np.linalg.norm([component.numpy() for component in self._components]))
+            sizes = [component.numpy() for component in self._components]
+            return float(np.linalg.norm(sizes)), []
         comm, time = self._domain.comm, self._clock.now
         used = agree(comm, lambda: self._sample(self.halvings, _DEGREE, time, is_used=True))
         fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
@@ -190,12 +195,12 @@ class _Load:
         largest, where = max(tops)
         if largest <= 0.0:
             # A load that depends on the time may be zero at times.
-            if not self.timed:
-                warnings.append(
-                    f"{self._key}: is zero at all points of the quadrature; is the load meant for "
-                    "another place, or for a place smaller than the elements?"
-                )
-            return 0.0
+            if self.timed:
+                return 0.0, []
+            return 0.0, [
+                f"{self._key}: is zero at all points of the quadrature; is the load meant for "
+                "another place, or for a place smaller than the elements?"
+            ]
         if self.halvings or share > _ACCURATE:
             coarse = self._sample(0, _DEGREE, time)
             rest = np.linalg.norm(coarse.integrals - fine.integrals, axis=1)
@@ -214,8 +219,8 @@ class _Load:
             raise InputError(text, self._key)
         if share > _UNCERTAIN and not self._warned:
             self._warned = True
-            warnings.append(f"{self._key}: {text}")
-        return largest
+            return largest, [f"{self._key}: {text}"]
+        return largest, []
 
     def _enough(self, time: float) -> int:
         """How often to halve at a time, no less than before; collective."""

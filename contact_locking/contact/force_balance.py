@@ -9,7 +9,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.pushed_tool import PushedTool
+from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.parallel import maximum
 
 # The forces of a tool balance to this share of its force, or as rounding lets them.
@@ -19,10 +19,10 @@ _ROUNDING = 1e-16
 _MOST_STEPS = 100
 
 
-class Tools(Sequence[PushedTool]):
+class Tools(Sequence[PushedFoundation]):
     """The tools of a problem, with their travels and their equilibrium by the penalty laws."""
 
-    def __init__(self, tools: Sequence[PushedTool], epsilon: fem.Constant) -> None:
+    def __init__(self, tools: Sequence[PushedFoundation], epsilon: fem.Constant) -> None:
         self._tools = tuple(tools)
         self.balances = [
             ToolBalance(tool, epsilon, tool.contact.surface.domain.extent()) for tool in tools
@@ -63,7 +63,7 @@ class ToolBalance:
     ``B = dg/du`` and ``c = dg/dq``.  Without a force the tool keeps a distance of ``length``.
     """
 
-    def __init__(self, tool: PushedTool, epsilon: fem.Constant, length: float) -> None:
+    def __init__(self, tool: PushedFoundation, epsilon: fem.Constant, length: float) -> None:
         self.tool, self._epsilon, self._length = tool, epsilon, length
 
     def settle(self, u: fem.Function) -> None:

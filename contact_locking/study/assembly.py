@@ -1,19 +1,15 @@
-"""The discrete problem of a study, before the first solve."""
+"""The discrete problem of a study file, before the first solve."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
+import ufl
 from mpi4py import MPI
 
 from contact_locking.arrays import AXES, FloatArray
-from contact_locking.contact.contact import Contact
-from contact_locking.contact.contact_boundary import MovingGap, build_contacts, moving_gaps
-from contact_locking.contact.pushed_tool import build_tools
 from contact_locking.errors import InputError
 from contact_locking.expressions import TIME, parse
 from contact_locking.fem.spaces import Element, element_of
@@ -21,7 +17,6 @@ from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.table_files import read_tables
 from contact_locking.fields.values import evaluate
-from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.groups import groups
@@ -29,42 +24,65 @@ from contact_locking.mesh.half_section import half_section, require_surface
 from contact_locking.mesh_file.xdmf_grids import is_xdmf
 from contact_locking.parallel import maximum
 from contact_locking.parameters import LoadParameters, Parameters
-from contact_locking.problem import forms
-from contact_locking.problem.coefficients import Material, build_material
-from contact_locking.problem.loads import Loads, build_loads
-from contact_locking.problem.parts import Held, check_parts_held
-from contact_locking.problem.probe_points import ProbePoints, locate
-from contact_locking.problem.strain_limits import build_strain_sets
-from contact_locking.supports.conditions import (
-    ComponentCondition,
-    Constraints,
-    constrain,
-)
+from contact_locking.problem.discrete_problem import Body, DiscreteProblem
+from contact_locking.study.contacts import contact_of, friction_warnings
+from contact_locking.study.loads import build_loads
+from contact_locking.study.material import MaterialOfStudy
+from contact_locking.study.probe_points import locate
+from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
 
 
-@dataclass
-class Problem:
-    """The discrete problem before the first solve; :func:`assemble` makes it.
+class StudyProblem(DiscreteProblem):
+    """The discrete problem of a study file, whose data depend on the time of its clock.
 
-    ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
-    solve for, and ``held`` tells how each part of the body is held.  ``clock``, ``loads`` and
-    ``moving_gaps`` are what depends on the time; a problem of steps is made for the first time.
+    ``domain`` is the mesh and ``element`` the element of displacements.  A problem of steps is made
+    for the first time.  The constructor is collective.  Raises InputError for data that do not fit
+    the mesh or the element.
     """
 
-    parameters: Parameters
-    domain: Domain
-    material: Material
-    data: forms.ProblemData
-    u: fem.Function
-    constraints: Constraints
-    penalty: Penalty
-    held: list[Held]
-    warnings: list[str]
-    clock: Clock
-    loads: Loads
-    moving_gaps: list[MovingGap]
-    probes: ProbePoints
+    def __init__(self, parameters: Parameters, domain: Domain, element: Element) -> None:
+        self.parameters = parameters
+        told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
+        parameters.check_dimension(domain.dim)
+        given = MaterialOfStudy(domain, parameters.material)
+        space = element.displacement_space(domain.mesh)
+        _check_parts(domain, parameters)
+        self.probes = locate(domain, parameters.output.probes)
+        steps = parameters.steps
+        times = (0.0,) if steps is None else steps.planned
+        tables = read_tables(domain.comm, parameters.tables or {})
+        self.clock = clock = Clock(domain.mesh, times[0], tables, times)
+        constraints = constrain(
+            domain,
+            space,
+            _conditions(domain, parameters.loads, clock, told),
+            _supports(domain, parameters.loads, clock, told),
+        )
+        contacts = [contact_of(domain, item, clock, times) for item in parameters.contacts]
+        self.loads = build_loads(domain, parameters.loads, element, clock)
+        v = ufl.TestFunction(space)
+        body = Body(
+            domain=domain,
+            element=element,
+            space=space,
+            elasticity=given.elasticity,
+            constraints=constraints,
+            loads=self.loads.work(v),
+            limits=given.limits,
+            regions=given.regions,
+            supports=(
+                [name for item in parameters.loads.displacements for name in item.on],
+                [name for item in parameters.loads.supports for name in item.on],
+            ),
+        )
+        penalty = parameters.penalty
+        super().__init__(body, contacts, penalty.n, penalty.epsilon)
+        told += given.warnings()
+        for item in parameters.contacts:
+            told += friction_warnings(domain, item, clock)
+        told += self.loads.warnings(self.material.stiffness)
+        self.warnings = [*told, *self.warnings]
 
     def advance(self, time: float) -> None:
         """Put loads, prescribed displacements, gaps and forces of tools to a time; collective.
@@ -72,35 +90,8 @@ class Problem:
         Raises InputError for a value that is not finite, and for a force that turns.
         """
         self.clock.set(time)
-        self.loads.advance(self.warnings)
-        self.constraints.advance()
-        for gap in self.moving_gaps:
-            gap.advance()
-        for tool in self.data.tools:
-            tool.advance(time)
-
-    def end_step(self) -> None:
-        """The step at the present time has ended: foundations move on from where they are."""
-        for gap in self.moving_gaps:
-            gap.end_step()
-
-    @property
-    def element(self) -> Element:
-        return self.data.element
-
-    @property
-    def contacts(self) -> tuple[Contact, ...]:
-        return self.data.contacts
-
-    @property
-    def free(self) -> int:
-        """The number of rigid motions that contact alone stops."""
-        return sum(part.free for part in self.held)
-
-    @property
-    def sliding(self) -> int:
-        """The number of rigid motions that friction alone stops."""
-        return sum(part.sliding for part in self.held)
+        self.warnings += self.loads.advance()
+        self.place()
 
     def facts(self) -> dict[str, Any]:
         """The facts that ``contact-locking check`` prints; collective."""
@@ -123,11 +114,6 @@ class Problem:
             facts["contact points"] = int(self.domain.comm.allreduce(count))
         return facts
 
-    def close(self) -> None:
-        """Destroy the PETSc objects; collective."""
-        for contact in self.contacts:
-            contact.friction.smoothing.destroy()
-
 
 def check(parameters: Parameters, comm: MPI.Intracomm) -> dict[str, Any]:
     """The facts and warnings of the assembled problem, for any solver; collective."""
@@ -141,7 +127,7 @@ def assemble(
     comm: MPI.Intracomm,
     domain: Domain | None = None,
     element: Element | None = None,
-) -> Problem:
+) -> StudyProblem:
     """Make mesh, material, loads, conditions, contact and friction; collective.
 
     ``domain`` replaces the mesh of the study and ``element`` its element, if given.  Raises
@@ -150,68 +136,15 @@ def assemble(
     domain = domain or mesh_of(parameters, comm)
     if parameters.mesh.axisymmetric:
         domain = half_section(domain)
-    element = element or element_of(parameters.discretisation, domain.axisymmetric)
+    given = parameters.discretisation
+    element = element or element_of(given.degree, given.limit_at, domain.axisymmetric)
     if element.kinematics is not domain.kinematics:
         raise InputError(
             "the given element has the kinematics of another body; take P1_REVOLUTION or "
             "P2_REVOLUTION for an axisymmetric body, and for no other",
             "mesh.axisymmetric",
         )
-    warnings = [f"{domain.origin}: {warning}" for warning in domain.warnings]
-    parameters.check_dimension(domain.dim)
-    material = build_material(domain, parameters.material, element, warnings)
-    space = element.displacement_space(domain.mesh)
-    _check_parts(domain, parameters)
-    probes = locate(domain, parameters.output.probes)
-    steps = parameters.steps
-    times = (0.0,) if steps is None else steps.planned
-    tables = read_tables(domain.comm, parameters.tables or {})
-    clock = Clock(domain.mesh, times[0], tables, times)
-    constraints = constrain(
-        domain,
-        space,
-        _conditions(domain, parameters.loads, clock, warnings),
-        _supports(domain, parameters.loads, clock, warnings),
-    )
-    n, epsilon = parameters.penalty.n, parameters.penalty.compliance
-    # The paper uses the compliance epsilon also for the regularisation length in (22): here Young's
-    # modulus converts the compliance to a length.
-    contacts = build_contacts(
-        domain, space, constraints, parameters, material.young * epsilon, warnings, element, clock
-    )
-    slips = tuple(float(contact.regularisation.value) for contact in contacts)
-    penalty = Penalty(n, epsilon, slips)
-    loads = build_loads(domain, parameters.loads, material.stiffness, warnings, element, clock)
-    data = forms.ProblemData(
-        elastic_stress=material.elastic_stress,
-        largest_eigenvalue=material.largest_eigenvalue,
-        inverse_limit=material.inverse_limit,
-        dx=domain.dx(),
-        loads=loads.terms,
-        contacts=contacts,
-        n=fem.Constant(domain.mesh, n),
-        epsilon=fem.Constant(domain.mesh, epsilon),
-        element=element,
-        limits=build_strain_sets(domain, parameters.material, element, warnings),
-        tools=build_tools(contacts, parameters, clock),
-    )
-    u = fem.Function(space, name="displacement")
-    held = check_parts_held(domain, space, data, constraints, parameters.loads)
-    return Problem(
-        parameters=parameters,
-        domain=domain,
-        material=material,
-        data=data,
-        u=u,
-        constraints=constraints,
-        penalty=penalty,
-        held=held,
-        warnings=warnings,
-        clock=clock,
-        loads=loads,
-        moving_gaps=moving_gaps(contacts, parameters, constraints, clock),
-        probes=probes,
-    )
+    return StudyProblem(parameters, domain, element)
 
 
 def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:

@@ -1,0 +1,148 @@
+"""Coulomb's friction of one contact, with the smoothing R of its normal stress."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.contact.friction_bound import FrictionBound
+from contact_locking.contact.smoothing import (
+    ConvolutionOperator,
+    HelmholtzOperator,
+    Identity,
+    Smoothing,
+)
+from contact_locking.contact.surface import ContactSurface
+from contact_locking.laws.friction_law import Coefficient, FrictionLaw
+
+# The default radius of R is this share of the extent of Gamma_C.  It is at least twice the longest
+# facet: the kernel vanishes at the radius, and R has to reach the neighbours of each node.
+_DEFAULT_RADIUS_SHARE, _DEFAULT_RADIUS_FACETS = 0.1, 2.0
+# A filter with a larger radius than this share of the extent is the mean over Gamma_C to nine
+# digits.
+_LARGEST_RADIUS_SHARE = 1e4
+# The sizes of facets have rounding errors: at a radius of just one facet R does nothing.
+_SIZE_ROUNDING = 1e-9
+
+
+class Kernel(Protocol):
+    """A smoothing R that is not yet on a mesh."""
+
+    def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
+        """R on a surface; collective.
+
+        Nodes that are not ``free`` (k,) have no pressure, and each of the ``sides`` (n,) of the
+        surface is smoothed alone (`ContactSurface.sides`).
+        """
+
+    def warnings(self, surface: ContactSurface) -> list[str]:
+        """What is probably not intended; collective."""
+
+
+@dataclass(frozen=True)
+class Local:
+    """``R w = w``: local Coulomb friction."""
+
+    def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
+        return Identity()
+
+    def warnings(self, surface: ContactSurface) -> list[str]:
+        return []
+
+
+@dataclass(frozen=True)
+class Convolution:
+    """``R w(x) = int k(|x - y|/r) w(y) / int k(|x - y|/r)``, k a smooth bump with the radius r.
+
+    ``radius`` is r, a length; without one it is a tenth of the extent of the contact, and twice its
+    longest facet at least.  ``key`` names the radius in messages.
+    """
+
+    radius: float | None = None
+    key: str = "smoothing.radius"
+
+    def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
+        whole = surface.whole(free, sides)
+        return ConvolutionOperator(surface.domain.comm, whole, self._radius(surface))
+
+    def warnings(self, surface: ContactSurface) -> list[str]:
+        size = surface.domain.facet_diameter(surface.facets)
+        if self.radius is None or self.radius > size * (1.0 + _SIZE_ROUNDING):
+            return []
+        return [
+            f"{self.key}: {self.radius:g} is not larger than the mesh size {size:.3g} on "
+            f"{', '.join(surface.names)}, so R hardly smooths; refine the mesh there or enlarge "
+            "the radius"
+        ]
+
+    def _radius(self, surface: ContactSurface) -> float:
+        return default_radius(surface) if self.radius is None else self.radius
+
+
+@dataclass(frozen=True)
+class Helmholtz(Convolution):
+    """``(I - r^2 Laplace_Gamma) R w = w`` with natural conditions at the edge of the contact."""
+
+    def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
+        radius = min(self._radius(surface), _LARGEST_RADIUS_SHARE * _extent(surface))
+        whole, laplacian = surface.whole(free, sides), surface.laplacian(sides)
+        return HelmholtzOperator(surface.domain.comm, whole, laplacian, radius)
+
+
+@dataclass(frozen=True)
+class Coulomb:
+    """``|sigma_tau| <= mu(x, s) |R sigma_nu|`` (6), with s the accumulated slip.
+
+    ``coefficient`` is mu: a number, a function of points (k, d) and slips (k,), or a
+    :class:`~contact_locking.laws.friction_law.FrictionLaw`.  ``regularisation`` is the slip, a
+    length, at which friction reaches 71 % of its bound (22); 0 is Coulomb's law itself, and None
+    stands for the compliance of the contact times Young's modulus.  A user's own friction bound is
+    a subclass whose :meth:`on` returns another :class:`FrictionBound`.
+    """
+
+    coefficient: float | Coefficient | FrictionLaw = 0.0
+    smoothing: Kernel = field(default_factory=Convolution)
+    regularisation: float | None = None
+
+    @property
+    def law(self) -> FrictionLaw:
+        """Mu with its constants."""
+        match self.coefficient:
+            case FrictionLaw():
+                return self.coefficient
+            case float() | int():
+                mu = float(self.coefficient)
+                return FrictionLaw(lambda points, slip: np.full(len(slip), mu), mu, 0.0)
+        return FrictionLaw(self.coefficient)
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether there is no friction."""
+        return isinstance(self.coefficient, float | int) and self.coefficient == 0.0
+
+    def on(self, surface: ContactSurface, smoothing: Smoothing) -> FrictionBound:
+        """The friction bound on a surface, with R there."""
+        return FrictionBound(surface, smoothing, self.law, self.is_zero)
+
+
+def default_radius(surface: ContactSurface) -> float:
+    """The radius of R where none is given; collective."""
+    size = surface.domain.facet_diameter(surface.facets)
+    return max(_DEFAULT_RADIUS_SHARE * _extent(surface), _DEFAULT_RADIUS_FACETS * size)
+
+
+def _extent(surface: ContactSurface) -> float:
+    """About the largest distance between two nodes of Gamma_C; collective.
+
+    One end is the point farthest from the mean of the points, the other end the point farthest from
+    the first.  The result is exact for a segment and a rectangle, in every position.
+    """
+    places: FloatArray = np.concatenate(surface.domain.comm.allgather(surface.points))
+    place = places.mean(axis=0)
+    for _ in range(2):
+        distances = np.linalg.norm(places - place, axis=1)
+        place = places[np.argmax(distances)]
+    return float(distances.max())

@@ -1,0 +1,257 @@
+"""A contact on the mesh: nodes, gaps, normals and friction of one part of Gamma_C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from dolfinx import fem
+from ufl.core.expr import Expr
+
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.contact.contact import Contact, Gap
+from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.state import ContactState
+from contact_locking.contact.surface import ContactSurface
+from contact_locking.fem.spaces import Element
+from contact_locking.fields.plausibility import about_the_gap
+from contact_locking.laws.convex import normal_part, tangential_part
+from contact_locking.laws.rigid_motion import RigidMotion
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import on_any_rank
+from contact_locking.supports.conditions import Constraints
+
+
+class NodalContact:
+    """Signorini's conditions (5) and Coulomb's law (6) at the nodes of one part of Gamma_C.
+
+    ``given`` is the contact as it was given, ``key`` its name in messages, and ``on`` are its
+    boundary parts.  ``foundation`` is its foundation at its place.  ``normal`` and ``gap`` are
+    functions with the normal and the limited value of the gap at the nodes.  ``friction`` computes
+    the friction bound of pressures and slips; ``bound`` is the function with the friction bound
+    that the forms use at present.  ``regularisation`` is the length that smooths friction.
+    ``free`` (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor
+    friction acts at the other nodes.
+
+    ``state`` is what friction remembers of earlier steps, ``travel`` (d,) the displacement that a
+    force gives to the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
+    On a foundation that moves, the slip is relative to it: ``reference`` is
+    ``(u_{k-1} + drag)_tau`` as a function, for the forms.
+
+    The constructor is collective.  ``space`` is the displacement space of ``element``, ``limited``
+    its space of limited values, and ``slip`` the regularisation of a friction that has none of its
+    own.  Raises InputError for a foundation behind Gamma_C.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        space: fem.FunctionSpace,
+        constraints: Constraints,
+        given: Contact,
+        element: Element,
+        limited: fem.FunctionSpace,
+        slip: float,
+    ) -> None:
+        self.given, self.key, self.on = given, given.key, given.on
+        surface = ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
+        self.surface, self._constraints = surface, constraints
+        self.foundation = _placed(domain, given)
+        gap, normals = self.foundation.at_nodes(surface)
+        self._first_gap = gap
+        self.free = surface.free_nodes(normals, constraints)
+        self._sides: IntArray = surface.sides(normals)
+        smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
+        self.friction = given.friction.on(surface, smoothing)
+        own = given.friction.regularisation
+        self.regularisation = fem.Constant(domain.mesh, slip if own is None else own)
+        count, dim = len(surface.nodes), domain.dim
+        self.normal = surface.vector_function(normals, "contact_normal")
+        self.gap = surface.scalar_function(surface.limited_gap(gap), "gap")
+        self.bound = surface.scalar_function(np.zeros(count), "friction_bound")
+        self.reference = surface.vector_function(np.zeros((count, dim)), "old_slip")
+        self.state = ContactState.at_rest(count, dim)
+        self.travel: FloatArray = np.zeros(dim)
+        self._gaps = self.gaps
+        # How far the foundation itself has moved in the step, without its travel.
+        self._moved: FloatArray = np.zeros((count, dim))
+        self.drag = self._moved
+        if self.foundation.moves:
+            self._put(self._gaps, normals)
+
+    def warnings(self) -> list[str]:
+        """What is probably not intended; collective."""
+        kind = "gap" if isinstance(self.foundation, GivenGap) else "foundation"
+        return [
+            *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
+            *self.foundation.warnings(self.surface, self._first_gap),
+            *self.given.friction.smoothing.warnings(self.surface),
+        ]
+
+    def enter(self, state: ContactState) -> None:
+        """Begin a step with what friction remembers; collective."""
+        self.state = state
+        self.move_foundation(self.travel)
+
+    def place(self) -> None:
+        """Put the foundation to its present place; collective.
+
+        Raises Misplaced for a foundation that has moved behind Gamma_C.
+        """
+        if not self.foundation.is_timed:
+            return
+        surface = self.surface
+        gap, normals = self.foundation.at_nodes(surface)
+        self._put(surface.limited_gap(gap), normals)
+        if not self.foundation.moves:
+            return
+        free, sides = surface.free_nodes(normals, self._constraints), surface.sides(normals)
+        is_other = on_any_rank(surface.domain.comm, free != self.free)
+        if is_other or np.any(sides != self._sides):
+            # R leaves out the nodes that are not free, and each side is averaged alone.
+            self.friction.smoothing.destroy()
+            self.friction.smoothing = self.given.friction.smoothing.on(surface, free, sides)
+            self.free, self._sides = free, sides
+
+    def _put(self, gaps: FloatArray, normals: FloatArray) -> None:
+        self._gaps = gaps
+        self._moved = self.foundation.drag(self.surface, self.state.motion)
+        dim = self.surface.domain.dim
+        self.normal.x.array.reshape(-1, dim)[self.surface.blocks] = normals
+        self.normal.x.scatter_forward()
+        self.move_foundation(self.travel)
+
+    def move_foundation(self, travel: FloatArray) -> None:
+        """Let the force move the foundation by ``travel`` (d,) in all; collective."""
+        self.travel, normals = travel, self.normals
+        self.gap.x.array[self.surface.nodes] = self._gaps + normals @ travel
+        self.gap.x.scatter_forward()
+        self.drag = self._moved + (travel - self.state.travel)
+        place = self.state.place + self.drag
+        self._refer(place - np.sum(place * normals, axis=1)[:, None] * normals)
+
+    def _refer(self, tangential: FloatArray) -> None:
+        dim = self.surface.domain.dim
+        self.reference.x.array.reshape(-1, dim)[self.surface.blocks] = tangential
+        self.reference.x.scatter_forward()
+
+    @property
+    def references(self) -> FloatArray:
+        """``(u_{k-1} + drag)_tau`` (k, d) at the nodes."""
+        dim = self.surface.domain.dim
+        return np.asarray(self.reference.x.array.reshape(-1, dim)[self.surface.blocks])
+
+    @property
+    def normals(self) -> FloatArray:
+        """The contact normal (k, d) at the nodes."""
+        dim = self.surface.domain.dim
+        return np.asarray(self.normal.x.array.reshape(-1, dim)[self.surface.blocks])
+
+    @property
+    def moves(self) -> bool:
+        """Whether the foundation moves, by a given motion or by a force."""
+        return self.foundation.moves or self.is_pushed
+
+    @property
+    def is_pushed(self) -> bool:
+        """Whether a force pushes the foundation."""
+        return self.given.force is not None
+
+    @property
+    def gaps(self) -> FloatArray:
+        """The gap (k,) at the nodes."""
+        return np.asarray(self.gap.x.array[self.surface.nodes])
+
+    def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
+        """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
+        return self.split_nodal(self.surface.limited.of_function(u))
+
+    def parts(self, v: Expr) -> tuple[Expr, Expr]:
+        """``v_nu`` and ``v_tau`` in UFL, of a field of the space of limited values."""
+        return normal_part(v, self.normal), tangential_part(v, self.normal)
+
+    def limited(self, v: Expr) -> Expr:
+        """The field of the space of limited values for a displacement or an argument."""
+        return self.surface.limited.of(v)
+
+    def split_nodal(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The normal components (k,) and the tangential parts (k, d) of vectors (k, d)."""
+        normals = self.normals
+        along = np.einsum("ki,ki->k", vectors, normals)
+        return along, vectors - along[:, None] * normals
+
+    def acting(self, values: FloatArray) -> FloatArray:
+        """Pressures or friction bounds (k,), zero at the nodes that are not free."""
+        return np.where(self.free, values, 0.0)
+
+    def friction_bound(self, u: fem.Function, pressure: FloatArray) -> FloatArray:
+        """The friction bound (k,) of a displacement and a pressure (k,); collective.
+
+        It is zero at the nodes that are not free, where R gives the mean of the pressure around.
+        """
+        return self.acting(self.friction.evaluate(pressure, self.slips(u)))
+
+    def increment(self, u: fem.Function) -> FloatArray:
+        """The slip of the step, ``u_tau - u_{k-1,tau}`` (k, d), at the nodes.
+
+        On a foundation that moves the slip is relative to it.
+        """
+        return self.split(u)[1] - self.references
+
+    def slips(self, u: fem.Function) -> FloatArray:
+        """The accumulated slip ``s_k = s_{k-1} + |u_tau - u_{k-1,tau}|`` (k,) at the nodes."""
+        return self.state.slip + np.linalg.norm(self.increment(u), axis=1)
+
+    def state_after(self, u: fem.Function, sticks: BoolArray) -> ContactState:
+        """What friction remembers if the step ends with the displacement u; collective.
+
+        At nodes that stick (k,) without regularisation the slip is zero but for the tolerance of
+        the solver, which would add up over many steps: these nodes keep their place.
+        """
+        holds = sticks & (float(self.regularisation.value) == 0.0)
+        along, tangential = self.split(u)
+        place = np.where(holds[:, None], self.references, tangential)
+        slip = np.where(holds, self.state.slip, self.slips(u))
+        place = place + along[:, None] * self.normals
+        return ContactState(place, slip, self.travel, self.foundation.motion())
+
+    def recall(self, reference: FloatArray, slip: FloatArray) -> None:
+        """Judge a step again that began with ``reference`` (k, d) and the slip (k,); collective."""
+        self.state = ContactState(
+            self.state.place, np.array(slip), self.state.travel, self.state.motion
+        )
+        self._refer(reference)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """The friction bound (k,) that the forms use at present."""
+        return np.asarray(self.bound.x.array[self.surface.nodes])
+
+    @bounds.setter
+    def bounds(self, values: FloatArray) -> None:
+        self.bound.x.array[self.surface.nodes] = values
+        self.bound.x.scatter_forward()
+
+    def norm(self, values: FloatArray) -> float:
+        """The L2 norm on this part of Gamma_C by the nodal weights; collective."""
+        local = float(np.sum(self.surface.weights * values**2))
+        return float(np.sqrt(self.surface.domain.comm.allreduce(local)))
+
+
+def joint_norm(contacts: Sequence[NodalContact], values: Sequence[FloatArray]) -> float:
+    """The L2 norm over all contacts of values (k,) for each contact; collective."""
+    norms = [contact.norm(part) for contact, part in zip(contacts, values, strict=True)]
+    return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)
+
+
+def _placed(domain: Domain, given: Contact) -> PlacedFoundation:
+    """The foundation of a contact at its place."""
+    foundation = given.foundation
+    if isinstance(foundation, PlacedFoundation):
+        return foundation
+    if isinstance(foundation, Gap):
+        return GivenGap(domain.comm, domain.dim, foundation.at, f"{given.key}.gap")
+    rest = RigidMotion.rest(domain.dim)
+    key, is_timed = f"{given.key}.foundation", given.motion is not None
+    motion = given.motion or (lambda: rest)
+    return RigidFoundation(domain.comm, domain.dim, foundation, motion, key, is_timed)

@@ -1,0 +1,186 @@
+"""The discrete problem before a solve: all that it is made of, on the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import ufl
+from dolfinx import fem
+from ufl.core.expr import Expr
+
+from contact_locking.arrays import IndexArray
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.contact.pushed_foundation import PushedFoundation
+from contact_locking.contact.state import ContactState
+from contact_locking.fem.spaces import Element
+from contact_locking.laws.penalty import Penalty
+from contact_locking.mesh.domain import Domain
+from contact_locking.problem import forms
+from contact_locking.problem.elasticity import Elasticity, Material
+from contact_locking.problem.limits import Limit, LimitsOnMesh
+from contact_locking.problem.parts import Held, check_parts_held
+from contact_locking.problem.points import Points
+from contact_locking.supports.conditions import Constraints
+
+
+@dataclass(frozen=True)
+class Body:
+    """The body and what acts on it beside contact.
+
+    ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
+    bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
+    u to a convex and differentiable functional.  ``regions`` are cells whose stress may jump
+    against that of all others, and ``supports`` the names of the boundary parts with supports, and
+    with prescribed displacements.
+    """
+
+    domain: Domain
+    element: Element
+    space: fem.FunctionSpace
+    elasticity: Elasticity
+    constraints: Constraints
+    loads: ufl.Form | None = None
+    form: ufl.Form | None = None
+    limits: Sequence[Limit] = ()
+    own_energy: Callable[[fem.Function], Expr] | None = None
+    regions: Sequence[IndexArray] = ()
+    supports: tuple[Sequence[str], Sequence[str]] = ((), ())
+
+
+class DiscreteProblem:
+    """The discrete problem; what it is made of stays, and the values of its data may change.
+
+    ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
+    solve for, and ``held`` tells how each part of the body is held.  ``follows_n`` says that the
+    compliance of the contact was not chosen, but is 1/n.  ``warnings`` tell what is probably not
+    intended.
+
+    The constructor is collective.  ``compliance`` is epsilon, None for 1/n.  Raises InputError for
+    data that cannot be used, for a foundation behind Gamma_C, and for a body that is not held.
+    """
+
+    def __init__(
+        self, body: Body, contacts: Sequence[Contact], n: float, compliance: float | None
+    ) -> None:
+        domain, element, space = body.domain, body.element, body.space
+        self.body, self.domain, self.element = body, domain, element
+        self.constraints, self.regions = body.constraints, tuple(body.regions)
+        points = Points(domain, element)
+        self.material = Material(body.elasticity, points)
+        self.limits = LimitsOnMesh.of(points, body.limits)
+        epsilon = 1.0 / n if compliance is None else compliance
+        self.follows_n = compliance is None
+        limited = element.trace.limited_space(space) if contacts else space
+        # The paper uses the compliance epsilon also for the regularisation length in (22): here
+        # Young's modulus converts the compliance to a length.
+        slip = self.material.young * epsilon
+        nodal = tuple(
+            NodalContact(domain, space, body.constraints, item, element, limited, slip)
+            for item in contacts
+        )
+        self.warnings = [text for contact in nodal for text in contact.warnings()]
+        slips = tuple(float(contact.regularisation.value) for contact in nodal)
+        self.penalty = Penalty(n, epsilon, slips)
+        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
+        self.data = forms.ProblemData(
+            elasticity=_elastic(body, self.material, v, du),
+            elastic_stress=self.material.stress,
+            largest_eigenvalue=self.material.largest_eigenvalue,
+            inverse_limit=self.limits.ball.strain_set.inverse_limit,
+            dx=domain.dx(),
+            loads=_loads(body, self.material, v),
+            contacts=nodal,
+            n=fem.Constant(domain.mesh, n),
+            epsilon=fem.Constant(domain.mesh, epsilon),
+            element=element,
+            limits=tuple(item.strain_set for item in self.limits.others),
+            tools=tuple(PushedFoundation(item) for item in nodal if item.is_pushed),
+            own_energy=body.own_energy,
+        )
+        self.u = fem.Function(space, name="displacement")
+        self.held: list[Held] = self._check_held()
+
+    def _check_held(self) -> list[Held]:
+        body = self.body
+        return check_parts_held(
+            self.domain, body.space, self.data, self.constraints, *body.supports
+        )
+
+    @property
+    def contacts(self) -> tuple[NodalContact, ...]:
+        return self.data.contacts
+
+    @property
+    def free(self) -> int:
+        """The number of rigid motions that contact alone stops."""
+        return sum(part.free for part in self.held)
+
+    @property
+    def sliding(self) -> int:
+        """The number of rigid motions that friction alone stops."""
+        return sum(part.sliding for part in self.held)
+
+    def enter(self, states: Sequence[ContactState]) -> None:
+        """Begin a step with what friction remembers of each contact; collective."""
+        for contact, state in zip(self.contacts, states, strict=True):
+            contact.enter(state)
+
+    def at_rest(self) -> tuple[ContactState, ...]:
+        """What friction remembers before the first step."""
+        return tuple(
+            ContactState.at_rest(len(item.surface.nodes), self.domain.dim) for item in self.contacts
+        )
+
+    def place(self) -> None:
+        """Take the present prescribed displacements, foundations and forces; collective.
+
+        Raises InputError for a value that is not finite, and for a force that turns.
+        """
+        self.constraints.advance()
+        for contact in self.contacts:
+            contact.place()
+        for tool in self.data.tools:
+            tool.advance()
+
+    def refresh(self) -> None:
+        """Take the present values of all data; collective.  Raises InputError as at first."""
+        self.material.refresh()
+        self.limits.refresh()
+        self.place()
+        self.held = self._check_held()
+
+    def close(self) -> None:
+        """Destroy the PETSc objects; collective."""
+        for contact in self.contacts:
+            contact.friction.smoothing.destroy()
+
+
+def _elastic(body: Body, material: Material, v: Expr, du: Expr) -> Callable[[Expr, Expr], ufl.Form]:
+    """``a(u, v)`` for any displacements."""
+    if body.form is None:
+        element = body.element
+        dx = element.elastic_dx(body.domain.dx())
+
+        def of_stress(u: Expr, w: Expr) -> ufl.Form:
+            return ufl.inner(material.linear(element.strain(u)), element.strain(w)) * dx
+
+        return of_stress
+    test, trial = body.form.arguments()
+    form = body.form
+
+    def of_form(u: Expr, w: Expr) -> ufl.Form:
+        return ufl.replace(form, {trial: u, test: w})
+
+    return of_form
+
+
+def _loads(body: Body, material: Material, v: Expr) -> ufl.Form | None:
+    """The loads, less the work of the stress of the body without strain."""
+    if material.initial is None:
+        return body.loads
+    element = body.element
+    strain = element.strain(v)
+    work = -ufl.inner(material.initial, strain) * element.elastic_dx(body.domain.dx())
+    return work if body.loads is None else body.loads + work

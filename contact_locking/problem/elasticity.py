@@ -1,0 +1,271 @@
+"""The elasticity A on the mesh: its stress in UFL, its eigenvalues at the points of the strains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
+from ufl.core.expr import Expr
+
+from contact_locking.arrays import SMALLEST, FloatArray
+from contact_locking.errors import InputError
+from contact_locking.laws import elasticity as law
+from contact_locking.mesh.domain import Domain
+from contact_locking.problem.points import Points, Sampler, Value, least
+
+Stress = Callable[[Expr], Expr]
+
+# Entries below this share of the largest are zero with rounding.
+_ROUNDING = 1e-10
+
+
+@dataclass(frozen=True)
+class Elasticity:
+    """``sigma = A eps``, or ``sigma = A eps + sigma_0`` for a stress that is affine in the strain.
+
+    A is isotropic with ``young`` and ``poisson``, or with ``lame_lambda`` and ``lame_mu``; or it is
+    the Mandel matrix ``stiffness`` (s, s); or ``stress`` maps a UFL strain to a stress, as in
+    ``lambda e: C(e) - a*T*I``.  All data are numbers, constants or functions of DOLFINx,
+    expressions of UFL, or functions of points.  ``plane`` is "strain" or "stress".  ``rotational``
+    is a density that has to vanish, and ``key`` names the elasticity in messages.
+    """
+
+    young: Value = None
+    poisson: Value = None
+    lame_lambda: Value = None
+    lame_mu: Value = None
+    stiffness: Value = None
+    stress: Stress | None = None
+    rotational: Expr | None = None
+    plane: str = "strain"
+    key: str = "elasticity"
+
+
+class Material:
+    """The elasticity on the mesh, for the forms and the certificate.
+
+    ``stress`` maps a UFL strain to a stress, and ``linear`` to the share A eps of it; ``initial``
+    is the stress of the body without strain, None if there is none.  ``ellipticity`` (alpha) and
+    ``stiffness`` are the smallest and the largest eigenvalue of A over the body, and ``young`` is
+    the smallest Young's modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each
+    point, in the space of strains.  The constructor and :meth:`refresh` are collective and raise
+    InputError if A is not symmetric or not elliptic somewhere.
+    """
+
+    ellipticity: float
+    stiffness: float
+    young: float
+
+    def __init__(self, given: Elasticity, points: Points) -> None:
+        self._given, self._points = given, points
+        self.largest_eigenvalue = points.function()
+        self.initial: Expr | None = None
+        domain = points.domain
+        self._pairs = domain.kinematics.mandel_pairs(domain.dim)
+        self._size = domain.kinematics.tensor_size(domain.dim)
+        if given.stress is not None:
+            initial = given.stress(ufl.classes.Zero((self._size, self._size)))
+            self.stress = self.linear = given.stress
+            if not isinstance(initial, ufl.classes.Zero):
+                self.initial = initial
+                self.linear = partial(_linear_share, given.stress, initial)
+            matrix = matrix_of(self.linear, self._pairs, self._size)
+            self._matrix = points.sampler(matrix, given.key, matrix.ufl_shape)
+            self._rotational = points.sampler(given.rotational or 0.0, given.key)
+        elif given.stiffness is not None:
+            key, shape = f"{given.key}.stiffness", (len(self._pairs),) * 2
+            self._matrix = points.sampler(given.stiffness, key, shape)
+            self._field = points.function(shape)
+            self.stress = self.linear = partial(law.anisotropic_stress, stiffness=self._field)
+        else:
+            self._lame = self._lame_samplers()
+            values = self._lame_values()
+            self._lame_fields: list[Any] = [self._constant_or_field(row) for row in values]
+            self.stress = self.linear = partial(
+                law.isotropic_stress,
+                lame_lambda=self._lame_fields[0],
+                lame_mu=self._lame_fields[1],
+            )
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Take the present values of the data; collective."""
+        domain, given = self._points.domain, self._given
+        if given.stress is None and given.stiffness is None:
+            lame = self._lame_values()
+            for number, field in enumerate(self._lame_fields):
+                row = lame[number]
+                if isinstance(field, fem.Constant):
+                    field.value = least(domain, row)
+                else:
+                    self._points.write(field, row)
+            with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
+                young = law.young_from_lame(*self._lame_in_space())
+            eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], self._size))
+        else:
+            matrices = self._matrix()
+            require_symmetric(domain, matrices, f"{given.key}.stiffness")
+            if given.stress is not None:
+                self._require_strains(matrices)
+            else:
+                self._points.write(self._field, matrices)
+            eigenvalues = np.asarray(np.linalg.eigvalsh(matrices), dtype=float).T
+            with np.errstate(all="ignore"):
+                young = law.mean_young(matrices, self._size)
+        self.ellipticity, self.stiffness = _eigenvalue_range(self._points, eigenvalues, given.key)
+        self.young = least(domain, young)
+        self._points.write(self.largest_eigenvalue, eigenvalues.max(axis=0))
+
+    def _require_strains(self, matrices: FloatArray) -> None:
+        size = -least(self._points.domain, -np.abs(matrices))
+        if -least(self._points.domain, -np.abs(self._rotational())) > _ROUNDING * size:
+            raise InputError(
+                "has an energy of rotations, which no stress has: write it with "
+                "ufl.sym(ufl.grad(u))",
+                self._given.key,
+            )
+
+    def _lame_samplers(self) -> tuple[Sampler, Sampler, bool]:
+        """Young's modulus and Poisson's ratio, or both Lame coefficients, and which it is."""
+        given, sampler = self._given, self._points.sampler
+        if given.young is not None and given.poisson is not None:
+            key = given.key
+            return (
+                sampler(given.young, f"{key}.young"),
+                sampler(given.poisson, f"{key}.poisson"),
+                True,
+            )
+        if given.lame_lambda is None or given.lame_mu is None:
+            raise InputError(
+                "needs young and poisson, lame_lambda and lame_mu, stiffness, or stress", given.key
+            )
+        key = given.key
+        return (
+            sampler(given.lame_lambda, f"{key}.lambda"),
+            sampler(given.lame_mu, f"{key}.mu"),
+            False,
+        )
+
+    def _lame_in_space(self) -> FloatArray:
+        first, second, are_moduli = self._lame
+        values = first(), second()
+        return np.array(law.lame_from_young(*values) if are_moduli else values)
+
+    def _lame_values(self) -> FloatArray:
+        """Both Lame coefficients (2, k) at the points, lambda that of the plane; collective."""
+        lame = self._lame_in_space()
+        if self._given.plane == "stress":
+            with np.errstate(all="ignore"):
+                lame[0] = law.plane_stress_lambda(lame[0], lame[1])
+        return lame
+
+    def _constant_or_field(self, values: FloatArray) -> Any:
+        """A constant for data that are the same everywhere, and cannot differ later; collective."""
+        given = self._given
+        data = (given.young, given.poisson, given.lame_lambda, given.lame_mu)
+        varies = any(isinstance(item, Expr) and not isinstance(item, fem.Constant) for item in data)
+        domain = self._points.domain
+        low, high = least(domain, values), -least(domain, -values)
+        if low == high and not varies and not any(callable(item) for item in data):
+            return fem.Constant(domain.mesh, low)
+        return self._points.function()
+
+
+def require_symmetric(domain: Domain, matrices: FloatArray, key: str) -> None:
+    """Raise InputError for Mandel matrices (k, s, s) that are not symmetric; collective."""
+    skew = np.abs(matrices - np.swapaxes(matrices, 1, 2))
+    if -least(domain, -skew) > _ROUNDING * -least(domain, -np.abs(matrices)):
+        raise InputError("the stiffness matrix is not symmetric", key)
+
+
+def _linear_share(stress: Stress, initial: Expr, eps: Expr) -> Expr:
+    return stress(eps) - initial
+
+
+def matrix_of(stress: Stress, pairs: Sequence[tuple[int, int]], size: int) -> Expr:
+    """The Mandel matrix (s, s) of a linear map of symmetric (size, size) tensors, in UFL."""
+    columns = [law.mandel_vector(stress(_unit(pair, size)), tuple(pairs)) for pair in pairs]
+    count = range(len(pairs))
+    return ufl.as_matrix([[columns[j][i] for j in count] for i in count])
+
+
+def _unit(pair: tuple[int, int], size: int) -> Expr:
+    """The tensor of the norm 1 with the entries (i, j) and (j, i)."""
+    i, j = pair
+    entries = np.zeros((size, size))
+    entries[i, j] = entries[j, i] = 1.0 / law.mandel_factor(i, j)
+    return ufl.as_tensor(entries.tolist())
+
+
+def elasticity_of(a: ufl.Form) -> Elasticity:
+    """The elasticity in a bilinear form ``a(u, v)``: its density at strains of u and v.
+
+    Terms with u or v themselves, and those on facets, take part in the form alone.  Raises
+    InputError for a form whose density sees the rotations of the body.
+    """
+    v, u = a.arguments()
+    mesh = u.ufl_function_space().mesh
+    size = mesh.topology.dim
+    densities = []
+    for integral in a.integrals():
+        if integral.integral_type() != "cell":
+            continue
+        density = apply_derivatives(apply_algebra_lowering(integral.integrand()))
+        densities.append(_on_subdomain(integral, mesh) * density)
+    nothing = ufl.classes.Zero((size,))
+
+    def density_at(of_u: Expr, of_v: Expr) -> Expr:
+        given = {ufl.grad(u): of_u, ufl.grad(v): of_v, u: nothing, v: nothing}
+        return sum(ufl.replace(density, given) for density in densities)
+
+    pairs = [(i, j) for i in range(size) for j in range(i, size)]
+
+    def stress(eps: Expr) -> Expr:
+        units = [_unit(pair, size) for pair in pairs]
+        return sum(density_at(eps, unit) * unit for unit in units)
+
+    turns = [_turn(i, j, size) for i in range(size) for j in range(i)]
+    rotational = sum(density_at(turn, turn) for turn in turns)
+    return Elasticity(stress=stress, rotational=rotational, key="a")
+
+
+def _turn(i: int, j: int, size: int) -> Expr:
+    """A skew tensor of the norm 1."""
+    entries = np.zeros((size, size))
+    entries[i, j] = np.sqrt(0.5)
+    return ufl.as_tensor((entries - entries.T).tolist())
+
+
+def _on_subdomain(integral: Any, mesh: Any) -> Expr:
+    """1 in the cells of an integral, 0 in the others."""
+    number = integral.subdomain_id()
+    if number == "everywhere":
+        return ufl.as_ufl(1.0)
+    mark = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    for one in number if isinstance(number, tuple) else (number,):
+        mark.x.array[integral.subdomain_data().find(one)] = 1.0
+    return mark
+
+
+def _eigenvalue_range(points: Points, eigenvalues: FloatArray, key: str) -> tuple[float, float]:
+    lowest, highest = least(points.domain, eigenvalues), -least(points.domain, -eigenvalues)
+    if not lowest > 0.0 or not np.isfinite(highest):
+        raise InputError(
+            f"the elasticity is not elliptic: its smallest eigenvalue is {lowest:g}, it must be "
+            "positive everywhere",
+            key,
+        )
+    if lowest < SMALLEST:
+        raise InputError(
+            f"the smallest eigenvalue of the elasticity must be at least {SMALLEST:g}, it is "
+            f"{lowest:g}",
+            key,
+        )
+    return lowest, highest

@@ -1,0 +1,202 @@
+"""The solution of a solved state, with its summary."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from contact_locking.certificate import Certificate, Extras
+from contact_locking.certificate.laws import ENTRY
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.fields import plausibility
+from contact_locking.parameters import Parameters
+from contact_locking.problem.parts import describe_loose, describe_slide
+from contact_locking.results.body_fields import body_summary
+from contact_locking.results.contact_points import STICK
+from contact_locking.results.derived import contact_summary, gather_contacts, on_gamma_c
+from contact_locking.results.probe_table import sample
+from contact_locking.results.solution import Solution, StudySolution
+from contact_locking.results.state import State
+from contact_locking.results.uncovered_boundary import uncovered_entry
+from contact_locking.solver import SavedState
+from contact_locking.study.assembly import StudyProblem
+
+_WAY_OUT_OF_SLIDING = (
+    "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
+)
+_WAY_OUT_OF_COMPLAINTS = (
+    "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
+)
+_WAY_OUT_OF_ENTRY = (
+    "Refine the mesh where the foundation enters: mesh.h_contact, or adapt; or take a rounder tool."
+)
+
+
+def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution:
+    """The fields, the contact points and the summary of a solved state; collective.
+
+    Without a certificate the summary says what the solver says.
+    """
+    problem, body = state.problem, state.body
+    indicator = certificate.indicator if certificate else None
+    points, facets = gather_contacts(state.contacts, problem.domain)
+    # The next solve overwrites the displacement of the problem.
+    own = problem.u.copy()
+    own.name = problem.u.name
+    return Solution(
+        domain=problem.domain,
+        element=problem.element,
+        displacement=own,
+        strain_norm=body.strain_norm,
+        locking_limit=body.locking_limit,
+        locked=body.locked,
+        elastic_stress=body.elastic_stress,
+        locking_stress=body.locking_stress,
+        locking_parts=body.locking_parts,
+        error_indicator=indicator and indicator.field,
+        elastic_error_indicator=indicator and indicator.elastic_field,
+        error_bound=certificate and certificate.error_bound,
+        contacts=state.contacts,
+        contact_points=points,
+        contact_facets=facets,
+        summary=_summary(state, certificate),
+        state=state_of(state),
+        **on_gamma_c(state.contacts, problem.u),
+    )
+
+
+def of_study(problem: StudyProblem, solution: Solution) -> StudySolution:
+    """A solution with what the study file adds: its title, its probes and itself; collective."""
+    fields = (
+        problem.u,
+        solution.strain_norm,
+        solution.elastic_stress,
+        solution.locking_stress,
+    )
+    probes = (sample(problem.probes, *fields),) if len(problem.probes) else ()
+    given = {item.name: getattr(solution, item.name) for item in dataclasses.fields(solution)}
+    given["summary"] = {"title": problem.parameters.title, **solution.summary}
+    return StudySolution(**given, parameters=problem.parameters, probes=probes)
+
+
+def extras_of(parameters: Parameters) -> Extras:
+    """What a study file wants in the certificate."""
+    wanted = parameters.certificate
+    return Extras(wanted.constants, wanted.error_bound)
+
+
+def state_of(state: SolvedState) -> State:
+    """The state as a value; collective."""
+    problem = state.problem
+    saved = SavedState(
+        displacement=problem.u.x.array.copy(),
+        pressures=tuple(fields.pressure for fields in state.contacts),
+        penalty=problem.penalty,
+        slips=tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts),
+        travels=state.system.tools.travels,
+    )
+    after = tuple(
+        fields.contact.state_after(problem.u, fields.state == STICK) for fields in state.contacts
+    )
+    return State(saved, state.multipliers, after)
+
+
+def _warnings(state: SolvedState, touching: dict[str, Any], strain: float) -> list[str]:
+    """What is probably not intended in a solution; collective."""
+    problem, target, data = state.problem, state.target, state.problem.data
+    entering = [fields.penetration(fields.free) for fields in state.contacts]
+    held = [fields.penetration(~fields.free) for fields in state.contacts]
+    found = plausibility.about_the_strain(strain)
+    found += plausibility.about_the_overstrain(
+        state.body.largest_overstrain(problem.domain), target.penalty.n, target.young
+    )
+    found += plausibility.about_held_nodes(
+        [fields.contact.key for fields in state.contacts], held, state.largest_displacement
+    )
+    if problem.sliding and not any(contact.friction.depends_on_slip for contact in data.contacts):
+        found += plausibility.about_the_friction_used(touching["friction_used"])
+    for fields in state.contacts:
+        between = fields.entry
+        found += plausibility.about_an_entry(
+            fields.contact.key, between.depth, between.share, between.place
+        )
+    for contact in data.contacts:
+        entry = uncovered_entry(problem.domain, problem.u, contact)
+        found += plausibility.about_uncovered_boundary(
+            contact.key, entry.depth, entry.place, state.largest_displacement
+        )
+    return found + plausibility.about_the_penetration(
+        max(entering, default=0.0),
+        state.largest_displacement,
+        target.penalty.epsilon,
+        target.length / target.young,
+        follows_n=problem.follows_n,
+    )
+
+
+def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, Any]:
+    """summary.json, but for what only the caller knows; collective."""
+    problem, report, target = state.problem, state.report, state.target
+    domain, data, u = problem.domain, problem.data, problem.u
+    slide = None
+    if problem.free and not report.converged:
+        slide = describe_slide(domain, u.function_space, data, problem.constraints)
+    if slide is None and data.tools and problem.free and not report.converged:
+        slide = describe_loose(domain, u.function_space, data, problem.constraints)
+    numbers = body_summary(domain, u, data, state.body)
+    touching = contact_summary(state.contacts, data.tools, domain.dim)
+    warnings = [*problem.warnings, *report.warnings]
+    if report.converged:
+        warnings += _warnings(state, touching, numbers["strain_norm_max"])
+    summary: dict[str, Any] = {
+        "converged": report.converged,
+        "reason": f"{slide}; {report.reason}" if slide else report.reason,
+        "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
+        **numbers,
+        **touching,
+        "iterations": {
+            "tangents": report.tangents,
+            "linear": report.linear,
+            "friction": report.friction,
+        },
+        "friction_fixed_point": {
+            "change": report.friction_change,
+            "contraction": report.contraction,
+        },
+        "penalty": {
+            "n": target.penalty.n,
+            "epsilon": target.penalty.epsilon,
+            "regularisation": max(target.penalty.regularisations, default=0.0),
+        },
+        "duality_gap": report.duality_gap,
+        "admissible_load_factor": report.admissible_factor and list(report.admissible_factor),
+        "stages": report.stages,
+        "warnings": warnings,
+    }
+    return summary if certificate is None else _judged(summary, state, certificate)
+
+
+def _judged(
+    summary: dict[str, Any], state: SolvedState, certificate: Certificate
+) -> dict[str, Any]:
+    """The summary with what the certificate finds."""
+    report, load = state.report, certificate.limit_load
+    summary |= {
+        "reactions": certificate.reactions,
+        "residual": certificate.residual,
+        "bounds": certificate.bounds,
+        "certificate": certificate.summary(),
+    }
+    if not report.converged and load is not None and load["infeasible"]:
+        most = f"{100.0 * load['load_factor'][1]:.3g}"
+        summary["reason"] += f"; on no mesh can more than {most} % of them be followed"
+    solved = certificate.criteria[ENTRY].holds if state.contacts else True
+    if report.converged and certificate.complaint:
+        summary |= {
+            "converged": False,
+            "reason": certificate.complaint,
+            "suggestion": _WAY_OUT_OF_COMPLAINTS if solved else _WAY_OUT_OF_ENTRY,
+        }
+    return summary

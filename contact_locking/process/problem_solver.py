@@ -1,0 +1,167 @@
+"""One problem with its solver, for as many solves as are wanted."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from dolfinx import fem
+
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.costs.factorised import chosen
+from contact_locking.errors import InputError
+from contact_locking.monitor import Monitor
+from contact_locking.parameters import Parameters
+from contact_locking.problem.discrete_problem import DiscreteProblem
+from contact_locking.problem.loose_motion import LooseMotion
+from contact_locking.problem.parts import loose_fields
+from contact_locking.problem.system import PenalisedSystem
+from contact_locking.results.derived import integral
+from contact_locking.solver import SavedState, Settings, SolverReport, Task
+from contact_locking.solver import solve as solve_system
+from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
+from contact_locking.solver.target import Target
+from contact_locking.study.assembly import StudyProblem
+
+
+class ProblemSolver:
+    """The solver of a discrete problem, for as many solves as there are steps; collective.
+
+    Mesh, compiled forms and spaces are made once.  Before each solve the caller puts the problem to
+    its time, or to its new data.  Raises InputError for an ``own_energy`` with a method other than
+    ``newton``.
+    """
+
+    def __init__(
+        self, problem: DiscreteProblem, settings: Settings, monitor: Monitor | None = None
+    ) -> None:
+        self.problem, self._monitor = problem, monitor or Monitor()
+        self._method = _method(problem, settings.method)
+        self.settings = dataclasses.replace(settings, linear=_linear(problem, settings.linear))
+        self.system = PenalisedSystem(
+            problem.data,
+            problem.u,
+            problem.constraints,
+            held_by_contact=problem.free > 0,
+            held_by_friction=problem.sliding > 0,
+            loose=_loose_motion(problem),
+        )
+        domain = problem.domain
+        self._length = domain.extent()
+        one = fem.Constant(domain.mesh, 1.0)
+        self._volume = integral(domain, one * problem.data.dx)
+
+    @property
+    def target(self) -> Target:
+        """The penalty parameters to solve for, and the scales of the problem."""
+        material = self.problem.material
+        return Target(
+            self.problem.penalty,
+            stiffness=material.stiffness,
+            ellipticity=material.ellipticity,
+            young=material.young,
+            length=self._length,
+            volume=self._volume,
+        )
+
+    def begin(self) -> None:
+        """Take the loads of the problem, and forget the solution before; collective."""
+        self.system.assemble_loads()
+        self.system.clear()
+
+    def solve(self, saved: SavedState | None = None) -> SolverReport:
+        """Solve at present, from a saved state if that helps; collective."""
+        task = Task(self.system, self.target, self.settings, self._monitor)
+        return solve_system(self._method, task, saved)
+
+    def state(self, report: SolverReport) -> SolvedState:
+        """The solved state with its stresses and tractions; collective."""
+        self.system.set_penalty(self.problem.penalty)
+        return SolvedState.of(self.problem, self.system, self.target, self.settings, report)
+
+    def unused_options(self) -> list[str]:
+        """A warning about PETSc options that no solve has used."""
+        unused = self.settings.petsc.unused()
+        if not unused:
+            return []
+        names = ", ".join(unused)
+        return [f"PETSc has not used these options: {names} (solver.petsc, or after --)"]
+
+
+def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
+    """The settings of a study file.  Raises InputError for harmful PETSc options."""
+    given = parameters.solver
+    require_usable_options(parameters, petsc_options)
+    return Settings(
+        method=given.method,
+        tolerance=given.tolerance,
+        max_iterations=given.max_iterations,
+        friction_tolerance=given.friction_tolerance,
+        max_friction_updates=given.max_friction_updates,
+        nested=given.friction == "nested",
+        linear=given.linear,
+        petsc=UserOptions({**given.petsc, **(petsc_options or {})}),
+    )
+
+
+def require_usable_options(
+    parameters: Parameters, petsc_options: Mapping[str, Any] | None = None
+) -> None:
+    """Raise InputError for a harmful PETSc option, or one that is no option."""
+    for options, section in (
+        (parameters.solver.petsc, "solver.petsc"),
+        (petsc_options or {}, None),
+    ):
+        require_names(options, section)
+        require_harmless(options, section)
+
+
+def solver_of(
+    problem: StudyProblem,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+) -> ProblemSolver:
+    """The solver that a study file asks for; collective."""
+    return ProblemSolver(problem, settings_of(problem.parameters, petsc_options), monitor)
+
+
+def _loose_motion(problem: DiscreteProblem) -> LooseMotion | None:
+    """The rigid motions that contact alone stops, None if there are none; collective."""
+    if not problem.free:
+        return None
+    domain, space, constraints = problem.domain, problem.u.function_space, problem.constraints
+    owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    motions = loose_fields(domain, space, constraints)
+    return LooseMotion(domain.comm, motions, owned, constraints, problem.contacts)
+
+
+def _linear(problem: DiscreteProblem, linear: str) -> str:
+    """The linear solver, with the choice for this body made; collective."""
+    domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
+    compact = domain.compact_size(size * domain.dim, problem.element.degree)
+    return chosen(linear, domain.dim, compact)
+
+
+def _method(problem: DiscreteProblem, method: str) -> str:
+    if problem.data.own_energy is None:
+        return method
+    if method == "interior_point":
+        raise InputError(
+            "interior_point does not know an energy of the user's own; take newton, or auto",
+            "solver.method",
+        )
+    if not math.isfinite(problem.penalty.n):
+        raise InputError(
+            "an energy of the user's own is solved by Newton's method, which takes a finite n "
+            "such as 1e6",
+            "penalty.n",
+        )
+    if not min(problem.penalty.regularisations, default=1.0) > 0.0:
+        raise InputError(
+            "an energy of the user's own is solved by Newton's method, which needs a positive "
+            "length",
+            "friction.regularisation",
+        )
+    return "newton"

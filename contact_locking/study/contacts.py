@@ -1,0 +1,244 @@
+"""The contacts of a study file: foundations, motions, forces and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from contact_locking.arrays import AXES, FloatArray
+from contact_locking.contact.contact import Contact
+from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Kernel, Local
+from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
+from contact_locking.contact.surface import ContactSurface
+from contact_locking.errors import InputError, with_key
+from contact_locking.expressions import TIME, Expression, parse
+from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
+from contact_locking.fields.sampling import Entities, features
+from contact_locking.laws.friction_law import FrictionLaw
+from contact_locking.laws.rigid_motion import RigidMotion, rotation
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import agree, maximum
+from contact_locking.parameters import ContactParameters, Foundation
+from contact_locking.study.shapes import Site, build
+
+# A negative friction coefficient smaller than this share of the largest value is zero with
+# rounding.
+_COEFFICIENT_ROUNDING = 1e-12
+# A force below this share of the largest force is zero with rounding, as in sin(pi*t) at t = 1.
+_ROUNDING = 1e-12
+# The share of the largest force by which the force may leave its line.
+_STRAIGHT = 1e-9
+
+
+def contact_of(
+    domain: Domain, given: ContactParameters, clock: Clock, times: Sequence[float]
+) -> Contact:
+    """The contact that a section of the study file describes; collective.
+
+    ``times`` are those of the study.  Raises InputError for a shape that is none, and for a force
+    that is zero at all times or changes its direction.
+    """
+    coefficient: float | FrictionLaw = 0.0
+    if given.friction.coefficient != 0:
+        coefficient = _friction_law(domain, given, clock)
+    friction = Coulomb(coefficient, _kernel(domain, given), given.friction.regularisation)
+    foundation = given.foundation
+    force = None
+    if foundation is not None and foundation.force is not None:
+        key = f"{given.key}.foundation.force"
+        force = TimedForce(foundation, key, clock, times)
+    placed: PlacedFoundation = GapOfStudy(domain, given, clock)
+    if foundation is not None:
+        placed = _foundation(domain, given, foundation, clock)
+    return Contact(given.on, placed, friction, force=force, key=given.key)
+
+
+def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:
+    """What the nodes do not see of the friction coefficient; collective.  Raises for a pole."""
+    key = given.friction_key("coefficient")
+    expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
+    facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))
+    return features(facets, expression, key, "refine the mesh there", s=0.0)
+
+
+class GapOfStudy(GivenGap):
+    """A number or an expression of x, y[, z] and t along the outward normal of the body.
+
+    With the time, gaps that are small beside earlier ones are zero with rounding.
+    """
+
+    def __init__(self, domain: Domain, given: ContactParameters, clock: Clock) -> None:
+        self._clock, key = clock, f"{given.key}.gap"
+        self._expression = parse(given.gap, (*AXES, TIME), tables=clock.tables)
+        self.is_timed = is_timed(self._expression)
+        self._so_far = LargestSoFar()
+        super().__init__(domain.comm, domain.dim, self._present, key)
+
+    def _present(self, x: FloatArray) -> FloatArray:
+        places: dict[str, Any] = dict(zip(AXES, x, strict=False))
+        places[TIME] = self._clock.now
+        found = np.asarray(self._expression.numpy(**places), dtype=float)
+        return np.broadcast_to(found, x.shape[1:]).copy()
+
+    def gap(self, x: FloatArray) -> FloatArray:
+        found = super().gap(x)
+        is_zero = self.is_timed and self._so_far.hides(maximum(self._comm, np.abs(found)))
+        return np.zeros_like(found) if is_zero else found
+
+    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
+        domain = surface.domain
+        facets = Entities.of(domain, domain.dim - 1, surface.facets)
+        advice, times = "refine the mesh there", self._clock.some_times
+        return features(facets, self._expression, self._key, advice, "range", times)
+
+
+def _foundation(
+    domain: Domain, contact: ContactParameters, given: Foundation, clock: Clock
+) -> RigidFoundation:
+    """The rigid body of a section; collective."""
+    key, dim = f"{contact.key}.foundation", domain.dim
+    site = Site(dim, domain.comm, clock, key)
+    body = build(*given.shape, site)
+    text = given.expression
+    timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME), tables=clock.tables))
+    motion = partial(_motion, given, f"{key}.motion", dim, clock)
+    is_moved = given.moved is not None or timed_shape
+    found = RigidFoundation(domain.comm, dim, body, motion, key, is_moved)
+    found.told += site.warnings
+    return found
+
+
+def _motion(given: Foundation, key: str, dim: int, clock: Clock) -> RigidMotion:
+    """The motion from rest at the present time."""
+    moved = given.moved
+    if moved is None:
+        return RigidMotion.rest(dim)
+    zero = (0.0,) * dim
+    angles = moved.angles or (0.0,) * (1 if dim == 2 else 3)
+
+    def at_present(components: Sequence[float | str], place: str) -> FloatArray:
+        laws = [_of_time(component, clock) for component in components]
+        return with_key(place, lambda: np.array([float(law.numpy(t=clock.now)) for law in laws]))
+
+    return RigidMotion(
+        at_present(moved.translation or zero, f"{key}.translation"),
+        rotation(at_present(angles, f"{key}.rotation")),
+        np.array(moved.about or zero, dtype=float),
+    )
+
+
+class TimedForce:
+    """The force ``F(t) d`` of a section, along one line with the unit vector d."""
+
+    def __init__(self, given: Foundation, key: str, clock: Clock, times: Sequence[float]) -> None:
+        translation = () if given.moved is None else given.moved.translation or ()
+        self.key, self._clock = key, clock
+        self._force = [_of_time(value, clock) for value in given.force or ()]
+        self._translation = [_of_time(value, clock) for value in translation]
+        forces = np.array([self._vector(self._force, time) for time in times])
+        sizes = np.linalg.norm(forces, axis=1)
+        self.largest = float(sizes.max())
+        if self.largest == 0.0:
+            raise InputError(
+                "is zero at all times, so that nothing pushes the foundation; leave it out for a "
+                "foundation that stands still",
+                self.key,
+            )
+        first = int(np.argmax(sizes > _ROUNDING * self.largest))
+        self.direction: FloatArray = forces[first] / sizes[first]
+        for time in times:
+            self._size(time)
+
+    def size(self) -> float:
+        """F at present.  Raises InputError for a force that leaves its direction."""
+        return self._size(self._clock.now)
+
+    def _vector(self, components: Sequence[Expression], time: float) -> FloatArray:
+        values = with_key(self.key, lambda: [float(law.numpy(t=time)) for law in components])
+        if not np.all(np.isfinite(values)):
+            raise InputError(f"is not finite at t = {time:g}", self.key)
+        return np.array(values)
+
+    def _size(self, time: float) -> float:
+        """F at a time."""
+        force = self._vector(self._force, time)
+        size = float(force @ self.direction)
+        at = f" at t = {time:g}" if any(law.names for law in self._force) else ""
+        if np.linalg.norm(force - size * self.direction) > _STRAIGHT * self.largest:
+            raise InputError(
+                f"has another direction{at} than at first, and a tool moves along one line; keep "
+                "the ratio of the components",
+                self.key,
+            )
+        if size < -_ROUNDING * self.largest:
+            raise InputError(
+                f"is turned round{at}: a tool pushes and cannot pull, and nothing would stop the "
+                "tool; a force of 0 lets the body go",
+                self.key,
+            )
+        if self._translation:
+            moved = self._vector(self._translation, time)
+            if abs(moved @ self.direction) > _STRAIGHT * np.linalg.norm(moved):
+                raise InputError(
+                    f"is along foundation.motion at t = {time:g}: the force decides how far the "
+                    "tool moves along it; leave out this component of the motion",
+                    self.key,
+                )
+        return size if size > _ROUNDING * self.largest else 0.0
+
+
+def _of_time(value: float | str, clock: Clock) -> Expression:
+    return parse(value, (TIME,), tables=clock.tables)
+
+
+def _kernel(domain: Domain, part: ContactParameters) -> Kernel:
+    given = part.friction.smoothing
+    if given.kernel == "none":
+        return Local()
+    # A refined mesh keeps the default radius of the first mesh.
+    radius = given.radius or domain.smoothing_radii.get(part.key)
+    kind = Convolution if given.kernel == "convolution" else Helmholtz
+    return kind(radius, part.friction_key("smoothing.radius"))
+
+
+def _friction_law(domain: Domain, part: ContactParameters, clock: Clock) -> FrictionLaw:
+    """``mu(x, s)`` from a number or an expression; every evaluation is collective."""
+    comm, key = domain.comm, part.friction_key("coefficient")
+    expression = parse(part.friction.coefficient, (*AXES, "s"), tables=clock.tables)
+
+    def local(points: FloatArray, slip: FloatArray) -> FloatArray:
+        places = dict(zip(AXES, points.T, strict=False))
+        return with_key(
+            key, lambda: np.broadcast_to(expression.numpy(**places, s=slip), slip.shape)
+        )
+
+    def whole(points: FloatArray, slip: FloatArray) -> FloatArray:
+        mu = agree(comm, lambda: local(points, slip))
+        # An expression that is zero may evaluate to less than zero by rounding.
+        least = -_COEFFICIENT_ROUNDING * maximum(comm, np.abs(mu))
+        agree(comm, lambda: _refuse_negative(mu, least, points, slip, key))
+        return np.maximum(mu, 0.0)
+
+    return FrictionLaw(
+        whole,
+        largest=float(expression.numpy()) if expression.is_constant else None,
+        lipschitz=None if "s" in expression.names else 0.0,
+    )
+
+
+def _refuse_negative(
+    mu: FloatArray, least: float, points: FloatArray, slip: FloatArray, key: str
+) -> None:
+    """Raise InputError, with the point, if a friction coefficient is below ``least``."""
+    if not np.any(mu < least):
+        return
+    worst = int(np.argmin(mu))
+    where = [f"{axis} = {place:.6g}" for axis, place in zip(AXES, points[worst], strict=False)]
+    raise InputError(
+        f"the friction coefficient must not be negative, it is {mu[worst]:g} at "
+        f"{', '.join(where)}, s = {slip[worst]:.6g}",
+        key,
+    )
