@@ -1,7 +1,14 @@
 """Frictional contact of locking materials on DOLFINx.
 
-    from contact_locking import load, solve
-    solution = solve(load("demos/block.yml").parameters)
+On a mesh, a space and forms of your own:
+
+    import contact_locking as cl
+    problem = cl.ContactProblem(a, L, bcs, [cl.StrainBall(0.02)], [cl.Contact(facets, plane)])
+    solution = problem.solve()
+
+From a study file:
+
+    solution = cl.solve(cl.load("demos/block.yml").parameters)
 
 Names are imported when they are first used: what needs no DOLFINx works without it.
 """
@@ -15,25 +22,63 @@ from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from contact_locking.adaptivity import solve, solve_adaptively
-    from contact_locking.contact.contact import Contact
+    from contact_locking.certificate.verdict import Extras
+    from contact_locking.contact.contact import Contact, Force, Gap, Motion
+    from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Local
     from contact_locking.contact.friction_bound import FrictionBound
+    from contact_locking.contact_problem import ContactProblem
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
+    from contact_locking.laws.foundation import Cylinder, HalfSpace, Sphere
+    from contact_locking.laws.friction_law import FrictionLaw
+    from contact_locking.laws.level_set import LevelSet
+    from contact_locking.laws.polyline import Polyline
+    from contact_locking.laws.triangulated import TriangulatedSurface
     from contact_locking.parameters import Parameters
+    from contact_locking.problem.elasticity import Elasticity
+    from contact_locking.problem.limits import Deviator, Direction, StrainBall, Volume, Weighted
     from contact_locking.results.solution import Solution, StudySolution
+    from contact_locking.results.state import State
+    from contact_locking.solver.settings import Settings
     from contact_locking.solving import check, solve_assembled, solve_steps
     from contact_locking.study.assembly import assemble
     from contact_locking.study_file import from_mapping, load
+    from contact_locking.supports.supports import Support
     from contact_locking.writing import save, write
 
 __all__ = [
     "Contact",
     "ContactLockingError",
+    "ContactProblem",
+    "Convolution",
+    "Coulomb",
+    "Cylinder",
+    "Deviator",
+    "Direction",
+    "Elasticity",
+    "Extras",
+    "Force",
     "FrictionBound",
+    "FrictionLaw",
+    "Gap",
+    "HalfSpace",
+    "Helmholtz",
     "InputError",
+    "LevelSet",
+    "Local",
+    "Motion",
     "NotConverged",
     "Parameters",
+    "Polyline",
+    "Settings",
     "Solution",
+    "Sphere",
+    "State",
+    "StrainBall",
     "StudySolution",
+    "Support",
+    "TriangulatedSurface",
+    "Volume",
+    "Weighted",
     "assemble",
     "check",
     "from_mapping",
@@ -49,12 +94,37 @@ __all__ = [
 _HOME = {
     "Contact": "contact.contact",
     "ContactLockingError": "errors",
+    "ContactProblem": "contact_problem",
+    "Convolution": "contact.coulomb",
+    "Coulomb": "contact.coulomb",
+    "Cylinder": "laws.foundation",
+    "Deviator": "problem.limits",
+    "Direction": "problem.limits",
+    "Elasticity": "problem.elasticity",
+    "Extras": "certificate.verdict",
+    "Force": "contact.contact",
     "FrictionBound": "contact.friction_bound",
+    "FrictionLaw": "laws.friction_law",
+    "Gap": "contact.contact",
+    "HalfSpace": "laws.foundation",
+    "Helmholtz": "contact.coulomb",
     "InputError": "errors",
+    "LevelSet": "laws.level_set",
+    "Local": "contact.coulomb",
+    "Motion": "contact.contact",
     "NotConverged": "errors",
     "Parameters": "parameters",
+    "Polyline": "laws.polyline",
+    "Settings": "solver.settings",
     "Solution": "results.solution",
+    "Sphere": "laws.foundation",
+    "State": "results.state",
+    "StrainBall": "problem.limits",
     "StudySolution": "results.solution",
+    "Support": "supports.supports",
+    "TriangulatedSurface": "laws.triangulated",
+    "Volume": "problem.limits",
+    "Weighted": "problem.limits",
     "assemble": "study.assembly",
     "check": "solving",
     "from_mapping": "study_file",

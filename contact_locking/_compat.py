@@ -26,7 +26,7 @@ _TAGS = 32
 def interpolation_expression(expr: Any, space: Any) -> fem.Expression:
     """``expr`` in the form that DOLFINx interpolates into ``space``."""
     points = space.element.interpolation_points
-    return fem.Expression(expr, points() if callable(points) else points)
+    return fem.Expression(expr, points() if callable(points) else points, comm=space.mesh.comm)
 
 
 def cell_nodes(mesh: dmesh.Mesh) -> IndexArray:

@@ -169,14 +169,20 @@ class GivenGap:
         return []
 
 
-#: The names of the shapes of rigid bodies in messages.
-_SHAPES: dict[type, str] = {
-    HalfSpace: "half_space",
-    Round: "sphere",
-    LevelSet: "expression",
-    Polyline: "polyline",
-    TriangulatedSurface: "surface",
-}
+def _name_of(body: Foundation) -> str:
+    """The name of a shape in messages."""
+    match body:
+        case HalfSpace():
+            return "half_space"
+        case Round():
+            return "sphere" if body.axis is None else "cylinder"
+        case LevelSet():
+            return "expression"
+        case Polyline():
+            return "polyline"
+        case TriangulatedSurface():
+            return "surface"
+    return "shape"
 
 
 class RigidFoundation:
@@ -199,9 +205,7 @@ class RigidFoundation:
     ) -> None:
         self._comm, self._dim, self._body, self._key = comm, dim, body, key
         self.motion = motion
-        self._shape = _SHAPES.get(type(body), "shape")
-        if isinstance(body, Round) and body.axis is not None:
-            self._shape = "cylinder"
+        self._shape = _name_of(body)
         self.is_plane = isinstance(body, HalfSpace)
         self.is_distance = not isinstance(body, LevelSet)
         self.is_timed = self.moves = is_timed

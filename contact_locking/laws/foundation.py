@@ -76,3 +76,22 @@ class Round:
         radial, distance = self._radial(x)
         # No direction is the nearest at the centre itself: the normal there is the zero vector.
         return -radial / np.maximum(distance, np.finfo(float).tiny)
+
+
+class Sphere(Round):
+    """``phi(x) = |x - centre| - radius``; a disc in 2D."""
+
+    def __init__(self, centre: tuple[float, ...], radius: float) -> None:
+        super().__init__(centre, radius)
+
+
+class Cylinder(Round):
+    """The points of 3D whose distance to a line through ``centre`` along ``axis`` is a radius."""
+
+    def __init__(
+        self,
+        centre: tuple[float, ...],
+        radius: float,
+        axis: tuple[float, ...] = (0.0, 1.0, 0.0),
+    ) -> None:
+        super().__init__(centre, radius, axis)

@@ -15,7 +15,7 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import TIME, parse
 from contact_locking.expressions.gradient import value_and_gradient
 from contact_locking.fields.clock import Clock
-from contact_locking.laws.foundation import Foundation, HalfSpace, Round
+from contact_locking.laws.foundation import Cylinder, Foundation, HalfSpace, Sphere
 from contact_locking.laws.level_set import LevelSet
 from contact_locking.laws.polyline import Polyline
 from contact_locking.laws.triangulated import TriangulatedSurface
@@ -44,12 +44,13 @@ def _half_space(given: rigid_body.HalfSpace, site: Site) -> Foundation:
 
 
 def _sphere(given: rigid_body.Sphere, site: Site) -> Foundation:
-    return Round(given.centre, given.radius)
+    return Sphere(given.centre, given.radius)
 
 
 def _cylinder(given: rigid_body.Cylinder, site: Site) -> Foundation:
-    axis = None if site.dim == 2 else given.axis or (0.0, 1.0, 0.0)
-    return Round(given.centre, given.radius, axis)
+    if site.dim == 2:
+        return Sphere(given.centre, given.radius)
+    return Cylinder(given.centre, given.radius, given.axis or (0.0, 1.0, 0.0))
 
 
 def _level_set(given: float | str, site: Site) -> Foundation:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dolfinx import fem, la
@@ -29,16 +30,19 @@ AGREES = 1e-9
 
 @dataclass(frozen=True)
 class Support:
-    """``u . m = value(x)`` on the named boundary parts; ``value`` maps (d, k) to (k,).
+    """``u . m = value`` on a part of the boundary, which slides freely across m.
 
-    ``along`` is the direction m, of any length, or None for the outward normal.  ``timed`` says
-    that the values depend on the time.
+    ``on`` are names of boundary parts, local indices of exterior facets (k,), or a pair of mesh
+    tags and a value.  ``along`` is the direction m, of any length, or None for the outward normal.
+    ``value`` is a length: a number, a constant of DOLFINx, or a function of points (d, k) with
+    values (k,).  ``key`` names the support in messages, and ``timed`` says that the values may
+    change.
     """
 
-    on: tuple[str, ...]
-    along: tuple[float, ...] | None
-    value: Callable[[FloatArray], FloatArray]
-    key: str
+    on: Any
+    along: tuple[float, ...] | None = None
+    value: Any = 0.0
+    key: str = "support"
     timed: bool = False
 
 
@@ -53,7 +57,7 @@ class PlacedSupport:
 
     def values(self) -> FloatArray:
         """The prescribed values (k,) at the present time; collective."""
-        return self.support.value(self.points)
+        return np.asarray(self.support.value(self.points))
 
     def rows_at(self, nodes: IndexArray) -> tuple[IndexArray, FloatArray]:
         """The directions at those of the given nodes that the support holds.

@@ -1,0 +1,203 @@
+"""A contact problem on the user's own mesh, space and forms."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from ufl.core.expr import Expr
+
+from contact_locking.arrays import FloatArray
+from contact_locking.certificate import Extras, certify
+from contact_locking.contact.contact import Contact
+from contact_locking.errors import InputError
+from contact_locking.fem.spaces import Element, element_of
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.given_mesh import NamedFacets
+from contact_locking.monitor import Monitor
+from contact_locking.problem.discrete_problem import Body, DiscreteProblem
+from contact_locking.problem.elasticity import Elasticity, elasticity_of
+from contact_locking.problem.limits import Limit
+from contact_locking.process.judgement import solution_of
+from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.results.solution import Solution
+from contact_locking.solver import Settings
+from contact_locking.supports.conditions import constrain
+from contact_locking.supports.supports import Support
+
+Condition: TypeAlias = fem.DirichletBC | Support
+
+
+class ContactProblem:
+    """``a(u, v - u) + int G (|v_tau| - |u_tau|) >= L(v - u)`` for all v in K.
+
+    Find u with ``eps(u) in K`` and ``u_nu <= gap`` such that for all such v
+
+        a(u, v - u) + int G (|v_tau| - |u_tau|) >= L(v - u),   G = mu(|u_tau|) |R sigma_nu(u)|,
+
+    or, for a finite ``n``, the penalised problem (25)/(26).
+
+    ``a`` is a symmetric elliptic bilinear form of UFL, or :class:`Elasticity`.  ``L`` is a linear
+    form.  ``bcs`` are conditions of DOLFINx and :class:`Support`; ``limits`` are sets of strains
+    whose intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of
+    facets whose values have the ``names`` that contacts and supports may use.  ``space`` is the
+    space of displacements, P1 or P2 on triangles or tetrahedra, where neither ``a``, ``L`` nor
+    ``bcs`` tell.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
+    ``energy`` maps u to a convex and differentiable functional J(u) that is added.  ``limit_at``
+    tells where quadratic displacements keep K: at the "vertices" of each cell or at the "gauss"
+    points.  ``axisymmetric`` says that the mesh is the half section (r, z) of a body of revolution;
+    ``a`` is then an :class:`Elasticity`.
+
+    The problem is made once.  Each solve reads the present values of the constants and functions
+    in the data.  The constructor is collective, as all methods are, and raises InputError for data
+    that cannot be used.
+    """
+
+    def __init__(
+        self,
+        a: ufl.Form | Elasticity,
+        L: ufl.Form | None = None,
+        bcs: Sequence[Condition] = (),
+        limits: Sequence[Limit] = (),
+        contacts: Sequence[Contact] = (),
+        *,
+        space: fem.FunctionSpace | None = None,
+        tags: dmesh.MeshTags | None = None,
+        names: Mapping[str, int] | None = None,
+        n: float = math.inf,
+        compliance: float | None = None,
+        energy: Callable[[fem.Function], Expr] | None = None,
+        limit_at: str = "vertices",
+        axisymmetric: bool = False,
+        settings: Settings | None = None,
+        monitor: Monitor | None = None,
+    ) -> None:
+        space = space or _space_of(a, L, bcs)
+        if axisymmetric and not isinstance(a, Elasticity):
+            raise InputError("must be an Elasticity for an axisymmetric body", "a")
+        element = _element_of(space, limit_at, axisymmetric)
+        places = NamedFacets(space.mesh, tags, names)
+        supports = [item for item in bcs if isinstance(item, Support)]
+        of_contacts = [
+            places.add(item.on, f"contacts.{number}") for number, item in enumerate(contacts)
+        ]
+        of_supports = [
+            places.add(item.on, f"supports.{number}") for number, item in enumerate(supports)
+        ]
+        domain, parts = places.domain(axisymmetric)
+
+        def joined(names: Sequence[str]) -> tuple[str, ...]:
+            return tuple(dict.fromkeys(part for name in names for part in parts[name]))
+
+        held = [
+            _support(item, joined(names), f"supports.{number}")
+            for number, (item, names) in enumerate(zip(supports, of_supports, strict=True))
+        ]
+        placed = [
+            dataclasses.replace(item, on=joined(names), key=f"contacts.{number}")
+            for number, (item, names) in enumerate(zip(contacts, of_contacts, strict=True))
+        ]
+        given = [item for item in bcs if not isinstance(item, Support)]
+        body = Body(
+            domain=domain,
+            element=element,
+            space=space,
+            elasticity=a if isinstance(a, Elasticity) else elasticity_of(a),
+            constraints=constrain(domain, space, [], held, given),
+            loads=L,
+            form=None if isinstance(a, Elasticity) else a,
+            limits=limits,
+            own_energy=energy,
+            supports=((), tuple(name for support in held for name in support.on)),
+        )
+        self._discrete = DiscreteProblem(body, placed, n, compliance)
+        self._solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
+
+    @property
+    def displacement(self) -> fem.Function:
+        """The displacement of the last solve; each solution has one of its own."""
+        return self._discrete.u
+
+    @property
+    def domain(self) -> Domain:
+        return self._discrete.domain
+
+    def solve(
+        self,
+        after: Solution | None = None,
+        start: Solution | None = None,
+        certificate: bool = True,
+        extras: Extras | None = None,
+    ) -> Solution:
+        """The solution for the present data.
+
+        ``after`` is the solution of the step before: friction remembers it, and the solver starts
+        from it.  Without it the problem is static.  ``start`` is a solution that the solver alone
+        starts from, if that helps.  Without ``certificate`` the summary has no certificate, which
+        saves its solves; ``extras`` are parts of a certificate that are made on demand.  A solve
+        that does not converge returns its last state, with ``converged`` False and the reason in
+        the summary.  Raises InputError for present data that cannot be used.
+        """
+        problem, solver = self._discrete, self._solver
+        problem.enter(problem.at_rest() if after is None else after.state.contacts)
+        problem.refresh()
+        solver.begin()
+        begin = after or start
+        report = solver.solve(None if begin is None else begin.state.saved)
+        state = solver.state(report)
+        judged = certify(state, extras or Extras()) if certificate else None
+        solution = solution_of(state, judged)
+        solution.summary["warnings"] += solver.unused_options()
+        return solution
+
+    def close(self) -> None:
+        """Destroy the PETSc objects."""
+        self._discrete.close()
+
+
+def _space_of(
+    a: ufl.Form | Elasticity, L: ufl.Form | None, bcs: Sequence[Condition]
+) -> fem.FunctionSpace:
+    """The space of the arguments of a form, or of the conditions."""
+    for form in (a, L):
+        if isinstance(form, ufl.Form):
+            return form.arguments()[0].ufl_function_space()
+    raise InputError("needs the space of displacements: give L, a form for a, or space", "space")
+
+
+def _element_of(space: fem.FunctionSpace, limit_at: str, axisymmetric: bool) -> Element:
+    element, dim = space.element.basix_element, space.mesh.topology.dim
+    degree = element.degree
+    if space.dofmap.bs != dim or degree not in (1, 2) or element.discontinuous:
+        raise InputError(
+            f"must have {dim} continuous components of degree 1 or 2, as in "
+            f'fem.functionspace(mesh, ("Lagrange", 1, ({dim},)))',
+            "space",
+        )
+    if limit_at not in ("vertices", "gauss"):
+        raise InputError(f"must be vertices or gauss, not {limit_at!r}", "limit_at")
+    return element_of(degree, limit_at, axisymmetric)
+
+
+def _support(given: Support, on: tuple[str, ...], key: str) -> Support:
+    """A support on boundary parts, whose values are read before each solve."""
+    return dataclasses.replace(given, on=on, value=_values(given.value), key=key, timed=True)
+
+
+def _values(value: Any) -> Callable[[FloatArray], FloatArray]:
+    """Values (k,) at points (d, k), of a number, a constant or a function of points."""
+
+    def at(x: FloatArray) -> FloatArray:
+        if callable(value):
+            found = value(x)
+        else:
+            found = value.value if isinstance(value, fem.Constant) else value
+        return np.broadcast_to(np.asarray(found, dtype=float), x.shape[1:]).copy()
+
+    return at

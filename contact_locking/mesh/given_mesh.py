@@ -1,0 +1,173 @@
+"""A mesh that the user has made, as the domain of a problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from dolfinx import la
+from dolfinx import mesh as dmesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from contact_locking.arrays import BoolArray, IndexArray
+from contact_locking.errors import InputError
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import agree, on_any_rank
+from contact_locking.plain_text import nearest
+
+_SIMPLICES = (dmesh.CellType.triangle, dmesh.CellType.tetrahedron)
+#: Names, the local indices of facets (k,), or mesh tags and one of their values.
+Where = Any
+
+
+class NamedFacets:
+    """Boundary parts by names: those of ``names``, which are values of ``tags``, and given facets.
+
+    Every place of a problem is told by :meth:`add` before :meth:`domain` makes the domain.  Facets
+    that several places share are boundary parts of their own.
+    """
+
+    def __init__(
+        self,
+        mesh: dmesh.Mesh,
+        tags: dmesh.MeshTags | None = None,
+        names: Mapping[str, int] | None = None,
+    ) -> None:
+        if mesh.topology.cell_type not in _SIMPLICES:
+            raise InputError("must have triangles or tetrahedra as cells", "mesh")
+        if mesh.geometry.cmap.degree != 1 or mesh.geometry.dim != mesh.topology.dim:
+            raise InputError("must have flat cells that fill the space around them", "mesh")
+        self._mesh, self._tags, self._names = mesh, tags, dict(names or {})
+        dim = mesh.topology.dim
+        mesh.topology.create_entities(dim - 1)
+        mesh.topology.create_connectivity(dim - 1, dim)
+        mesh.topology.create_connectivity(dim, dim - 1)
+        self._map = mesh.topology.index_map(dim - 1)
+        self._places: dict[str, BoolArray] = {}
+        if self._names and tags is None:
+            raise InputError("needs the mesh tags whose values have the names", "facet_tags")
+        self._outside = self._marked(np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
+
+    def add(self, where: Where, key: str) -> tuple[str, ...]:
+        """Tell of a place, and get its names; collective.
+
+        Raises InputError with the key for a name that is not there, and for facets that are not on
+        the boundary.
+        """
+        if isinstance(where, str):
+            where = (where,)
+        if len(where) and all(isinstance(name, str) for name in where):
+            for name in where:
+                self._put(name, self._named(name, key), key)
+            return tuple(where)
+        if len(where) == 2 and isinstance(where[0], dmesh.MeshTags):
+            where = where[0].find(where[1])
+        self._put(key, np.asarray(where, dtype=np.int32), key)
+        return (key,)
+
+    def domain(self, axisymmetric: bool = False) -> tuple[Domain, dict[str, tuple[str, ...]]]:
+        """The domain, and for each name its boundary parts there; collective."""
+        mesh, names = self._mesh, list(self._places)
+        marks = np.array([self._places[name] for name in names], dtype=bool)
+        marks = marks.reshape(len(names), -1)
+        facets = np.flatnonzero(marks.any(axis=0)).astype(np.int32)
+        kinds = [tuple(column) for column in marks[:, facets].T.tolist()]
+        every_kind = sorted(set().union(*mesh.comm.allgather(set(kinds))), reverse=True)
+        number = {kind: place + 1 for place, kind in enumerate(every_kind)}
+        values = np.array([number[kind] for kind in kinds], dtype=np.int32)
+        parts: dict[str, int] = {}
+        of_name: dict[str, tuple[str, ...]] = {name: () for name in names}
+        for kind, value in number.items():
+            sharing = [name for name, is_there in zip(names, kind, strict=True) if is_there]
+            part = " & ".join(sharing)
+            parts[part] = value
+            for name in sharing:
+                of_name[name] = (*of_name[name], part)
+        dim = mesh.topology.dim
+        tags = dmesh.meshtags(mesh, dim - 1, facets, values)
+        cells = mesh.topology.index_map(dim)
+        every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+        cell_tags = dmesh.meshtags(mesh, dim, every, np.zeros_like(every))
+        numbers, count = _connected(mesh)
+        part_names = tuple(f"part {i + 1} of the body" for i in range(count))
+        return Domain(
+            mesh,
+            cell_tags,
+            tags,
+            numbers,
+            {},
+            parts,
+            part_names if count > 1 else ("the body",),
+            axisymmetric=axisymmetric,
+        ), of_name
+
+    def _named(self, name: str, key: str) -> IndexArray:
+        if name not in self._names:
+            there = ", ".join(sorted(self._names)) or "none at all"
+            raise InputError(
+                f"no boundary part is named {name!r}{nearest(name, self._names)}; names has: "
+                f"{there}",
+                key,
+            )
+        assert self._tags is not None
+        facets = np.asarray(self._tags.find(self._names[name]), dtype=np.int32)
+        if not on_any_rank(self._mesh.comm, bool(len(facets))):
+            raise InputError(f"no facet has the tag {self._names[name]} of {name!r}", key)
+        return facets
+
+    def _put(self, name: str, facets: IndexArray, key: str) -> None:
+        marks = self._marked(facets)
+
+        def check() -> None:
+            if np.any(marks & ~self._outside):
+                raise InputError("has facets that are not on the boundary of the mesh", key)
+
+        agree(self._mesh.comm, check)
+        self._places[name] = marks
+
+    def _marked(self, facets: IndexArray) -> BoolArray:
+        """Which local facets, ghosts included, any rank has named; collective."""
+        marks = la.vector(self._map)
+        marks.array[:] = 0.0
+        marks.array[facets] = 1.0
+        marks.scatter_reverse(la.InsertMode.add)
+        marks.scatter_forward()
+        return np.asarray(marks.array > 0.0)
+
+
+def _connected(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:
+    """The connected part (k,) of each local cell, and how many parts there are; collective.
+
+    Cells of one part are joined by facets.  Raises InputError on several ranks for a mesh without
+    ghost cells.
+    """
+    topology, dim = mesh.topology, mesh.topology.dim
+    cells = topology.index_map(dim)
+    if mesh.comm.size > 1 and not mesh.comm.allreduce(cells.num_ghosts):
+        raise InputError(
+            "has no ghost cells; make it with ghost_mode=GhostMode.shared_facet, which is the "
+            "default of DOLFINx",
+            "mesh",
+        )
+    joint = topology.connectivity(dim - 1, dim)
+    counts = np.diff(joint.offsets)
+    pairs = joint.array[np.repeat(counts == 2, counts)].reshape(-1, 2)
+    size = cells.size_local + cells.num_ghosts
+    shape = (size, size)
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
+    count, local = connected_components(graph, directed=False)
+    # A part has the least global number of its cells, which spreads from rank to rank.
+    number = la.vector(cells)
+    number.array[:] = cells.local_to_global(np.arange(size, dtype=np.int32))
+    while True:
+        before = number.array.copy()
+        least = np.full(count, np.inf)
+        np.minimum.at(least, local, number.array)
+        number.array[:] = least[local]
+        number.scatter_forward()
+        if not on_any_rank(mesh.comm, bool(np.any(number.array != before))):
+            break
+    every = np.unique(np.concatenate(mesh.comm.allgather(np.unique(number.array))))
+    return np.searchsorted(every, number.array).astype(np.int32), len(every)
