@@ -237,6 +237,8 @@ class InteriorPoint:
         """Take a step; False if there is none to take; collective."""
         report, iterate = self._task.report, self._iterate
         try:
+            for bound in self._moving:
+                bound.friction.growth = np.maximum(bound.slope(), 0.0)
             iterate.linearise()
             report.tangents += 1
             direction, t = self._search.step(measures)
