@@ -142,6 +142,24 @@ def test_friction_may_hold_a_body_between_walls_that_open() -> None:
     assert forces == pytest.approx([0.0, -0.01], abs=1e-8)
 
 
+@pytest.mark.serial
+def test_a_body_that_is_pulled_off_a_wall_over_a_floor_is_told_what_friction_holds() -> None:
+    """Friction on the floor might stop it at some pressure, but rollers carry its weight."""
+    wall = {"on": "left", "foundation": {"half_space": {"point": [0, 0], "normal": [1, 0]}}}
+    why, _ = failure(
+        pushed(
+            2,
+            0.0,
+            contact=[wall, {"on": "bottom", "gap": 0.5}],
+            loads={
+                "body_force": [0.01, -0.002],
+                "displacements": [{"on": "top", "value": [None, 0.0]}],
+            },
+        )
+    )
+    assert "it lifts off (rigid motion: translation along x), which needs 0.04, and" in why
+
+
 def hardening(law: str) -> StudySolution:
     """A pressure of 0.02 and a shear of 0.006 that ask for mu = 0.3."""
     loads = {
