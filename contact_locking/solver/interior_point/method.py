@@ -120,6 +120,7 @@ class InteriorPoint:
         task, settings = self._task, self._task.settings
         self._friction_change, self._first = 0.0, None
         self._left = self._stiffest = math.inf
+        self._crawled = 0
         try:
             self._start()
         except PETSc.Error as error:
@@ -252,7 +253,7 @@ class InteriorPoint:
     # 3 to 9. One iteration.
 
     def _step(self, measures: Measures) -> bool:
-        """Take a step; False if there is none to take; collective."""
+        """Take a step; False if there is none that leads anywhere; collective."""
         report, iterate = self._task.report, self._iterate
         try:
             for bound in self._moving:
@@ -265,7 +266,9 @@ class InteriorPoint:
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
             report.linear += self._tangent.take_iterations()
-        if not t > self._tuning.shortest:
+        # An approach whose friction bounds lead nowhere crawls; another may not.
+        self._crawled = self._crawled + 1 if self._moving and t < self._tuning.short else 0
+        if not t > self._tuning.shortest or self._crawled > self._tuning.short_steps:
             return False
         iterate.advance(t, direction)
         # A step that leaves the friction bounds where it brought them leaves so much unbalanced.

@@ -164,6 +164,10 @@ class Tuning:
     to_boundary: float = 0.97
     #: Steps that are shorter, in (0, 1), lead nowhere, and the method gives up.
     shortest: float = 1e-8
+    #: Where friction bounds move, more steps in a row than this number, >= 0, that are shorter than
+    #: this length, in (0, 1), lead nowhere either.  Solves that arrive take fewer.
+    short_steps: int = 9
+    short: float = 0.01
 
     # The stopping rule.
     #: The duality gap over the energy at which the method stops, > 0.  Rounding in nearly singular
