@@ -187,6 +187,33 @@ def test_friction_that_grows_with_the_slip_holds_a_body_after_a_slip_of_0_01(law
     assert found.summary["friction_used"] == pytest.approx(1.0) and not found.summary["warnings"]
 
 
+def test_a_loose_block_between_two_foundations_of_one_side_slides_until_friction_holds_it() -> None:
+    """The deviator is limited, and only friction along the foot resists the load along x."""
+    plane = {"half_space": {"point": [0.5, -0.000225], "normal": [0.0, 1.0]}}
+    data = {
+        "mesh": {"builder": "block", "h": 0.2, "structured": True},
+        "discretisation": {"limit_at": "vertices"},
+        "material": {
+            "elasticity": {"young": 1.0, "poisson": 0.49},
+            "locking": [{"norm": "deviator", "at_most": 0.00225}],
+        },
+        "loads": {"body_force": [-0.0010000509, -0.0034964041]},
+        "contact": [
+            {"on": "bottom", "gap": "-0.00045*(x - 0.5)**2"},
+            {"on": "bottom", "foundation": plane, "friction": {"coefficient": 0.15}},
+        ],
+        "friction": {
+            "coefficient": "0.2 + 0.6*s/(s + 2.690982854477187e-05)",
+            "smoothing": {"kernel": "convolution", "radius": 5.0},
+        },
+        "solver": {"linear": "iterative"},
+    }
+    found = solved(Parameters.model_validate(data))
+    assert found.summary["iterations"]["tangents"] <= 40
+    forces = np.add(found.summary["contact_force"], found.summary["friction_force"])
+    assert forces == pytest.approx([0.0010000509, 0.0034964041], abs=1e-8)
+
+
 def test_two_methods_find_two_solutions_and_none_is_called_the_only_one() -> None:
     """Friction that falls steeply with the slip: two branches, each with every criterion."""
     data = {
