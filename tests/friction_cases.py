@@ -22,6 +22,21 @@ SOLVED: dict[str, Case] = {
         ),
         CARRIED,
     ),
+    "a block in space that slides until friction that grows with the slip holds it": Case(
+        study(
+            block(1.0, 1.0, 1.0, h=0.5, structured=True),
+            {
+                "tractions": [
+                    {"on": "top", "value": [0.0, 0.0, -2.265e-5]},
+                    {"on": "bottom", "value": [-8.2718709e-06, 1.20960554e-05, 0.0]},
+                ]
+            },
+            poisson=0.0,
+            friction="0.4764 + 0.28818*(1 - exp(-s/4.129e-06))",
+            smoothing=smoothed("helmholtz", 0.6),
+        ),
+        Truth(admissible=True, touches=True, slip=(-2.0889092e-06, 3.0546368e-06)),
+    ),
     "a coefficient of ten thousand under a block that sticks": Case(
         study(
             block(2.0, 1.0, h=0.2),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -163,3 +164,18 @@ def test_what_the_nodes_see_is_not_warned_of(degree: int) -> None:
         assert solution.converged
         assert solution.summary["warnings"] == []
     assert pressed(flat).summary["penetration_between_nodes"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_an_entry_of_the_size_of_rounding_is_none() -> None:
+    """At the end of a cycle ``sin(2 pi t)`` is not zero, but 2e-16."""
+    push = 0.0087 * math.sin(2.0 * math.pi)
+    solution = pressed(
+        {"half_space": {"point": [0.005, 0.005, 0.01 + 8.78e-6], "normal": [0.001756, 0.0, -1.0]}},
+        {"builder": "block", "dim": 3, "size": [0.01] * 3, "h": 0.0035, "structured": True},
+        loads={
+            "displacements": [{"on": "bottom", "value": [0.0, 0.0, 0.0]}],
+            "pressures": [{"on": "right", "value": push}],
+        },
+    )
+    assert solution.converged, solution.summary["reason"]
+    assert solution.summary["penetration_between_nodes"] == 0.0

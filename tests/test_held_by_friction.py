@@ -142,6 +142,24 @@ def test_friction_may_hold_a_body_between_walls_that_open() -> None:
     assert forces == pytest.approx([0.0, -0.01], abs=1e-8)
 
 
+@pytest.mark.serial
+def test_a_body_that_is_pulled_off_a_wall_over_a_floor_is_told_what_friction_holds() -> None:
+    """Friction on the floor might stop it at some pressure, but rollers carry its weight."""
+    wall = {"on": "left", "foundation": {"half_space": {"point": [0, 0], "normal": [1, 0]}}}
+    why, _ = failure(
+        pushed(
+            2,
+            0.0,
+            contact=[wall, {"on": "bottom", "gap": 0.5}],
+            loads={
+                "body_force": [0.01, -0.002],
+                "displacements": [{"on": "top", "value": [None, 0.0]}],
+            },
+        )
+    )
+    assert "it lifts off (rigid motion: translation along x), which needs 0.04, and" in why
+
+
 def hardening(law: str) -> StudySolution:
     """A pressure of 0.02 and a shear of 0.006 that ask for mu = 0.3."""
     loads = {
@@ -164,9 +182,36 @@ def test_friction_that_grows_with_the_slip_holds_a_body_after_a_slip_of_0_01(law
     found = hardening(law)
     assert found.contacts[0].slip == pytest.approx(0.01, rel=1e-7)
     assert found.contacts[0].bound == pytest.approx(0.006, rel=1e-7)
-    assert found.summary["iterations"]["tangents"] <= 20
+    assert found.summary["iterations"]["tangents"] <= 12
     # It slips everywhere, and holds more if it slips on.
     assert found.summary["friction_used"] == pytest.approx(1.0) and not found.summary["warnings"]
+
+
+def test_a_loose_block_between_two_foundations_of_one_side_slides_until_friction_holds_it() -> None:
+    """The deviator is limited, and only friction along the foot resists the load along x."""
+    plane = {"half_space": {"point": [0.5, -0.000225], "normal": [0.0, 1.0]}}
+    data = {
+        "mesh": {"builder": "block", "h": 0.2, "structured": True},
+        "discretisation": {"limit_at": "vertices"},
+        "material": {
+            "elasticity": {"young": 1.0, "poisson": 0.49},
+            "locking": [{"norm": "deviator", "at_most": 0.00225}],
+        },
+        "loads": {"body_force": [-0.0010000509, -0.0034964041]},
+        "contact": [
+            {"on": "bottom", "gap": "-0.00045*(x - 0.5)**2"},
+            {"on": "bottom", "foundation": plane, "friction": {"coefficient": 0.15}},
+        ],
+        "friction": {
+            "coefficient": "0.2 + 0.6*s/(s + 2.690982854477187e-05)",
+            "smoothing": {"kernel": "convolution", "radius": 5.0},
+        },
+        "solver": {"linear": "iterative"},
+    }
+    found = solved(Parameters.model_validate(data))
+    assert found.summary["iterations"]["tangents"] <= 40
+    forces = np.add(found.summary["contact_force"], found.summary["friction_force"])
+    assert forces == pytest.approx([0.0010000509, 0.0034964041], abs=1e-8)
 
 
 def test_two_methods_find_two_solutions_and_none_is_called_the_only_one() -> None:

@@ -13,8 +13,11 @@ from solved_by_cg import crushed_steel
 
 from contact_locking import solving
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged
 from contact_locking.parameters import Parameters
 from contact_locking.results.contact_points import OPEN
+from contact_locking.solver.linear.ksp import LINEAR_FAILURE
+from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -224,6 +227,20 @@ def test_an_iterative_solver_that_gets_nowhere_is_said_to() -> None:
     solution = solving.solve(parameters, petsc_options={"ksp_max_it": 1})
     assert not solution.converged
     assert "linear solve failed" in solution.summary["reason"]
+
+
+def test_an_iterative_solver_that_gets_nowhere_gives_way_to_a_direct_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def stall(*_: object, **__: object) -> None:
+        raise NotConverged(LINEAR_FAILURE)
+
+    for name in ("solve", "solve_following"):
+        monkeypatch.setattr(MultigridTangents, name, stall)
+    solution = solving.solve(block(3, 0.25, solver__linear="iterative"))
+    assert solution.converged
+    told = [text for text in solution.summary["warnings"] if "the direct solver took" in text]
+    assert len(told) == 1
 
 
 @pytest.mark.parametrize("linear", ["direct", "iterative"])

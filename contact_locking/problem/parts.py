@@ -27,7 +27,7 @@ from contact_locking.problem.motion_in_words import (
 from contact_locking.problem.motions_at_contact import MotionsAtContact
 from contact_locking.supports.conditions import Constraints
 from contact_locking.supports.rigid_motions import (
-    driven_slide,
+    driven_motion,
     free_motions,
     loose_motion,
     rigid_motions,
@@ -121,8 +121,8 @@ def describe_slide(
       ``(f, c) > 0`` proves that there is no equilibrium on this mesh, whatever the friction bound.
     - The resultants T along and N onto a flat foundation with ``T > mu N`` break Coulomb's law for
       the whole contact.  This proves nothing, as ``int R p`` is not ``int p``.
-    - A sliding motion, ``c_nu = 0``, with ``(f, c) > int G |c_tau|`` proves for the present bound G
-      alone that there is no equilibrium.
+    - A motion that slides or lifts off, ``c_nu <= 0``, with ``(f, c) > int G |c_tau|`` proves for
+      the present bound G alone that there is no equilibrium.
     """
     for number in range(len(domain.part_names)):
         found = _Motions(domain, space, data, constraints, number)
@@ -308,16 +308,25 @@ class _Motions:
         return motion if self.work @ motion > _ROUNDING * float(self.work @ slide) else None
 
     def describe_slide(self) -> str | None:
-        """A sliding motion that the present friction bound does not stop, in words; collective."""
-        slides, comm = sliding_motions(self.normals), self._domain.comm
-        if not slides.size:
+        """A motion that the present friction bound does not stop, in words; collective.
+
+        It slides along the foundation, or else may leave it, too.
+        """
+        return self._unstopped(sliding_motions(self.normals), self.normals[:0]) or self._unstopped(
+            np.eye(len(self.work)), self.normals
+        )
+
+    def _unstopped(self, some: FloatArray, normals: FloatArray) -> str | None:
+        """One of the motions ``some`` (f, m) with ``normals c <= 0``; collective."""
+        if not some.size:
             return None
+        comm = self._domain.comm
 
         def rub(motion: FloatArray) -> FloatArray:
             none = np.zeros(len(motion))
             return np.asarray(comm.allreduce(sum((i.rub(motion) for i in self.at_contacts), none)))
 
-        motion = driven_slide(slides, self.work, rub)
+        motion = driven_motion(some, normals, self.work, rub)
         # A slide of length 1, or a turn by the angle 1.
         moved, turn = spin(self.free @ motion)
         words = self._words(motion)
@@ -327,8 +336,9 @@ class _Motions:
             return None
         depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
         of_which = "the solver reached" + ", which another slip changes" * depends
+        how = "lifts off" if len(normals) else "slides"
         return (
-            f"friction cannot hold the body with the friction bound that {of_which}: it slides "
+            f"friction cannot hold the body with the friction bound that {of_which}: it {how} "
             f"(rigid motion: {words}), which needs {push / rate:.4g}, and friction holds "
             f"{held / rate:.4g}"
         )

@@ -22,6 +22,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.parallel import maximum
+from contact_locking.problem.rounding import ROUNDING
 
 # Each edge of a facet is divided into so many parts, by the dimension of the body, and the steps of
 # the search from the best point are halved so often.
@@ -76,7 +77,7 @@ def entry_between_nodes(contact: NodalContact, u: fem.Function, touches: BoolArr
         found = float(depths[number]), facets.place(number, weights[number])
     told = comm.allgather(found)
     depth, place = max(told)
-    if depth == 0.0:
+    if depth <= maximum(comm, facets.rounding):
         return Entry()
     rank = told.index((depth, place))
     direction, along = comm.bcast(
@@ -114,6 +115,12 @@ class _Facets:
         eye = np.eye(dim)[None].repeat(len(nodes), axis=0)
         self._at_corners = np.maximum(self._depth(eye, np.arange(len(nodes))), 0.0)
         self._known = self._known_curvature(normals[:, :dim], nodes[:, :dim], touches)
+
+    @property
+    def rounding(self) -> FloatArray:
+        """What the digits of points leave of depths that are distances, none of given gaps."""
+        known = self._moved if self._contact.foundation.is_distance else np.zeros(1)
+        return ROUNDING * np.abs(known).reshape(-1)
 
     def place(self, number: int, weights: FloatArray) -> list[float]:
         """The point (d,) of a facet before the body moved."""

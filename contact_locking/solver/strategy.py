@@ -16,7 +16,7 @@ from contact_locking.parallel import maximum
 from contact_locking.solver.continuation import PenaltyPath, follow
 from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint, explain_by_friction, is_impossible
-from contact_locking.solver.linear.ksp import is_direct
+from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle
 from contact_locking.solver.saved import SavedState
@@ -39,6 +39,9 @@ _NEWTON_WAY_OUT = "Try solver.method: interior_point, lower penalty.n or raise p
 _NOT_NESTED = (
     "solver.friction: nested does not arrive ({reason}); the solution is that of inside, which "
     "needs no contraction"
+)
+_FACTORISED = (
+    "the iterative solver of solver.linear did not converge; the direct solver took its place"
 )
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 _BOUND_WAY_OUT = (
@@ -156,7 +159,8 @@ def _approaches(task: Task, nests: bool, goes_on: Callable[[], bool]) -> Generat
 
     Where friction bounds are to be fixed points of whole solves, a solver that keeps them comes
     first.  No two solvers are there at a time, nor beside what ``goes_on`` solves, as each takes
-    much memory.
+    much memory.  An approach that an iterative solver ends goes again with a direct one, if auto
+    would have taken that.
     """
     if nests:
         solver = InteriorPoint(task, bound_moves=False)
@@ -175,7 +179,18 @@ def _approaches(task: Task, nests: bool, goes_on: Callable[[], bool]) -> Generat
             yield solver
         finally:
             solver.destroy()
-        number += 1
+        if task.report.reason == LINEAR_FAILURE and _may_factorise(task):
+            task = task.with_settings(linear="direct")
+            task.report.warnings.append(_FACTORISED)
+        else:
+            number += 1
+
+
+def _may_factorise(task: Task) -> bool:
+    """Whether auto is direct where the settings are iterative, with no options of the user."""
+    settings, dim, size = task.settings, task.system.dim, task.system.size
+    is_small = is_direct("auto", dim, size) and not is_direct(settings.linear, dim, size)
+    return is_small and not settings.petsc
 
 
 def _interior_way_out(task: Task) -> str:

@@ -201,24 +201,29 @@ def unheld_motion(
     return None
 
 
-def driven_slide(
-    slides: FloatArray, work: FloatArray, rub: Callable[[FloatArray], FloatArray]
+def driven_motion(
+    some: FloatArray,
+    normals: FloatArray,
+    work: FloatArray,
+    rub: Callable[[FloatArray], FloatArray],
 ) -> FloatArray:
-    """The motion c (f,) of ``slides`` (f, m) with the largest ``work . c - s(c)``, in a unit box.
+    """The motion c (f,) with ``normals c <= 0`` and the largest ``work . c - s(c)``, in a unit box.
 
-    ``s(c) = int G |c_tau|`` is convex and homogeneous; ``rub`` gives its derivative (f,) at a
-    motion, with which ``rub(c) . c = s(c)``.  Each motion is the best for the derivatives at those
-    before, which are lower bounds of s.
+    Sought is among the motions ``some`` (f, m).  ``s(c) = int G |c_tau|`` is convex and
+    homogeneous; ``rub`` gives its derivative (f,) at a motion, with which ``rub(c) . c = s(c)``.
+    Each motion is the best for the derivatives at those before, which are lower bounds of s.
     """
     from scipy.optimize import linprog
 
-    push = slides.T @ work
-    size, count = max(float(np.abs(push).max(initial=0.0)), 1e-300), slides.shape[1]
+    push = some.T @ work
+    size, count = max(float(np.abs(push).max(initial=0.0)), 1e-300), some.shape[1]
+    leaving = np.pad(normals @ some, ((0, 0), (0, 1)))
+    leaving /= max(float(np.abs(leaving).max(initial=0.0)), 1e-300)
     cuts: list[FloatArray] = []
     best: FloatArray = np.zeros(count)
     most = -np.inf
     for _ in range(_CUTS):
-        rows = np.array([np.append(cut, -1.0) for cut in cuts]).reshape(-1, count + 1)
+        rows = np.vstack([leaving, *(np.append(cut, -1.0) for cut in cuts)])
         found = linprog(
             np.append(-push / size, 1.0),
             A_ub=rows,
@@ -229,10 +234,10 @@ def driven_slide(
             # Friction beside which the push is rounding.
             break
         motion = np.asarray(found.x[:count])
-        cuts.append(np.asarray(slides.T @ rub(slides @ motion) / size))
+        cuts.append(np.asarray(some.T @ rub(some @ motion) / size))
         net = float((push / size - cuts[-1]) @ motion)
         if net > most:
             best, most = motion, net
         if -found.fun - most <= _NEAR * abs(found.fun):
             break
-    return np.asarray(slides @ best)
+    return np.asarray(some @ best)

@@ -5,12 +5,15 @@ The bound ``G = mu(|u_tau|) |R p|`` (6) follows pressure and slip, which follow 
 
     b - mu R dp(b) - mu'(s) |R p| ds(b) = mu |R p| - G.
 
-All of it is linear in b.  Of a bound of the user's own nothing is known but its value: without the
-derivatives the step is that to the new value.  The unknowns are those of the nodes of all parts of
-Gamma_C with friction together, so a Krylov method solves for them with one back-substitution an
-iteration, by the factorisation that the step has anyway.  An iterative solver would pay for each of
-these as for the step itself; it solves for displacement and bounds together, with the forces of the
-bounds as functions of the displacement (:mod:`contact_locking.solver.linear.gmres`).
+All of it is linear in b.  Where friction grows with the slip, ``mu' > 0``, the tangent has that
+growth already (:class:`FrictionCones`): along a slip that friction alone stops the growth is all
+the stiffness there is.  The b of this module is the rest of the step.  Of a bound of the user's own
+nothing is known but its value: without the derivatives the step is that to the new value.  The
+unknowns are those of the nodes of all parts of Gamma_C with friction together, so a Krylov method
+solves for them with one back-substitution an iteration, by the factorisation that the step has
+anyway.  An iterative solver would pay for each of these as for the step itself; it solves for
+displacement and bounds together, with the forces of the bounds as functions of the displacement
+(:mod:`contact_locking.solver.linear.gmres`).
 
 Unless friction is large, the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` makes steps much smaller.
 The bound that the predictor asks for is then close to what agrees with the corrector, and the
@@ -201,17 +204,16 @@ class _BoundLaw:
         self._contact, self.friction = moving.pressing, moving.friction
         self._nodes, self._smoothing = self.friction.nodes, bound.smoothing
         slips = contact.slips(moving.u)
-        mu, slope = bound.coefficient(slips), bound.slope(slips)
+        mu = bound.coefficient(slips)
         pressure = self._nodes.at_all(self._contact.z)
         smoothed = bound.smoothing.apply(pressure)
-        known = float(bound.is_coulomb)
         wanted = mu * np.abs(smoothed) if bound.is_coulomb else bound.evaluate(pressure, slips)
         self._wanted = self._nodes.of_all(wanted)
-        self._mu = known * self._nodes.of_all(mu)
+        self._mu = float(bound.is_coulomb) * self._nodes.of_all(mu)
         slip = self.friction.seen
         size = np.sqrt(np.sum(slip**2, axis=0))
         self._along = slip / np.maximum(size, np.finfo(float).tiny)
-        self._slope = known * self._nodes.of_all(slope * np.abs(smoothed))
+        self._slope = moving.slope()
 
     def distance(self, direction: Direction) -> FloatArray:
         """The residual of the equation for a direction; collective."""
@@ -239,8 +241,9 @@ class _BoundLaw:
         return self._moved(pressure_step, self.friction.see(displacement))
 
     def _moved(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:
-        """``mu R dp + mu'(s) |R p| ds``."""
+        """``mu R dp + mu'(s) |R p| ds``, without what the cones make the bound grow by."""
         nodes = self._nodes
         smoothed = nodes.of_all(self._smoothing.apply(nodes.at_all(pressure_step)))
         along = np.einsum("ik,ik->k", self._along, slip_step)
-        return np.asarray(self._mu * smoothed + self._slope * along)
+        moved = self._mu * smoothed + self._slope * along
+        return np.asarray(moved - self.friction.grown(slip_step))

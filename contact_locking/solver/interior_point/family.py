@@ -72,6 +72,9 @@ class Family(ABC):
     #: Whether the iterate has points in these cones; where it has none, the family keeps the
     #: springs that :meth:`hold` has put into the tangent.
     takes_part: bool = True
+    #: The least compliance of a step, 0 for the step of the cones as they are.  The laws of the
+    #: iterate do not have it: it acts on the change of multipliers, which vanishes in the end.
+    softness: float = 0.0
 
     # The displacement and the forces.
 

@@ -24,8 +24,8 @@ class FrictionCones(LorentzCones):
 
     The slip is that of the step, ``u_tau - u_{k-1,tau}``.  The last entry of the primal point is
     the regularisation eps, absent where it is 0.  The bound G follows the pressure outside of the
-    cones; ``bound_step`` (k,) is how far a step is to move it.  ``length`` is the extent of the
-    body.
+    cones; a step du of the slip moves it by ``bound_step + growth (w . du)/w_0``, both (k,), where
+    ``w/w_0`` is near the direction of a slip.  ``length`` is the extent of the body.
     """
 
     limits_displacement = False
@@ -38,7 +38,7 @@ class FrictionCones(LorentzCones):
         self.comm, self.weights = nodes.comm, nodes.weights
         rows = 1 + nodes.dim + (regularisation > 0.0)
         self.x, self.z = np.zeros((2, rows, len(nodes.weights)))
-        self.bound_step = np.zeros(len(nodes.weights))
+        self.bound_step, self.growth = np.zeros((2, len(nodes.weights)))
 
     # The displacement and the forces.
 
@@ -107,6 +107,8 @@ class FrictionCones(LorentzCones):
         square, w_0 = scaling.eta**2, scaling.w[0]
         self.a = np.reciprocal(square)
         self.b = -2.0 * np.reciprocal((2.0 * w_0**2 - 1.0) * square)
+        # Where all of a foot slips, only the growth holds a body that friction alone holds.
+        self.b += 2.0 * self.growth / (2.0 * w_0**2 - 1.0)
         self.w = scaling.w[1 : 1 + self.nodes.dim]
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
@@ -123,6 +125,10 @@ class FrictionCones(LorentzCones):
         """The part (d, k) of a step that is the slip's."""
         return step.primal[1 : 1 + self.nodes.dim]
 
+    def grown(self, slip_step: FloatArray) -> FloatArray:
+        """How far the growth moves the bound (k,) with a step (d, k) of the slip."""
+        return np.asarray(self.growth * dot(self.w, slip_step) / self._scaling.w[0])
+
     def response(self, bound_step: FloatArray) -> FloatArray:
         """The change of ``-sigma_tau`` (d, k) with the bound where nothing moves."""
         w = self._scaling.w
@@ -130,14 +136,14 @@ class FrictionCones(LorentzCones):
         return np.asarray(share * w[1 : 1 + self.nodes.dim])
 
     def _step(self, d_rest: FloatArray) -> Step:
-        """``dz = b - W^-2 dx`` with ``dz_0 = bound_step`` solved for ``dx_0``."""
+        """``dz = b - W^-2 dx`` with ``dz_0``, the step of the bound, solved for ``dx_0``."""
         square, w = self._scaling.eta**2, self._scaling.w
         w_0, w_1 = w[0], w[1:]
         w_rest = dot(w_1, d_rest)
         h_00 = (2.0 * w_0**2 - 1.0) / square
-        d_t = (self._aim[0] - self.bound_step + 2.0 * w_0 * w_rest / square) / h_00
         dz = np.empty_like(self.z)
-        dz[0] = self.bound_step
+        dz[0] = self.bound_step + self.grown(d_rest[: self.nodes.dim])
+        d_t = (self._aim[0] - dz[0] + 2.0 * w_0 * w_rest / square) / h_00
         dz[1:] = self._aim[1:] - (d_rest + 2.0 * (w_rest - w_0 * d_t) * w_1) / square
         return Step(np.vstack([d_t, d_rest]), dz)
 

@@ -18,6 +18,7 @@ class HalfLines(Family):
 
     compliance: float
     stiffness: FloatArray
+    _yielding: float
     _wanted: FloatArray
     _gap: FloatArray
 
@@ -54,7 +55,8 @@ class HalfLines(Family):
 
     def linearise(self) -> None:
         self._gap = self._primal_gap()
-        self.stiffness = self.z / (self.x + self.compliance * self.z)
+        self._yielding = max(self.compliance, self.softness)
+        self.stiffness = self.z / (self.x + self._yielding * self.z)
 
     def hold(self, stiffness: float | FloatArray) -> None:
         self.stiffness = np.full(len(self.weights), stiffness)
@@ -70,10 +72,10 @@ class HalfLines(Family):
 
     def step(self, seen: FloatArray) -> Step:
         dz = self._dual_step(self._gap - seen)
-        return Step(self.compliance * dz - seen + self._gap, dz)
+        return Step(self._yielding * dz - seen + self._gap, dz)
 
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
-        return (self._wanted - self.z * d_rest) / (self.x + self.compliance * self.z)
+        return (self._wanted - self.z * d_rest) / (self.x + self._yielding * self.z)
 
     def correction(self, step: Step) -> FloatArray:
         return step.primal * step.dual

@@ -42,6 +42,11 @@ class Iterate:
         for family in self.families:
             family.look(self.tangent.present())
 
+    def soften(self, softness: float) -> None:
+        """Let steps have the compliance ``softness`` at least, a strain over a stress."""
+        for family in self.families:
+            family.softness = softness * family.scale
+
     def linearise(self) -> None:
         """Assemble the tangent of the point visited last; collective."""
         for family in self.families:

@@ -72,7 +72,8 @@ class LockingCones(LorentzCones):
     def linearise(self) -> None:
         self._gap = self._primal_gap()
         scaling = self._scaling = Scaling.of(self._lorentz, self.x, self.z)
-        square, w_0, kappa = scaling.eta**2, scaling.w[0], self.compliance
+        kappa = self._yielding = max(self.compliance, self.softness)
+        square, w_0 = scaling.eta**2, scaling.w[0]
         self.a = np.reciprocal(square)
         share = np.reciprocal(1.0 + kappa * (2.0 * w_0**2 - 1.0) * self.a)
         self.b = 2.0 * (square - kappa) * self.a**2 * share
@@ -90,9 +91,9 @@ class LockingCones(LorentzCones):
         return Step(dx, dz)
 
     def _eliminated(self, function: str, *arguments: FloatArray) -> None:
-        """``dz = b - W^-2 dx`` with ``dx_0 = compliance dz_0 + gap_0`` eliminated, in C."""
+        """``dz = b - W^-2 dx`` with ``dx_0 = yielding dz_0 + gap_0`` eliminated, in C."""
         scaling, known = self._scaling, (self._aim, self._gap)
-        how = self.compliance, scaling.eta, scaling.w
+        how = self._yielding, scaling.eta, scaling.w
         self._lorentz.call(function, *self.x.shape, *how, *known, *arguments)
 
     # The tangent.

@@ -9,7 +9,8 @@ back-substitutions more than one with known bounds.
 1. Start: the elastic displacement (:mod:`start`).  If it is admissible and rubs nowhere, it is the
    solution.  Else each family of cones puts its points near the central path around it.
 2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`measures`); stop at
-   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).
+   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where rounding has
+   unbalanced the forces, bound the stiffness of the steps that follow.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
 4. Predictor: the direction towards products of zero; it foresees the step of the friction bound.
@@ -118,6 +119,8 @@ class InteriorPoint:
     def _iterate_to_the_end(self) -> Multipliers:
         task, settings = self._task, self._task.settings
         self._friction_change, self._first = 0.0, None
+        self._left = self._stiffest = math.inf
+        self._crawled = 0
         try:
             self._start()
         except PETSc.Error as error:
@@ -144,6 +147,7 @@ class InteriorPoint:
             if measures.reached(settings, self._tuning.gap_tolerance):
                 break
             self._stop_if_infeasible(measures)
+            self._soften(measures)
             if iteration == limit:
                 self.require_feasible()
                 raise NotConverged(
@@ -186,6 +190,7 @@ class InteriorPoint:
         for bound in bounds:
             bound.start(self.bound_moves, least)
         self._iterate = Iterate(tangent, tuning.band)
+        self._iterate.soften(0.0)
         self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
         self._search = Search(
             self._iterate, self._moving, tuning, task.settings, self.approach.foresees
@@ -231,12 +236,28 @@ class InteriorPoint:
             self._first = size, first_primal
             self.require_feasible()
 
+    def _soften(self, measures: Measures) -> None:
+        """Bound the stiffness of steps if rounding has unbalanced the forces of the last.
+
+        Rounding in a displacement makes forces in proportion to that stiffness.  Where it does not
+        count, a bound would cost tangents.
+        """
+        tuning, unbalanced = self._tuning, measures.equilibrium
+        if self._tangent.direct is None or unbalanced <= self._task.settings.tolerance:
+            return
+        if unbalanced > tuning.rounded * self._left:
+            least, most = tuning.stiffest
+            self._stiffest = min(max(0.1 * self._stiffest, least), most)
+            self._iterate.soften(1.0 / (self._stiffest * self._task.target.stiffness))
+
     # 3 to 9. One iteration.
 
     def _step(self, measures: Measures) -> bool:
-        """Take a step; False if there is none to take; collective."""
+        """Take a step; False if there is none that leads anywhere; collective."""
         report, iterate = self._task.report, self._iterate
         try:
+            for bound in self._moving:
+                bound.friction.growth = np.maximum(bound.slope(), 0.0)
             iterate.linearise()
             report.tangents += 1
             direction, t = self._search.step(measures)
@@ -245,9 +266,13 @@ class InteriorPoint:
             raise NotConverged(LINEAR_FAILURE) from error
         finally:
             report.linear += self._tangent.take_iterations()
-        if not t > self._tuning.shortest:
+        # An approach whose friction bounds lead nowhere crawls; another may not.
+        self._crawled = self._crawled + 1 if self._moving and t < self._tuning.short else 0
+        if not t > self._tuning.shortest or self._crawled > self._tuning.short_steps:
             return False
         iterate.advance(t, direction)
+        # A step that leaves the friction bounds where it brought them leaves so much unbalanced.
+        self._left = (1.0 - t) * measures.equilibrium
         if self._moving:
             self._follow(t)
             report.friction += 1
@@ -276,5 +301,6 @@ class InteriorPoint:
         for contact, values in zip(contacts, used, strict=True):
             contact.bounds = values
         if not (came_closer and self.approach.trusts_newton):
+            self._left = math.inf
             for item, values in zip(moving, wanted, strict=True):
                 item.set_wanted(values)

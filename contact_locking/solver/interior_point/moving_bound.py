@@ -50,6 +50,17 @@ class MovingBound:
         least = self.least * maximum(self.pressing.comm, new)
         return self.contact.acting(np.maximum(new, least))
 
+    def slope(self) -> FloatArray:
+        """``mu'(|u_tau|) |R p|`` (k,) at the nodes of the cones; collective.
+
+        It is zero for a bound of the user's own, of which nothing is known but its value.
+        """
+        bound, nodes = self.contact.friction, self.friction.nodes
+        if not (bound.is_coulomb and bound.depends_on_slip):
+            return np.zeros(len(nodes.weights))
+        smoothed = bound.smoothing.apply(nodes.at_all(self.pressing.z))
+        return nodes.of_all(bound.slope(self.contact.slips(self.u)) * np.abs(smoothed))
+
     def used(self, elsewhere: FloatArray) -> FloatArray:
         """The bound at all nodes of the contact: of the cones, or ``elsewhere`` without cones."""
         used = elsewhere.copy()

@@ -164,6 +164,10 @@ class Tuning:
     to_boundary: float = 0.97
     #: Steps that are shorter, in (0, 1), lead nowhere, and the method gives up.
     shortest: float = 1e-8
+    #: Where friction bounds move, more steps in a row than this number, >= 0, that are shorter than
+    #: this length, in (0, 1), lead nowhere either.  Solves that arrive take fewer.
+    short_steps: int = 9
+    short: float = 0.01
 
     # The stopping rule.
     #: The duality gap over the energy at which the method stops, > 0.  Rounding in nearly singular
@@ -174,6 +178,12 @@ class Tuning:
     #: This share of the elastic energy at the start, in (0, 1), stands for the energy if that is
     #: smaller.
     least_energy: float = 1e-18
+    #: Forces that are unbalanced by more than this multiple, > 1, of what a step should have left
+    #: are those of rounding, where the linear solver is direct.
+    rounded: float = 10.0
+    #: Steps are then no stiffer than the material by the second of these factors, and where that
+    #: does not help by a tenth of it, and so on to the first.  Softer steps take more tangents.
+    stiffest: tuple[float, float] = (1e7, 1e11)
     #: Multipliers that have grown by this factor, > 1, while the laws stay violated may prove that
     #: no displacement is admissible.
     diverged: float = 1e2
