@@ -18,7 +18,7 @@ from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 from contact_locking import plotting
 from contact_locking.errors import NoRendering
 from contact_locking.plain_text import per_cent
-from contact_locking.plotting import contact_map, offscreen, plane, space_plain, style
+from contact_locking.plotting import contact_map, offscreen, plane, style
 from contact_locking.plotting.gather import gather
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
 from contact_locking.report import contact_charts
@@ -60,34 +60,30 @@ def test_the_gathered_boundary_belongs_to_its_cells_and_contact_is_the_bottom(di
     assert np.abs(contact.points.x[contact.facets][:, :, -1]).max() == 0.0
 
 
-@pytest.fixture
-def without_views(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw without PyVista; the pictures of PyVista have tests of their own."""
-
-    def fail(snapshot: Path) -> None:
-        raise NoRendering("there is no PyVista")
-
-    monkeypatch.setattr(offscreen, "views", fail)
-
-
-@pytest.mark.usefixtures("without_views")
-@pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_picture_is_drawn_by_matplotlib_alone(
-    dim: int, kind: str, tmp_path: Path, comm: MPI.Intracomm
-) -> None:
+def test_a_picture_in_the_plane_is_drawn(kind: str, tmp_path: Path, comm: MPI.Intracomm) -> None:
     settings = dict(matplotlib.rcParams)
     folder = comm.bcast(tmp_path)
-    told = plotting.picture(of_kind(dim, kind), folder)
-    if dim == 2:
-        assert told is None
-    else:
-        assert told is not None and "there is no PyVista\n" in told and "apt-get install" in told
+    assert plotting.picture(of_kind(2, kind), folder) is None
     assert dict(matplotlib.rcParams) == settings
     if comm.rank == 0:
         image = matplotlib.image.imread(folder / "picture.png")
         assert min(image.shape[:2]) > 1000
         assert image[:, :, :3].std() > 0.05
+
+
+def test_without_pyvista_there_is_no_picture_in_space_and_the_reason_says_how_to_get_one(
+    tmp_path: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(snapshot: Path) -> None:
+        raise NoRendering("there is no PyVista")
+
+    monkeypatch.setattr(offscreen, "views", fail)
+    folder = comm.bcast(tmp_path)
+    told = plotting.picture(of_kind(3, "locked"), folder)
+    assert told is not None and "there is no PyVista\n" in told and "apt-get install" in told
+    comm.Barrier()
+    assert [path.name for path in folder.iterdir()] == ["snapshot.npz"]
 
 
 def test_a_picture_that_fails_says_why_on_every_rank_and_leaves_no_file(
@@ -184,14 +180,6 @@ def test_the_corner_of_two_contacts_is_a_point_of_both() -> None:
         assert np.array_equal(part.smoothed, -part.points.pressure - part.points.contact)
         assert body.x[part.vertices] == pytest.approx(part.points.x)
         assert np.array_equal(np.unique(part.facets), np.arange(len(part.points)))
-
-
-def test_level_lines_cut_a_triangle_where_a_linear_function_has_the_value() -> None:
-    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    lines = space_plain._level_lines(np.stack([corners, corners]), np.array([[0, 1, 0], [1, 1, 1]]))
-    assert lines.shape == (1, 2, 3)
-    for x, y, _ in lines[0]:
-        assert x == pytest.approx(style.RIM_SHARE) and 0.0 <= y <= 1.0 - x
 
 
 @pytest.mark.serial

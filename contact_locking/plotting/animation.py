@@ -20,13 +20,11 @@ from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from PIL import Image
 
-from contact_locking.errors import NoRendering
 from contact_locking.plotting import (
     offscreen,
     plane,
     snapshot_file,
     space,
-    space_plain,
     style,
     views,
 )
@@ -91,32 +89,27 @@ class Film:
         return [*self._kept, self._last]
 
 
-def animation(frames: Sequence[Frame]) -> tuple[bytes, str | None]:
-    """The film as a GIF file, and the reason why it is only a plainer one, or None."""
+def animation(frames: Sequence[Frame]) -> bytes:
+    """The film as a GIF file. Raises NoRendering in three dimensions if PyVista cannot draw."""
     if frames[0].body.dim == 2:
-        return gif(frames), None
-    try:
-        with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
-            for number, frame in enumerate(frames):
-                snapshot_file.save(frame.body, Path(folder) / f"{number:04d}.npz", compressed=False)
-            images = offscreen.views(Path(folder))
-        return gif(frames, [images[name] for name in sorted(images)]), None
-    except NoRendering as reason:
-        return gif(frames), f"the animation was drawn by Matplotlib alone: {reason}"
+        return gif(frames)
+    with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
+        for number, frame in enumerate(frames):
+            snapshot_file.save(frame.body, Path(folder) / f"{number:04d}.npz", compressed=False)
+        images = offscreen.views(Path(folder))
+    return gif(frames, [images[name] for name in sorted(images)])
 
 
-def gif(frames: Sequence[Frame], images: Sequence[views.Image] | None = None) -> bytes:
+def gif(frames: Sequence[Frame], images: Sequence[views.Image] = ()) -> bytes:
     """The film as a GIF file, whose comment has the steps and the times as JSON.
 
-    In three dimensions ``images`` are the pictures of the bodies, None if PyVista cannot draw.
+    In three dimensions ``images`` are the pictures of the bodies.
     """
     bodies, titles = [frame.body for frame in frames], [f"t = {frame.time:.4g}" for frame in frames]
     look, dpi = look_of(bodies), _DPI
     with matplotlib.rc_context(style.RC):
         if bodies[0].dim == 2:
             figures = plane.frames(bodies, look, titles)
-        elif images is None:
-            figures = space_plain.frames(bodies, look, titles)
         else:
             figures, dpi = space.frames(bodies, images, look, titles), FILM_DPI
         pictures = [_picture(figure, dpi) for figure in figures]

@@ -20,9 +20,8 @@ Place = tuple[float, float, float, float]
 PRESSURE_TITLE, PRESSURE_COLOURS = r"Contact pressure $-\sigma_\nu$", "cividis"
 PRESSURE_LABEL = r"$-\sigma_\nu$  [stress]"
 
-# The largest number of arrows in a row; the longest arrow as a share of the width of a map; the
-# free space around a map for arrows that point outwards.
-_ARROWS, _LONGEST, _AROUND = 12, 0.12, 0.13
+# The largest number of arrows in a row; the longest arrow as a share of the width of a map.
+_ARROWS, _LONGEST = 12, 0.12
 # Gamma_C is in a plane if it is thinner than this share of its extent.
 _PLANE = 1e-6
 # At a larger ratio of the largest to the median pressure the colours follow the square root.
@@ -79,31 +78,6 @@ def arrows(axes: Axes, tails: FloatArray, directions: FloatArray) -> None:
         linewidth=0.4,
         width=0.008,
     )
-
-
-def pressure_map(fig: Figure, place: Place, bar_place: Place, contact: ContactMap) -> None:
-    """Draw the pressure in colours with arrows of the slip, and the scale of the colours."""
-    points = contact.points
-    axes = fig.add_axes(place, aspect="equal", anchor="S")
-    colours = colour_values(
-        axes,
-        points,
-        contact.facets,
-        points.pressure,
-        cmap=PRESSURE_COLOURS,
-        norm=pressure_norm(points),
-    )
-    bar = fig.add_axes(bar_place)
-    fig.colorbar(colours, cax=bar, orientation="horizontal")
-    bar.locator_params(nbins=5)
-    bar.set_xlabel(PRESSURE_LABEL, loc="left", labelpad=2.0)
-    shown = slipping(points)
-    if len(shown):
-        i, j, _ = frame(points)
-        axes.margins(_AROUND)
-        arrows(axes, points.x[shown][:, [i, j]], points.u_tangent[shown][:, [i, j]])
-    title = PRESSURE_TITLE + (f"\narrows: {slip_label(points, shown)}" if len(shown) else "")
-    axes.set_title(contact.titled(title, "\n"), loc="left")
 
 
 def state_map(fig: Figure, place: Place, contact: ContactMap) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
+from contact_locking.errors import NoRendering
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.results.solution import StudySolution
@@ -76,7 +77,9 @@ class _Recording:
 
             monitor.message("drawing the animation")
             try:
-                drawn, self._problem = animation(self._film.frames)
+                drawn = animation(self._film.frames)
+            except NoRendering as reason:
+                self._problem = f"no animation was drawn: {reason}"
             except Exception as error:
                 # An error of the animation must not lose the results of a long process.
                 self._problem = f"no animation was drawn: {type(error).__name__}: {error}"
