@@ -161,7 +161,7 @@ def check(arguments: argparse.Namespace) -> int:
             cases = studies.Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
-        rows += forecast.rows(expected)
+        rows.append(("estimated memory", expected.words()))
         print(f"{arguments.file} can be run:\n{terminal.columns(rows)}\n")
         print(terminal.columns(groups.table(table)))
     return 0
