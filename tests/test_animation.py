@@ -22,10 +22,10 @@ from contact_locking.errors import NoRendering
 from contact_locking.parameters import Parameters
 from contact_locking.plotting import offscreen, style
 from contact_locking.plotting.animation import MOST_FRAMES, Film, Frame, gif
-from contact_locking.plotting.film_look import look_of
 from contact_locking.plotting.gather import gather
 from contact_locking.plotting.snapshot import ContactMap, Snapshot, seen_from_outside
-from contact_locking.report.frames import frames
+from contact_locking.plotting.style import look_of
+from contact_locking.report.pictures import frames
 from contact_locking.running import run_steps
 
 TIMES = [0.5, 1.0, 2.0]

@@ -22,7 +22,7 @@ from contact_locking import writing
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NoRendering
 from contact_locking.files import ownership
-from contact_locking.plotting import camera, offscreen, snapshot_file, views
+from contact_locking.plotting import offscreen, snapshot_file, views
 
 Image = npt.NDArray[np.uint8]
 
@@ -229,15 +229,15 @@ def test_without_a_screen_and_anything_on_the_path_all_results_are_there(
 def test_gamma_c_is_seen_from_below_and_the_foundation_is_behind_the_body(
     normal: FloatArray,
 ) -> None:
-    assert camera.from_the_side(normal) @ normal < 0.0
-    below = camera.from_below(normal)
+    assert views.from_the_side(normal) @ normal < 0.0
+    below = views.from_below(normal)
     assert below @ normal > 0.8 * np.linalg.norm(below)
 
 
 def test_a_camera_has_all_points_in_its_picture_upright() -> None:
     points = np.random.default_rng(0).uniform(size=(50, 3)) * (3.0, 1.0, 0.5)
     for aspect in (None, 0.5, 3.0):
-        seen = camera.camera(points, np.array([0.3, -1.0, 0.4]), aspect)
+        seen = views.camera(points, np.array([0.3, -1.0, 0.4]), aspect)
         places = seen.place(points)
         assert places.min() > 0.0 and places.max() < 1.0
         assert seen.up[2] > 0.9 and seen.right[0] > 0.9

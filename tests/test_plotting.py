@@ -21,7 +21,7 @@ from contact_locking.plain_text import per_cent
 from contact_locking.plotting import contact_map, offscreen, plane, style
 from contact_locking.plotting.gather import gather
 from contact_locking.plotting.snapshot import ContactMap, Snapshot
-from contact_locking.report import contact_charts
+from contact_locking.report import run_charts
 from contact_locking.results.contact_points import ContactPoints
 
 
@@ -207,7 +207,7 @@ def test_friction_has_the_sign_of_the_axis_that_it_is_drawn_over(side: str, tmp_
             panel, strip = figure.subplots(2, 1)
             plane._tractions(panel, strip, contact, 5.0)
         else:
-            contact_charts._profile(figure, points, facets, 5.0)
+            run_charts._profile(figure, points, facets, 5.0)
         lines = [line for axes in figure.axes for line in axes.lines]
         curve = next(line for line in lines if "friction" in str(line.get_label()))
         drawn.append(np.array(curve.get_ydata()))

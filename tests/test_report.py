@@ -19,8 +19,8 @@ from contact_locking.errors import InputError
 from contact_locking.files import ownership
 from contact_locking.report import run_page
 from contact_locking.report.charts import Chart
-from contact_locking.report.shown import shown
 from contact_locking.report.templates import environment
+from contact_locking.report.words import shown
 from contact_locking.results import names as result_files
 
 pytestmark = pytest.mark.serial

@@ -22,11 +22,10 @@ from contact_locking.contact.outline import box_around, outline
 from contact_locking.laws.foundation import HalfSpace, Round
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.plotting import contact_map, offscreen, plane, snapshot_file, views
-from contact_locking.plotting.camera import from_the_side
-from contact_locking.plotting.film_look import look_of
 from contact_locking.plotting.gather import gather
-from contact_locking.plotting.ground import drawn_tool, foundation, tool
-from contact_locking.plotting.snapshot import Snapshot
+from contact_locking.plotting.snapshot import Snapshot, drawn_tool, foundation, tool
+from contact_locking.plotting.style import look_of
+from contact_locking.plotting.views import from_the_side
 
 pytestmark = pytest.mark.serial
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -73,5 +73,5 @@ def draw(body: Snapshot, path: Path, images: Mapping[str, Image] | None = None) 
         figure = plane.figure(body) if images is None else space.figure(body, images)
         FigureCanvasAgg(figure)
         # Files a sixth larger than by the default compression of 6, in a third of the time.
-        how = {"bbox_inches": "tight", "pad_inches": 0.15, "pil_kwargs": {"compress_level": 3}}
-        figure.savefig(path, dpi=style.DPI, format="png", facecolor="white", **how)
+        how: dict[str, Any] = {"bbox_inches": "tight", "pil_kwargs": {"compress_level": 3}}
+        figure.savefig(path, dpi=style.DPI, format="png", facecolor="white", pad_inches=0.15, **how)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -13,12 +14,110 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path
 
-from contact_locking.arrays import FloatArray
-from contact_locking.plotting import profile, style
-from contact_locking.plotting.film_look import Look
-from contact_locking.plotting.ground import tool, touched
-from contact_locking.plotting.snapshot import ContactMap, Snapshot
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.plotting import style
+from contact_locking.plotting.snapshot import ContactMap, Snapshot, tool, touched
+from contact_locking.plotting.style import Look
+from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.ordering import curves
+
+_MOST_MARKERS = 60
+# A contact whose tractions are a smaller share than this of the largest one is open.
+_UNTOUCHED = 1e-6
+
+
+def draw_tractions(
+    axes: Axes,
+    strip: Axes,
+    points: ContactPoints,
+    facets: IntArray,
+    largest: float,
+    smoothed: FloatArray | None = None,
+) -> None:
+    """Draw the tractions along a contact into ``axes``, the states into the narrow ``strip`` below.
+
+    ``largest`` is the largest traction on all of Gamma_C.  What is left of the method's tractions
+    where a contact is open is flat beside it.  ``smoothed`` (k,) is R sigma_nu.
+    """
+    lines = curves(facets)
+    positions, label = abscissa([points.x[line] for line in lines])
+    hidden, peak = "", 0.0
+    for s, line in zip(positions, lines, strict=True):
+        bound, pressure = points.bound[line], points.pressure[line]
+        friction = along(points.traction[line], points.x[line], s)
+        name = hidden + r"friction bound $\pm\mu\,|R\sigma_\nu|$"
+        axes.fill_between(s, -bound, bound, color=style.ORANGE, alpha=0.22, lw=0.0, label=name)
+        name = hidden + r"contact pressure $-\sigma_\nu$"
+        axes.plot(s, pressure, color=style.BLUE, lw=1.8, label=name)
+        if smoothed is not None:
+            look: dict[str, Any] = {"color": style.BLACK, "lw": 1.2, "ls": (0, (5, 2))}
+            name = hidden + r"smoothed $|R\sigma_\nu|$"
+            axes.plot(s, np.abs(smoothed[line]), label=name, **look)
+        look = {"color": style.VERMILION, "lw": 1.6, "ms": 2.2}
+        look["marker"] = "o" if len(s) <= _MOST_MARKERS else ""
+        axes.plot(s, friction, label=hidden + r"friction traction $\sigma_\tau$", **look)
+        _state_strip(strip, s, points.state[line])
+        peak = max(peak, *(np.abs(v).max(initial=0.0) for v in (pressure, friction, bound)))
+        # Matplotlib leaves labels that begin with an underscore out of the legend.
+        hidden = "_"
+    if peak < _UNTOUCHED * largest:
+        axes.set_ylim(-0.5 * largest, largest)
+    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
+    axes.set_ylabel("traction")
+    axes.tick_params(labelbottom=False)
+    axes.margins(x=0.0)
+    strip.sharex(axes)
+    strip.set_yticks([])
+    strip.set_xlabel(label, loc="left")
+    strip.set_ylabel("state", rotation=0, ha="right", va="center")
+    for side in ("left", "bottom"):
+        strip.spines[side].set_visible(False)
+    where: dict[str, Any] = {"loc": "upper right", "bbox_to_anchor": (1.0, 0.0)}
+    strip.legend(handles=style.state_patches(), borderaxespad=2.2, ncols=3, **where)
+
+
+def abscissa(lines: Sequence[FloatArray]) -> tuple[list[FloatArray], str]:
+    """The places of the points (k, 2) of each line along an axis, and the label of that axis.
+
+    The places are x, where x is monotone and lines do not overlap, otherwise y, otherwise arc
+    length.
+    """
+    for axis, name in enumerate("xy"):
+        along = [line[:, axis] for line in lines]
+        steps = [np.diff(s) for s in along]
+        if all((step > 0).all() or (step < 0).all() for step in steps) and not _overlap(along):
+            return along, f"${name}$"
+    position: list[FloatArray] = []
+    start = 0.0
+    for line in lines:
+        lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        position.append(start + np.concatenate([[0.0], np.cumsum(lengths)]))
+        # The next line begins after a small distance.
+        start = float(position[-1][-1] + 0.1 * lengths.sum())
+    return position, r"arc length along $\Gamma_C$"
+
+
+def along(vectors: FloatArray, x: FloatArray, s: FloatArray) -> FloatArray:
+    """The components (k,) of vectors along a curve, towards where the abscissa ``s`` grows."""
+    if len(x) < 2:
+        return np.array(vectors[:, 0])
+    tangent = np.gradient(x, axis=0)
+    length = np.linalg.norm(tangent, axis=1)
+    direction = 1.0 if s[-1] >= s[0] else -1.0
+    return direction * np.sum(vectors * tangent, axis=1) / np.where(length > 0.0, length, 1.0)
+
+
+def _overlap(along: list[FloatArray]) -> bool:
+    intervals = sorted((float(s.min()), float(s.max())) for s in along)
+    return any(b[0] < a[1] for a, b in itertools.pairwise(intervals))
+
+
+def _state_strip(axes: Axes, s: FloatArray, state: IntArray) -> None:
+    """Draw the state of each point, from the middle before to the middle after the point."""
+    middle = 0.5 * (s[1:] + s[:-1])
+    edges = np.concatenate([s[:1], middle, s[-1:]])
+    axes.pcolormesh(edges, [0.0, 1.0], state[None, :], cmap=style.STATES, vmin=-0.5, vmax=2.5)
+
 
 # Thickness of the drawn foundation and its reach beyond Gamma_C, as shares of the body's size.
 _THICKNESS, _REACH = 0.05, 0.08
@@ -196,22 +295,7 @@ def _extended(line: FloatArray, normal: FloatArray, reach: float) -> tuple[Float
 
 
 def _tractions(axes: Axes, strip: Axes, contact: ContactMap, largest: float) -> None:
-    points = contact.points
-    lines = curves(contact.facets)
-    positions, label = profile.abscissa([points.x[line] for line in lines])
-    smoothed = np.abs(contact.smoothed)
-    drawn = [
-        profile.Curve(
-            s,
-            points.pressure[line],
-            profile.along(points.traction[line], points.x[line], s),
-            points.bound[line],
-            points.state[line],
-            smoothed[line],
-        )
-        for s, line in zip(positions, lines, strict=True)
-    ]
-    profile.draw(axes, strip, drawn, label, largest)
+    draw_tractions(axes, strip, contact.points, contact.facets, largest, contact.smoothed)
     # A name leaves the title less room beside the legend.
     words = r"On $\Gamma_C$" if contact.names[0] else r"On the contact boundary $\Gamma_C$"
     axes.set_title(contact.titled(words), loc="left")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import textwrap
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
 from contact_locking.plain_text import per_cent
+from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.results.contact_points import STATE_NAMES
 
 if TYPE_CHECKING:
@@ -173,3 +175,26 @@ def state_patches() -> list[Patch]:
 def deformed(body: Snapshot, factor: float) -> FloatArray:
     """Vertices (v, d) moved by ``factor`` times their displacement."""
     return body.x + factor * body.displacement
+
+
+# Inches, and pixels to an inch, of the pictures of bodies in three dimensions.
+FILM_WIDTH, FILM_DPI = 4.4, 120
+
+
+@dataclass(frozen=True)
+class Look:
+    """The factor of the displacement, and for each body the values of its cells on one scale."""
+
+    factor: float
+    shades: tuple[Shade, ...]
+
+
+def look_of(bodies: Sequence[Snapshot]) -> Look:
+    """The look of a film with these bodies, the same wherever it is drawn."""
+    shades = [shade(body) for body in bodies]
+    top = max(float(shade.norm.vmax or 0.0) for shade in shades)
+    extend = "max" if any(shade.extend == "max" for shade in shades) else "neither"
+    return Look(
+        min(magnification(body) for body in bodies),
+        tuple(replace(shade, norm=Normalize(0.0, top), extend=extend) for shade in shades),
+    )

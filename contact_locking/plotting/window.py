@@ -16,11 +16,9 @@ import numpy as np
 import pyvista as pv
 
 from contact_locking.plotting import snapshot_file, style
-from contact_locking.plotting.camera import Camera, camera
-from contact_locking.plotting.render import look, set_up
-from contact_locking.plotting.scene import Scene, in_space
+from contact_locking.plotting.render import Scene, in_space, look, set_up
 from contact_locking.plotting.snapshot import Snapshot
-from contact_locking.plotting.views import BODY, contact_view, views
+from contact_locking.plotting.views import BODY, Camera, camera, contact_view, views
 
 _SIZE, _FONT = (1100, 850), "fonts/ttf/DejaVuSans.ttf"
 # Pixels to a point, the unit of line widths.

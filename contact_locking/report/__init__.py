@@ -6,8 +6,7 @@ from pathlib import Path
 
 from contact_locking.errors import explained
 
-from .files import BESIDE_RUN, CHARTS, PAGE, discard, replace
-from .pdf import print_page
+from .files import BESIDE_RUN, CHARTS, PAGE, discard, print_page, replace
 
 __all__ = ["CHARTS", "PAGE", "discard", "print_page", "write", "write_all"]
 

@@ -2,23 +2,157 @@
 
 from __future__ import annotations
 
+import json
+import textwrap
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Collection, Sequence
+from typing import Any, NamedTuple
 
+from contact_locking.results.in_words import Weakness, weakest
 from contact_locking.results.names import PARAMETERS, PICTURE
 from contact_locking.results.read import Row, StudyResults, number
 from contact_locking.study_file import source
 
 from .charts import Chart
 from .pictures import thumbnail
-from .shown import shown
-from .study_table import cases, weakness
+from .quantities import QUANTITIES
 from .templates import render
-from .titles import titles_in
-from .trend_charts import trend_charts
-from .trends import Trend, axes, trends, varied
-from .varied_texts import VariedTexts
+from .trends import Trend, VariedTexts, axes, differ, trend_charts, trends, varied
+from .words import shown, title, titles_in
+
+_MAIN = frozenset(entry.key for entry in QUANTITIES if entry.plotted and not entry.internal)
+_NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
+_ROW_KIND = {"converged": None, "not run": "waiting"}
+#: The column with the reason of a failure, the warnings and the weakness of a result.
+REMARKS = "remarks"
+# The number of characters of a remark that stay where it is folded.
+_FOLDED = 46
+
+
+class Cell(NamedTuple):
+    """A cell with its whole text, of which ``folded`` is what a folded cell shows, if it is less.
+
+    ``order`` is the number that sorts the cell, ``picture`` the case that the cell links to.
+    The text of a cell ``in_parts``, a list or a mapping, may take several lines.
+    """
+
+    text: str
+    kind: str | None = None
+    order: str | None = None
+    picture: str | None = None
+    folded: str | None = None
+    in_parts: bool = False
+
+
+class Column(NamedTuple):
+    """A column with its name for readers; columns of kind ``more`` are seen on demand only."""
+
+    key: str
+    title: str
+    kind: str | None
+
+
+class CaseTable(NamedTuple):
+    """The columns, and for each row the class of HTML, the state in one word, and the cells."""
+
+    columns: list[Column]
+    rows: list[tuple[str | None, str, list[Cell]]]
+
+
+def cases(
+    rows: Sequence[Row], keys: Sequence[str], linked: Collection[str], texts: VariedTexts
+) -> CaseTable:
+    """All rows; ``keys`` vary, and ``linked`` cases have a picture on the page."""
+    # The state, which says whether a case converged, comes first: it is seen on a phone too.
+    front = ["state", *keys, REMARKS]
+    names = dict.fromkeys(name for row in rows for name in row)
+    order = [*front, *(name for name in names if name not in (*front, *_NOT_BETWEEN)), "case"]
+    columns = [
+        Column(name, texts.titles.get(name) or title(name), _kind(name, front, rows))
+        for name in order
+    ]
+    remarks = [remark(row) for row in rows]
+    if not any(remarks):
+        columns = [column for column in columns if column.key != REMARKS]
+    found = []
+    for row, told in zip(rows, remarks, strict=True):
+        cells = [
+            _remark_cell(told)
+            if column.key == REMARKS
+            else _varied_cell(row.get(column.key), texts.of(column.key, row))
+            if column.key in keys
+            else _cell(row, column, linked)
+            for column in columns
+        ]
+        state = str(row["state"])
+        found.append((_ROW_KIND.get(state, "failed"), state.replace(" ", "-"), cells))
+    return CaseTable(columns, found)
+
+
+def remark(row: Row) -> str:
+    """Why a case failed, or the warnings and the weakness of one that converged; often empty."""
+    if row.get("converged") is not True:
+        return " ".join(filter(None, (shown(row.get("reason") or ""), _text(row, "suggestion"))))
+    weak = weakness(row)
+    told = [f"rough: {weak.words}"] if weak is not None and weak.is_rough else []
+    if warnings := _text(row, "warnings"):
+        told.append(f"warning: {warnings}")
+    return "; ".join(told)
+
+
+def weakness(row: Row) -> Weakness | None:
+    """The weakest number of a row."""
+    prefix, ending = "certificate.errors.", ".relative"
+    errors: dict[str, Any] = {
+        key.removeprefix(prefix).removesuffix(ending): {"relative": number(value)}
+        for key, value in row.items()
+        if key.startswith(prefix) and key.endswith(ending)
+    }
+    return weakest({"certificate": {"errors": errors}})
+
+
+def _text(row: Row, key: str) -> str:
+    value = row.get(key)
+    return value if isinstance(value, str) else ""
+
+
+def _kind(name: str, front: Sequence[str], rows: Sequence[Row]) -> str | None:
+    if name == REMARKS:
+        return "why"
+    vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
+    if name in front or name == "case":
+        return None
+    return None if {name, vector} & _MAIN and _tells_apart(name, rows) else "more"
+
+
+def _tells_apart(name: str, rows: Sequence[Row]) -> bool:
+    """Whether a number differs between the cases by more than rounding."""
+    values = [number(row.get(name)) for row in rows if row.get("converged") is True]
+    known = [value for value in values if value is not None]
+    return len(known) > 1 and (len(known) < len(values) or differ(known))
+
+
+def _remark_cell(text: str) -> Cell:
+    short = textwrap.shorten(text, _FOLDED, placeholder="…")
+    return Cell(text, "why", folded=short if short != text else None)
+
+
+def _cell(row: Row, column: Column, linked: Collection[str]) -> Cell:
+    value = row.get(column.key)
+    text = json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else shown(value)
+    is_link = column.key == "case" and isinstance(value, str) and value in linked
+    return Cell(text, column.kind, _order(value), text if is_link else None)
+
+
+def _varied_cell(value: Any, text: str) -> Cell:
+    return Cell(text, order=_order(value), in_parts=isinstance(value, dict | list))
+
+
+def _order(value: Any) -> str | None:
+    order = number(value)
+    # JavaScript reads numbers as Python writes them, but for infinity.
+    return None if order is None else repr(order).replace("inf", "Infinity")
+
 
 _MOST_PICTURES = 200
 _MOST_VALUES = 12

@@ -18,8 +18,7 @@ from markupsafe import Markup, escape
 from contact_locking._version import __version__
 
 from .files import GENERATOR
-from .shown import shown
-from .titles import title, words
+from .words import shown, title, words
 
 
 def render(template: str, **context: Any) -> str:

@@ -54,8 +54,7 @@ class _Recording:
         except ImportError as error:
             self._problem = f"no animation was drawn: {error.name} cannot be imported"
             return
-        from contact_locking.plotting.gather import gather
-        from contact_locking.plotting.pieces import Pieces
+        from contact_locking.plotting.gather import Pieces, gather
 
         domain = solution.domain
         in_cell = len(Pieces.of(domain.dim, solution.element.degree).nodes)
