@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -60,20 +59,6 @@ def test_a_snapshot_that_is_damaged_is_bad_input(
     np.savez(path, **{name: change.get(name, np.asarray)(stored[name]) for name in stored})
     with pytest.raises(InputError, match=told):
         snapshot_file.load(path)
-
-
-@pytest.mark.serial
-def test_a_snapshot_without_numbers_and_names_of_contacts_has_one_contact(tmp_path: Path) -> None:
-    path, body = tmp_path / "snapshot.npz", snapshot()
-    snapshot_file.save(body, path)
-    with np.load(path) as archive:
-        stored = dict(archive)
-    del stored["points.contact"]
-    facts = json.loads(str(stored["facts"]))
-    del facts["contacts"]
-    np.savez(path, **(stored | {"facts": np.array(json.dumps(facts))}))
-    (part,) = snapshot_file.load(path).contact.parts()
-    assert same(part.points, body.contact.points) and part.titled("Title") == "Title"
 
 
 @pytest.mark.serial

@@ -19,41 +19,26 @@ from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 # No snapshot is as large.  A small file that is compressed may fill the memory.
 _MOST_BYTES = 20_000_000_000
 
+
+def _by_name(text: str) -> dict[str, str]:
+    return dict(pair.split() for pair in text.split(", "))
+
+
 # Letters for the sizes: v vertices, c cells with s corners, b facets of the boundary, k points and
 # m facets of Gamma_C, d dimensions.
-_BODY = {
-    "x": "vd",
-    "displacement": "vd",
-    "cells": "cs",
-    "boundary": "bd",
-    "boundary_cell": "b",
-    "strain_norm": "c",
-    "locking_limit": "c",
-    "locked": "c",
-}
-_POINTS = {
-    "x": "kd",
-    "normal": "kd",
-    "u_normal": "k",
-    "u_tangent": "kd",
-    "gap": "k",
-    "pressure": "k",
-    "traction": "kd",
-    "bound": "k",
-    "state": "k",
-    "contact": "k",
-}
-_MAP = {"facets": "md", "vertices": "k", "smoothed": "k"}
+_BODY = _by_name(
+    "x vd, displacement vd, cells cs, boundary bd, boundary_cell b, strain_norm c, "
+    "locking_limit c, locked c"
+)
+_POINTS = _by_name(
+    "x kd, normal kd, u_normal k, u_tangent kd, gap k, pressure k, traction kd, bound k, "
+    "state k, contact k"
+)
+_MAP = _by_name("facets md, vertices k, smoothed k")
 # Whole numbers, and the size that they are smaller than.
-_COUNTED = {
-    "cells": "v",
-    "boundary": "v",
-    "boundary_cell": "c",
-    "facets": "k",
-    "vertices": "v",
-    "state": "states",
-    "contact": "k",
-}
+_COUNTED = _by_name(
+    "cells v, boundary v, boundary_cell c, facets k, vertices v, state states, contact k"
+)
 _UNBOUNDED = ("strain_norm", "locking_limit")
 _FACTS = {"title": str, "dofs": int, "locked_fraction": float, "converged": bool}
 
@@ -121,10 +106,8 @@ def _snapshot(stored: Mapping[str, npt.NDArray[Any]]) -> Snapshot:
 def _contact(
     stored: Mapping[str, npt.NDArray[Any]], sizes: dict[str, int], names: Any
 ) -> ContactMap:
-    """The map of Gamma_C; a file without numbers and names of contacts has one contact."""
-    one = {"points.contact": np.zeros(len(stored["points.x"]), dtype=np.int64)}
     arrays = {
-        name: _checked(name, (one | dict(stored))[f"points.{name}"], shape, sizes)
+        name: _checked(name, stored[f"points.{name}"], shape, sizes)
         for name, shape in _POINTS.items()
     }
     maps = {name: _checked(name, stored[name], shape, sizes) for name, shape in _MAP.items()}
@@ -135,15 +118,11 @@ def _contact(
     if (joins != joins[:, :1]).any():
         raise ValueError("a facet joins points of different contacts")
     count = len(points.rows())
-    given = [str(name) for name in names] if isinstance(names, list) else []
-    shown = tuple(given if len(given) == count else [""] * count)
-    # A file from before there were tools has none.
-    tools = [
-        _checked("tool", stored[name], "tdd", sizes | {"t": len(stored[name])})
-        for name in (f"tool.{number}" for number in range(count))
-        if name in stored
-    ]
-    return ContactMap(points, **maps, names=shown, tools=tuple(tools) * (len(tools) == count))
+    if not isinstance(names, list) or len(names) != count:
+        raise ValueError("the contacts have no names")
+    tools = [stored[f"tool.{number}"] for number in range(count)]
+    checked = [_checked("tool", tool, "tdd", sizes | {"t": len(tool)}) for tool in tools]
+    return ContactMap(points, **maps, names=tuple(map(str, names)), tools=tuple(checked))
 
 
 def _checked(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from contact_locking.results.contact_points import contact_name
 
@@ -13,20 +13,17 @@ from contact_locking.results.contact_points import contact_name
 class Quantity:
     """A number or vector of summary.json by its dotted key.
 
-    A study plots a quantity that is ``plotted`` over the keys that vary.  The differences of a
-    quantity that ``settles`` have a rate; counts of cells, points and iterations change in jumps
-    and have none.  A quantity that ``vanishes`` has a rate itself.  One that is ``internal``
-    is about the solver, and a page shows it on demand.
+    A study plots every quantity that is not ``hidden`` over the keys that vary.  The differences of
+    one that ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells,
+    points and iterations change in ``jumps``.  One that is ``internal`` is about the solver, and a
+    page shows it on demand.
     """
 
     key: str
     name: str
     meaning: str
     unit: str
-    plotted: bool = True
-    settles: bool = True
-    vanishes: bool = False
-    internal: bool = False
+    kind: Literal["settles", "vanishes", "jumps", "internal", "hidden"] = "settles"
 
 
 QUANTITIES = (
@@ -40,110 +37,95 @@ QUANTITIES = (
         "largest strain anywhere",
         "largest strain |ε(u)| anywhere",
         "1",
-        plotted=False,
+        "hidden",
     ),
     Quantity(
-        "overstrain_max",
-        "excess over the limit",
-        "largest |ε(u)|/M − 1 anywhere",
-        "1",
-        plotted=False,
+        "overstrain_max", "excess over the limit", "largest |ε(u)|/M − 1 anywhere", "1", "hidden"
     ),
     Quantity(
         "locked_fraction",
         "share at the limit",
         "share of the body that is locked, |ε| ≥ M",
         "1",
-        settles=False,
+        "jumps",
     ),
     Quantity(
         "contact_force", "contact force", "resultant of the contact pressure on the body", "force"
     ),
     Quantity("friction_force", "friction force", "resultant of the friction on the body", "force"),
-    Quantity("contact_area", "contact area", "part of Γ_C under pressure", "area", settles=False),
-    Quantity("slip_area", "slip area", "part of Γ_C that slips", "area", settles=False),
+    Quantity("contact_area", "contact area", "part of Γ_C under pressure", "area", "jumps"),
+    Quantity("slip_area", "slip area", "part of Γ_C that slips", "area", "jumps"),
     Quantity(
         "friction_used",
         "friction used",
         "share of the friction bound that acts, over all of Γ_C",
         "1",
-        settles=False,
+        "jumps",
     ),
     Quantity(
-        "penetration_max", "penetration", "largest penetration [u_ν − g]⁺", "length", vanishes=True
+        "penetration_max", "penetration", "largest penetration [u_ν − g]⁺", "length", "vanishes"
     ),
     Quantity(
-        "iterations.tangents",
-        "tangents",
-        "tangents factorised or preconditioned",
-        "1",
-        settles=False,
-        internal=True,
+        "iterations.tangents", "tangents", "tangents factorised or preconditioned", "1", "internal"
     ),
-    Quantity("wall_seconds", "time", "time of the whole solve", "s", settles=False, internal=True),
+    Quantity("wall_seconds", "time", "time of the whole solve", "s", "internal"),
     Quantity(
         "certificate.errors.mesh.relative",
         "mesh error",
         "estimated error of the mesh, relative in the energy norm",
         "1",
-        vanishes=True,
+        "vanishes",
     ),
     Quantity(
         "certificate.errors.penalty.relative",
         "bound of the penalty's effect",
         "bound of the distance to the solution for n = ∞, relative in the energy norm",
         "1",
-        vanishes=True,
+        "vanishes",
     ),
     Quantity(
         "certificate.errors.penalty_measured.relative",
         "measured effect of the penalty",
         "measured distance to the solution for n = ∞, relative in the energy norm",
         "1",
-        vanishes=True,
+        "vanishes",
     ),
     Quantity(
         "certificate.errors.guaranteed.relative",
         "bound of the whole error",
-        "proved bound of the error of mesh and penalty, relative in the energy norm, "
-        "for the friction bound kept fixed",
+        "proved bound of the error of mesh and penalty, relative in the energy norm, for the "
+        "friction bound kept fixed",
         "1",
-        vanishes=True,
+        "vanishes",
     ),
     Quantity(
         "admissible_load_factor",
         "admissible share of the displacements",
         "between these shares of the prescribed displacements a solution on this mesh ends",
         "1",
-        plotted=False,
+        "hidden",
     ),
-    Quantity(
-        "residual", "residual", "equilibrium residual relative to the forces", "1", plotted=False
-    ),
+    Quantity("residual", "residual", "equilibrium residual relative to the forces", "1", "hidden"),
     Quantity(
         "duality_gap",
         "duality gap",
         "duality gap of the last solve, over the energy",
         "1",
-        plotted=False,
+        "hidden",
     ),
     Quantity(
         "friction_fixed_point.contraction",
         "contraction factor",
         "factor by which updates of the friction bound shrink",
         "1",
-        plotted=False,
+        "hidden",
     ),
-    Quantity("discretisation.degree", "degree", "degree of the displacements", "1", plotted=False),
+    Quantity("discretisation.degree", "degree", "degree of the displacements", "1", "hidden"),
     Quantity(
-        "discretisation.limit_at",
-        "limit at",
-        "points of each cell with the limit",
-        "",
-        plotted=False,
+        "discretisation.limit_at", "limit at", "points of each cell with the limit", "", "hidden"
     ),
-    Quantity("dofs", "unknowns", "degrees of freedom", "1", plotted=False),
-    Quantity("cells", "cells", "cells of the mesh", "1", plotted=False),
+    Quantity("dofs", "unknowns", "degrees of freedom", "1", "hidden"),
+    Quantity("cells", "cells", "cells of the mesh", "1", "hidden"),
 )
 
 #: The meanings of the values of the certificate, by their names.

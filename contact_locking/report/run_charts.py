@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -23,74 +23,52 @@ from contact_locking.results.read import number as finite
 
 from .charts import WIDTH, Chart, chart
 
+# The stem of a name, a description, the height, and what draws the chart.
+_Drawing = tuple[str, str, float, Callable[[Figure], None]]
+
 
 def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
     """The charts of each contact, with the name of the contact if there are several."""
     found = []
     rows = run.contact.rows()
     largest = float(run.contact.pressure.max(initial=0.0))
-    for number, own in enumerate(rows):
+    for number, own in enumerate(rows, start=1):
         points, facets = run.contact[own], facets_within(run.facets, own)
-        draw = partial(_profiles, largest) if points.dim == 2 else _maps
-        if len(rows) == 1:
-            found.append(("", draw(points, facets, "", "")))
-        else:
-            name = contact_name(run.summary, int(points.contact[0]))
-            found.append((name, draw(points, facets, f"-{number + 1}", f": {name}")))
+        drawings = _profiles(points, facets, largest) if points.dim == 2 else _maps(points, facets)
+        name = contact_name(run.summary, int(points.contact[0])) if len(rows) > 1 else ""
+        ending, told = (f"-{number}", f": {name}") if len(rows) > 1 else ("", "")
+        charts = [
+            chart(f"{stem}{ending}", f"{about}{told}", height, draw)
+            for stem, about, height, draw in drawings
+        ]
+        found.append((name, charts))
     return found
 
 
-def _profiles(
-    largest: float, contact: ContactPoints, facets: IntArray, ending: str, name: str
-) -> list[Chart]:
-    """The charts in two dimensions: tractions, and displacements.
-
-    ``largest`` is the largest pressure of all contacts.
-    """
+def _profiles(contact: ContactPoints, facets: IntArray, largest: float) -> list[_Drawing]:
+    """In two dimensions; ``largest`` is the largest pressure of all contacts."""
+    along = "along the contact boundary"
+    tractions = f"Contact pressure, friction traction and its bound {along}"
+    slip = f"Tangential displacement and distance to the foundation {along}"
     return [
-        chart(
-            f"tractions{ending}",
-            "Contact pressure, friction traction and its bound along the contact boundary" + name,
-            3.6,
-            lambda figure: _profile(figure, contact, facets, largest),
-        ),
-        chart(
-            f"slip{ending}",
-            "Tangential displacement and distance to the foundation along the contact boundary"
-            + name,
-            2.6,
-            lambda figure: _opening(figure, contact, facets),
-        ),
+        ("tractions", tractions, 3.6, lambda figure: _profile(figure, contact, facets, largest)),
+        ("slip", slip, 2.6, lambda figure: _opening(figure, contact, facets)),
     ]
 
 
-def _maps(contact: ContactPoints, facets: IntArray, ending: str, name: str) -> list[Chart]:
-    """The charts in three dimensions: pressure, friction and states."""
-    height = _map_height(contact)
-    friction = np.linalg.norm(contact.traction, axis=1)
-    friction_label = r"friction traction $|\sigma_\tau|$"
+def _maps(contact: ContactPoints, facets: IntArray) -> list[_Drawing]:
+    """In three dimensions: pressure, friction and states."""
+    height, seen = _map_height(contact), "seen from the foundation"
+    pressure = (contact.pressure, r"contact pressure $-\sigma_\nu$")
+    friction = (np.linalg.norm(contact.traction, axis=1), r"friction traction $|\sigma_\tau|$")
+    states = f"Map of open, sticking and slipping points, {seen}"
     return [
-        chart(
-            f"pressure{ending}",
-            "Map of the contact pressure, seen from the foundation" + name,
-            height,
-            lambda figure: _map(
-                figure, contact, facets, contact.pressure, r"contact pressure $-\sigma_\nu$"
-            ),
-        ),
-        chart(
-            f"friction{ending}",
-            "Map of the friction traction, seen from the foundation" + name,
-            height,
-            lambda figure: _map(figure, contact, facets, friction, friction_label),
-        ),
-        chart(
-            f"states{ending}",
-            "Map of open, sticking and slipping points, seen from the foundation" + name,
-            height,
-            lambda figure: _state_map(figure, contact, facets),
-        ),
-    ]
+        (stem, f"Map of the {about}, {seen}", height, partial(_map, contact, facets, *values))
+        for stem, about, values in (
+            ("pressure", "contact pressure", pressure),
+            ("friction", "friction traction", friction),
+        )
+    ] + [("states", states, height, lambda figure: _state_map(figure, contact, facets))]
 
 
 def _profile(figure: Figure, contact: ContactPoints, facets: IntArray, largest: float) -> None:
@@ -123,7 +101,7 @@ def _map_height(contact: ContactPoints) -> float:
 
 
 def _map(
-    figure: Figure, contact: ContactPoints, facets: IntArray, values: FloatArray, label: str
+    contact: ContactPoints, facets: IntArray, values: FloatArray, label: str, figure: Figure
 ) -> None:
     axes = figure.add_subplot(aspect="equal")
     colours = contact_map.colour_values(

@@ -20,7 +20,7 @@ from .templates import render
 from .trends import Trend, VariedTexts, axes, differ, trend_charts, trends, varied
 from .words import shown, title, titles_in
 
-_MAIN = frozenset(entry.key for entry in QUANTITIES if entry.plotted and not entry.internal)
+_MAIN = frozenset(entry.key for entry in QUANTITIES if entry.kind not in ("internal", "hidden"))
 _NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
 _ROW_KIND = {"converged": None, "not run": "waiting"}
 #: The column with the reason of a failure, the warnings and the weakness of a result.
@@ -76,12 +76,11 @@ def cases(
         columns = [column for column in columns if column.key != REMARKS]
     found = []
     for row, told in zip(rows, remarks, strict=True):
+        short = textwrap.shorten(told, _FOLDED, placeholder="…")
         cells = [
-            _remark_cell(told)
+            Cell(told, "why", folded=short if short != told else None)
             if column.key == REMARKS
-            else _varied_cell(row.get(column.key), texts.of(column.key, row))
-            if column.key in keys
-            else _cell(row, column, linked)
+            else _cell(row, column, linked, texts if column.key in keys else None)
             for column in columns
         ]
         state = str(row["state"])
@@ -132,20 +131,15 @@ def _tells_apart(name: str, rows: Sequence[Row]) -> bool:
     return len(known) > 1 and (len(known) < len(values) or differ(known))
 
 
-def _remark_cell(text: str) -> Cell:
-    short = textwrap.shorten(text, _FOLDED, placeholder="…")
-    return Cell(text, "why", folded=short if short != text else None)
-
-
-def _cell(row: Row, column: Column, linked: Collection[str]) -> Cell:
+def _cell(row: Row, column: Column, linked: Collection[str], texts: VariedTexts | None) -> Cell:
+    """The cell of a column; ``texts`` are those of a key that varies."""
     value = row.get(column.key)
-    text = json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else shown(value)
+    in_parts = isinstance(value, dict | list)
+    if texts is not None:
+        return Cell(texts.of(column.key, row), order=_order(value), in_parts=in_parts)
+    text = json.dumps(value, ensure_ascii=False) if in_parts else shown(value)
     is_link = column.key == "case" and isinstance(value, str) and value in linked
     return Cell(text, column.kind, _order(value), text if is_link else None)
-
-
-def _varied_cell(value: Any, text: str) -> Cell:
-    return Cell(text, order=_order(value), in_parts=isinstance(value, dict | list))
 
 
 def _order(value: Any) -> str | None:
@@ -174,7 +168,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     drawn = [(trend, trend_charts(trend)) for trend in found]
     over: dict[str, list[tuple[Trend, list[Chart]]]] = {}
     for trend, charts in drawn:
-        if not trend.quantity.internal:
+        if trend.quantity.kind != "internal":
             over.setdefault(trend.axis.title, []).append((trend, charts))
     html = render(
         "study.html.j2",
@@ -185,7 +179,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
         side_by_side=len(what.zip) > 1,
         table=cases(study.rows, keys, pictures, texts),
         trends=list(over.items()),
-        internals=[pair for pair in drawn if pair[0].quantity.internal],
+        internals=[pair for pair in drawn if pair[0].quantity.kind == "internal"],
         rates=any(trend.differences for trend in found),
         pictures=pictures,
         most_pictures=_MOST_PICTURES,

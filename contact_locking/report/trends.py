@@ -172,7 +172,7 @@ def trends(axis: Axis, rows: Iterable[Row], texts: VariedTexts) -> list[Trend]:
         for group in groups
     }
     found = []
-    for quantity in (quantity for quantity in QUANTITIES if quantity.plotted):
+    for quantity in (quantity for quantity in QUANTITIES if quantity.kind != "hidden"):
         curves = [
             curve
             for group, members in groups.items()
@@ -215,16 +215,19 @@ def _curve(
 
 
 def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
-    limited = [curve for curve in curves if curve.limit is not None]
+    limited = [(curve, curve.limit) for curve in curves if curve.limit is not None]
     compared: Compared = "the value at infinity" if limited else "the next value"
     differences: list[Differences] = []
-    if axis.geometric and quantity.vanishes and any(map(_falls, curves)):
+    settles = quantity.kind in ("settles", "vanishes")
+    if axis.geometric and quantity.kind == "vanishes" and any(map(_falls, curves)):
         compared = "zero"
         differences = [_differences(curve, curve.x, np.abs(curve.y)) for curve in curves]
-    elif axis.geometric and quantity.settles and limited:
-        differences = [_from_limit(curve) for curve in limited]
-    elif axis.one_ratio and quantity.settles:
-        differences = [_successive(curve) for curve in curves]
+    elif axis.geometric and settles and limited:
+        # |q(x) - q(inf)|
+        differences = [_differences(c, c.x, np.abs(c.y - limit)) for c, limit in limited]
+    elif axis.one_ratio and settles:
+        # |q(x) - q(next x)| falls at the rate of the error in a geometric sequence.
+        differences = [_differences(c, c.x[:-1], np.abs(np.diff(c.y))) for c in curves]
     told = [difference for difference in differences if len(difference.x) > 1]
     return Trend(quantity, axis, curves, told, compared)
 
@@ -232,17 +235,6 @@ def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
 def _falls(curve: Curve) -> bool:
     """Whether an error changes enough along a curve to have a rate."""
     return bool(np.abs(curve.y).max() >= _FALLS * np.abs(curve.y).min())
-
-
-def _from_limit(curve: Curve) -> Differences:
-    """|q(x) - q(inf)|."""
-    assert curve.limit is not None
-    return _differences(curve, curve.x, np.abs(curve.y - curve.limit))
-
-
-def _successive(curve: Curve) -> Differences:
-    """|q(x) - q(next x)|, which falls at the rate of the error in a geometric sequence."""
-    return _differences(curve, curve.x[:-1], np.abs(np.diff(curve.y)))
 
 
 def _differences(curve: Curve, x: FloatArray, y: FloatArray) -> Differences:

@@ -23,7 +23,9 @@ def shown(value: Any) -> str:
         case int() | float() if abs(value) < 1e308:
             return _number(float(value))
         case int() | float():
-            return _infinite(value)
+            if value != value:
+                return "not a number"
+            return "\N{INFINITY}" if value > 0 else "\N{MINUS SIGN}\N{INFINITY}"
         case "inf":
             return "\N{INFINITY}"
         case list():
@@ -39,12 +41,6 @@ def _without_rounding(vector: list[Any]) -> list[Any]:
         return vector
     largest = max(map(abs, vector))
     return [0.0 if abs(item) < 1e-12 * largest else item for item in vector]
-
-
-def _infinite(value: float) -> str:
-    if value != value:
-        return "not a number"
-    return "\N{INFINITY}" if value > 0 else "\N{MINUS SIGN}\N{INFINITY}"
 
 
 def _number(value: float) -> str:
