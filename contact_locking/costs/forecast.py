@@ -83,7 +83,8 @@ def estimate(
     if not is_direct:
         limit = FILTER_LIMIT[dim, parameters.discretisation.degree]
         factorised = _FILTERED * unknowns
-        if not _limits_strain(parameters):
+        material = parameters.material
+        if not any(part.limits for part in (material, *material.regions.values())):
             # Nothing but the nodes of a side, at most.
             factorised = dim * (unknowns / dim) ** (1.0 - 1.0 / dim)
         if dim == 3 and factorised > limit:
@@ -98,11 +99,6 @@ def estimate(
     if parameters.adapt is not None:
         return Estimate(memory, ranks, "at most")
     return Estimate(memory, ranks, "about" if is_direct or unknowns <= _LARGEST else "at least")
-
-
-def _limits_strain(parameters: Parameters) -> bool:
-    material = parameters.material
-    return bool(material.limits) or any(region.limits for region in material.regions.values())
 
 
 def _bounds_contrast(parameters: Parameters) -> bool:

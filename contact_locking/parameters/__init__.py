@@ -9,31 +9,34 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from pydantic import BaseModel, model_validator
+from pydantic import BaseModel
 
 from contact_locking.errors import InputError
 from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
-from .adapt import AdaptParameters
-from .base import Fault, Place, Section, entry, marks, refuse_if
-from .boundary import LoadParameters
-from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
-from .coulomb import FrictionParameters, Smoothing
-from .material import Elasticity, MaterialParameters, Region
+from .base import Fault, Place, Section, entry, marks
+from .boundary import LoadParameters, TableParameters, name_faults
+from .contact_sections import (
+    ContactParameters,
+    ContactSection,
+    FrictionParameters,
+    OneOrSeveral,
+    Smoothing,
+)
+from .material import Elasticity, MaterialParameters, Region, StrainLimit
 from .mesh import MeshParameters
 from .numerics import (
+    AdaptParameters,
     CertificateParameters,
     DiscretisationParameters,
     OutputParameters,
     PenaltyParameters,
     SolverParameters,
+    StepParameters,
 )
 from .rigid_body import Foundation
-from .steps import StepParameters
-from .strain_limit import StrainLimit
 from .study import StudyParameters
-from .tables import TableParameters, name_faults
 from .values import Text
 
 # The keys of limits, whose expressions may be infinite.
@@ -101,11 +104,6 @@ class Parameters(Section):
         CertificateParameters(), "checks of the results that are made on demand"
     )
     output: OutputParameters = entry(OutputParameters(), "the results")
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Parameters:
-        refuse_if(self._faults())
-        return self
 
     @property
     def contacts(self) -> tuple[ContactParameters, ...]:

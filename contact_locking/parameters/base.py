@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
@@ -55,6 +55,15 @@ class Section(BaseModel):
     @classmethod
     def _prepare(cls, data: Any) -> Any:
         return {} if data is None else data
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        refuse_if(self._faults())
+        return self
+
+    def _faults(self) -> Iterator[Fault]:
+        """What is wrong with the values of the section together."""
+        return iter(())
 
 
 def entry(default: Any, description: str, unit: str = "", **more: Any) -> Any:
