@@ -185,9 +185,7 @@ class Parameters(Section):
                 "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is no number "
                 "at a vertex on the axis; take gauss, or leave the key out",
             )
-        yield from self._table_faults()
-        if self.steps is None:
-            yield from self._timed_faults()
+        yield from self._expression_faults()
         if self.study is not None:
             for fault in self.study.key_faults(type(self)):
                 yield Fault(("study", *fault.place), fault.message)
@@ -215,8 +213,8 @@ class Parameters(Section):
             for name in section.on:
                 yield from _unknown_name((*contact, "on"), name, facets, "the boundary")
 
-    def _table_faults(self) -> Iterator[Fault]:
-        """The names of tables that no expression can use, and those that are no tables."""
+    def _expression_faults(self) -> Iterator[Fault]:
+        """Names of tables that no expression can use or that are no tables, and t without steps."""
         names = tuple(self.tables or ())
         for fault in name_faults(names):
             yield Fault(("tables", *fault.place), fault.message)
@@ -225,15 +223,11 @@ class Parameters(Section):
             if not variables:
                 continue
             try:
-                parse(text, (*POSITION, *variables), tables=tables)
+                found = parse(text, (*POSITION, *variables), tables=tables)
             except InputError as error:
                 yield Fault(place, str(error))
-
-    def _timed_faults(self) -> Iterator[Fault]:
-        """The expressions of the time of a problem without steps."""
-        for place, text, variables in _expressions(self, ()):
-            known = (*POSITION, *variables)
-            if TIME in variables and TIME in parse(text, known, tables=ANY_TABLE).names:
+                continue
+            if self.steps is None and TIME in found.names:
                 yield Fault(
                     place,
                     "depends on the time t, and the file has no steps; add a section such as "

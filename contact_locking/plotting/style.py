@@ -56,7 +56,7 @@ LOCKED_TITLE = r"Cells at the strain limit, $|\varepsilon| \geq M$"
 # On the line around the locked zone this share of the cells around a vertex is locked: linear
 # elements leave many cells of a zone a little below the limit.
 RIM_SHARE = 0.25
-RIM_LABEL = "edge of the zone at the limit"
+RIM_LABEL = "edge of the limit zone"
 
 # The size of a title in points; the numbers of characters above which a title is smaller, and
 # above which it is shortened.
