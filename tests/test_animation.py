@@ -17,15 +17,15 @@ from PIL import Image
 from problems import block
 from solutions import of_kind
 
-from contact_locking import report
 from contact_locking.errors import NoRendering
+from contact_locking.extras import report
+from contact_locking.extras.pictures import offscreen, style
+from contact_locking.extras.pictures.animation import MOST_FRAMES, Film, Frame, gif
+from contact_locking.extras.pictures.gather import gather
+from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, seen_from_outside
+from contact_locking.extras.pictures.style import look_of
+from contact_locking.extras.report.pictures import frames
 from contact_locking.parameters import Parameters
-from contact_locking.plotting import offscreen, style
-from contact_locking.plotting.animation import MOST_FRAMES, Film, Frame, gif
-from contact_locking.plotting.gather import gather
-from contact_locking.plotting.snapshot import ContactMap, Snapshot, seen_from_outside
-from contact_locking.plotting.style import look_of
-from contact_locking.report.pictures import frames
 from contact_locking.running import run_steps
 
 TIMES = [0.5, 1.0, 2.0]

@@ -33,8 +33,8 @@ LAYERS = (
     ("solver",),
     ("results",),
     ("certificate", "convergence"),
-    ("checkpoint", "plotting"),
-    ("report", "process"),
+    ("checkpoint", "extras"),
+    ("process",),
     ("solving",),
     ("adaptivity",),
     ("writing", "studies"),
@@ -152,7 +152,7 @@ import contextlib, io, sys
 from contact_locking.command import cli
 with contextlib.redirect_stdout(io.StringIO()):
     code = cli.main(["check", "demos/block.yml"])
-heavy = ("solver", "certificate", "steps", "solving", "writing", "plotting", "report", "checkpoint")
+heavy = ("solver", "certificate", "steps", "solving", "writing", "extras", "checkpoint")
 loaded = {f"contact_locking.{name}" for name in heavy} & set(sys.modules)
 print(code, loaded | {"matplotlib", "scipy", "pyvista", "jinja2"} & set(sys.modules))
 """

@@ -21,8 +21,8 @@ from solutions import made_up, snapshot
 from contact_locking import writing
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NoRendering
+from contact_locking.extras.pictures import offscreen, snapshot_file, views
 from contact_locking.files import ownership
-from contact_locking.plotting import offscreen, snapshot_file, views
 
 Image = npt.NDArray[np.uint8]
 
@@ -36,7 +36,7 @@ ABORT = "import os; os.abort()"
 RENDER_ALL = """
 import sys
 from pathlib import Path
-from contact_locking.plotting import render
+from contact_locking.extras.pictures import render
 *folders, film = map(Path, sys.argv[1:])
 for folder in folders:
     render.main(folder / "snapshot.npz", folder / "views.npz", 60)

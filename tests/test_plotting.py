@@ -15,13 +15,13 @@ from matplotlib.quiver import Quiver
 from mpi4py import MPI
 from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 
-from contact_locking import plotting
 from contact_locking.errors import NoRendering
+from contact_locking.extras import pictures
+from contact_locking.extras.pictures import contact_map, offscreen, plane, style
+from contact_locking.extras.pictures.gather import gather
+from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot
+from contact_locking.extras.report import run_charts
 from contact_locking.plain_text import per_cent
-from contact_locking.plotting import contact_map, offscreen, plane, style
-from contact_locking.plotting.gather import gather
-from contact_locking.plotting.snapshot import ContactMap, Snapshot
-from contact_locking.report import run_charts
 from contact_locking.results.contact_points import ContactPoints
 
 
@@ -64,7 +64,7 @@ def test_the_gathered_boundary_belongs_to_its_cells_and_contact_is_the_bottom(di
 def test_a_picture_in_the_plane_is_drawn(kind: str, tmp_path: Path, comm: MPI.Intracomm) -> None:
     settings = dict(matplotlib.rcParams)
     folder = comm.bcast(tmp_path)
-    assert plotting.picture(of_kind(2, kind), folder) is None
+    assert pictures.picture(of_kind(2, kind), folder) is None
     assert dict(matplotlib.rcParams) == settings
     if comm.rank == 0:
         image = matplotlib.image.imread(folder / "picture.png")
@@ -80,7 +80,7 @@ def test_without_pyvista_there_is_no_picture_in_space_and_the_reason_says_how_to
 
     monkeypatch.setattr(offscreen, "views", fail)
     folder = comm.bcast(tmp_path)
-    told = plotting.picture(of_kind(3, "locked"), folder)
+    told = pictures.picture(of_kind(3, "locked"), folder)
     assert told is not None and "there is no PyVista\n" in told and "apt-get install" in told
     comm.Barrier()
     assert [path.name for path in folder.iterdir()] == ["snapshot.npz"]
@@ -90,7 +90,7 @@ def test_a_picture_that_fails_says_why_on_every_rank_and_leaves_no_file(
     tmp_path: Path, comm: MPI.Intracomm
 ) -> None:
     folder = comm.bcast(tmp_path) / "missing"
-    problem = plotting.picture(made_up(), folder)
+    problem = pictures.picture(made_up(), folder)
     assert problem is not None and "No such file" in problem
     assert comm.allgather(problem) == [problem] * comm.size
     assert not folder.exists()
@@ -101,7 +101,7 @@ def test_a_displacement_that_is_not_finite_is_not_drawn(
 ) -> None:
     solution = made_up()
     solution.displacement.x.array[:] = np.nan
-    problem = plotting.picture(solution, comm.bcast(tmp_path))
+    problem = pictures.picture(solution, comm.bcast(tmp_path))
     assert problem == "no picture was drawn: the displacement is not finite"
 
 

@@ -11,7 +11,7 @@ import pytest
 from solutions import KINDS, snapshot
 
 from contact_locking.errors import InputError
-from contact_locking.plotting import snapshot_file
+from contact_locking.extras.pictures import snapshot_file
 
 
 def same(a: Any, b: Any) -> bool:

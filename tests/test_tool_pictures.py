@@ -19,13 +19,13 @@ from tool_files import box
 from contact_locking import assemble, solve_steps
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.outline import box_around, outline
+from contact_locking.extras.pictures import contact_map, offscreen, plane, snapshot_file, views
+from contact_locking.extras.pictures.gather import gather
+from contact_locking.extras.pictures.snapshot import Snapshot, drawn_tool, foundation, tool
+from contact_locking.extras.pictures.style import look_of
+from contact_locking.extras.pictures.views import from_the_side
 from contact_locking.laws.foundation import HalfSpace, Round
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
-from contact_locking.plotting import contact_map, offscreen, plane, snapshot_file, views
-from contact_locking.plotting.gather import gather
-from contact_locking.plotting.snapshot import Snapshot, drawn_tool, foundation, tool
-from contact_locking.plotting.style import look_of
-from contact_locking.plotting.views import from_the_side
 
 pytestmark = pytest.mark.serial
 

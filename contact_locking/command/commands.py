@@ -106,7 +106,7 @@ def study(arguments: argparse.Namespace) -> int:
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
-    from contact_locking.report import print_page, write_all
+    from contact_locking.extras.report import print_page, write_all
 
     if terminal.is_root():
         try:

@@ -10,7 +10,7 @@ from contact_locking.parameters import Parameters
 from contact_locking.results.solution import StudySolution
 
 if TYPE_CHECKING:
-    from contact_locking.plotting.animation import Film
+    from contact_locking.extras.pictures.animation import Film
 
 
 class Filming(Protocol):
@@ -50,11 +50,11 @@ class _Recording:
         if self._problem is not None:
             return
         try:
-            from contact_locking.plotting.animation import MOST_PIECES, Film, Frame
+            from contact_locking.extras.pictures.animation import MOST_PIECES, Film, Frame
         except ImportError as error:
             self._problem = f"no animation was drawn: {error.name} cannot be imported"
             return
-        from contact_locking.plotting.gather import Pieces, gather
+        from contact_locking.extras.pictures.gather import Pieces, gather
 
         domain = solution.domain
         in_cell = len(Pieces.of(domain.dim, solution.element.degree).nodes)
@@ -72,7 +72,7 @@ class _Recording:
             return None, None
         drawn: bytes | None = None
         if self._film is not None and len(self._film.frames) > 1:
-            from contact_locking.plotting.animation import animation
+            from contact_locking.extras.pictures.animation import animation
 
             monitor.message("drawing the animation")
             try:

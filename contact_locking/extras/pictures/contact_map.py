@@ -11,8 +11,8 @@ from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 
 from contact_locking.arrays import AXES, FloatArray, IntArray
-from contact_locking.plotting import style
-from contact_locking.plotting.snapshot import ContactMap
+from contact_locking.extras.pictures import style
+from contact_locking.extras.pictures.snapshot import ContactMap
 from contact_locking.results.contact_points import SLIP, ContactPoints
 
 Place = tuple[float, float, float, float]

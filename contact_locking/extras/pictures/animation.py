@@ -20,7 +20,7 @@ from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from PIL import Image
 
-from contact_locking.plotting import (
+from contact_locking.extras.pictures import (
     offscreen,
     plane,
     snapshot_file,
@@ -28,8 +28,8 @@ from contact_locking.plotting import (
     style,
     views,
 )
-from contact_locking.plotting.snapshot import Snapshot, seen_from_outside
-from contact_locking.plotting.style import FILM_DPI, look_of
+from contact_locking.extras.pictures.snapshot import Snapshot, seen_from_outside
+from contact_locking.extras.pictures.style import FILM_DPI, look_of
 
 #: The largest number of frames: a process of more steps has every second, fourth, ... step.
 MOST_FRAMES = 40

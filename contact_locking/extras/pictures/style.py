@@ -14,13 +14,13 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
+from contact_locking.extras.pictures.snapshot import Snapshot
 from contact_locking.plain_text import per_cent
-from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.results.contact_points import STATE_NAMES
 
 if TYPE_CHECKING:
     from contact_locking.arrays import FloatArray
-    from contact_locking.plotting.snapshot import Snapshot
+    from contact_locking.extras.pictures.snapshot import Snapshot
 
 # Okabe and Ito's palette.
 BLUE, SKY, ORANGE, VERMILION, BLACK = "#0072B2", "#56B4E9", "#E69F00", "#D55E00", "#1a1a1a"

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.arrays import FloatArray
-from contact_locking.plotting import style
-from contact_locking.plotting.snapshot import ContactMap, Snapshot, foundation, tool
+from contact_locking.extras.pictures import style
+from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, foundation, tool
 
 # The direction to the viewer, in degrees: in front, from the right, a little from above.
 _ELEVATION, _AZIMUTH = 20.0, -58.0

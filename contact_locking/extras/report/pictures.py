@@ -12,7 +12,7 @@ from typing import Any
 
 from PIL import Image
 
-from contact_locking.plotting.animation import MOST_FRAMES
+from contact_locking.extras.pictures.animation import MOST_FRAMES
 
 _WIDTH, _THUMBNAIL_WIDTH = 1400, 480
 # Far above any picture of this program; a small file may unpack to more than the memory.

@@ -15,9 +15,9 @@ from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.plotting import style
-from contact_locking.plotting.snapshot import ContactMap, Snapshot, tool, touched
-from contact_locking.plotting.style import Look
+from contact_locking.extras.pictures import style
+from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, tool, touched
+from contact_locking.extras.pictures.style import Look
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.ordering import curves
 

@@ -1,4 +1,4 @@
-"""``python3 -m contact_locking.plotting.render SOURCE VIEWS SECONDS``: views as pictures.
+"""``python3 -m contact_locking.extras.pictures.render SOURCE VIEWS SECONDS``: views as pictures.
 
 SOURCE is the file of a snapshot, or a folder with the snapshots of a film.  This module is a
 program of its own, as VTK ends its process if it finds no screen or no OpenGL.
@@ -18,11 +18,15 @@ import pyvista as pv
 from matplotlib.colors import ListedColormap
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.plotting import snapshot_file, style
-from contact_locking.plotting.contact_map import PRESSURE_COLOURS, nearest_parts, pressure_norm
-from contact_locking.plotting.snapshot import Snapshot, foundation, tool, touched
-from contact_locking.plotting.style import FILM_DPI, FILM_WIDTH, look_of
-from contact_locking.plotting.views import (
+from contact_locking.extras.pictures import snapshot_file, style
+from contact_locking.extras.pictures.contact_map import (
+    PRESSURE_COLOURS,
+    nearest_parts,
+    pressure_norm,
+)
+from contact_locking.extras.pictures.snapshot import Snapshot, foundation, tool, touched
+from contact_locking.extras.pictures.style import FILM_DPI, FILM_WIDTH, look_of
+from contact_locking.extras.pictures.views import (
     BODY,
     CUT,
     LOCKED,

@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from contact_locking.plotting import style
+from contact_locking.extras.pictures import style
 
 # About the width of a phone, on which the text has to stay readable.
 WIDTH = 4.4

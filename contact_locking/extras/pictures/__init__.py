@@ -12,8 +12,8 @@ from contact_locking.errors import NoRendering, NoRoom, is_full
 from contact_locking.results.names import PICTURE, SNAPSHOT
 
 if TYPE_CHECKING:
-    from contact_locking.plotting.snapshot import Snapshot
-    from contact_locking.plotting.views import Image
+    from contact_locking.extras.pictures.snapshot import Snapshot
+    from contact_locking.extras.pictures.views import Image
     from contact_locking.results.solution import StudySolution
 
 
@@ -24,7 +24,7 @@ def picture(solution: StudySolution, folder: Path) -> str | None:
     there is no picture.  Raises NoRoom on all ranks if the disk is full, and no other error.
     """
     # The other modules of this package must work without DOLFINx.
-    from contact_locking.plotting.gather import gather
+    from contact_locking.extras.pictures.gather import gather
 
     snapshot = gather(solution)
     outcome: str | NoRoom | None = None
@@ -44,7 +44,7 @@ def _draw(snapshot: Snapshot, folder: Path) -> str | None:
         return "no picture was drawn: the displacement is not finite"
     target = folder / PICTURE
     try:
-        from contact_locking.plotting import offscreen, snapshot_file
+        from contact_locking.extras.pictures import offscreen, snapshot_file
 
         snapshot_file.save(snapshot, folder / SNAPSHOT)
         images = offscreen.views(folder / SNAPSHOT) if snapshot.dim == 3 else None
@@ -67,7 +67,7 @@ def draw(body: Snapshot, path: Path, images: Mapping[str, Image] | None = None) 
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    from contact_locking.plotting import plane, space, style
+    from contact_locking.extras.pictures import plane, space, style
 
     with matplotlib.rc_context(style.RC):
         figure = plane.figure(body) if images is None else space.figure(body, images)

@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, drawn_tool
 from contact_locking.laws.elasticity import strain
-from contact_locking.plotting.snapshot import ContactMap, Snapshot, drawn_tool
 from contact_locking.results.contact_points import contact_name
 from contact_locking.results.solution import StudySolution
 

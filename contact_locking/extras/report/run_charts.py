@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from contact_locking.arrays import AXES, FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.plotting import contact_map, plane, style
+from contact_locking.extras.pictures import contact_map, plane, style
 from contact_locking.results.adapted_meshes import AdaptedMesh, load
 from contact_locking.results.contact_points import ContactPoints, contact_name, facets_within
 from contact_locking.results.history import History

@@ -1,4 +1,4 @@
-"""``python3 -m contact_locking.plotting.window SNAPSHOT``: a window with the views of a solution.
+"""``python3 -m contact_locking.extras.pictures.window SNAPSHOT``: a window with a solution.
 
 This module is a program of its own, as VTK ends its process if it finds no screen or no OpenGL.
 """
@@ -15,10 +15,10 @@ import matplotlib
 import numpy as np
 import pyvista as pv
 
-from contact_locking.plotting import snapshot_file, style
-from contact_locking.plotting.render import Scene, in_space, look, set_up
-from contact_locking.plotting.snapshot import Snapshot
-from contact_locking.plotting.views import BODY, Camera, camera, contact_view, views
+from contact_locking.extras.pictures import snapshot_file, style
+from contact_locking.extras.pictures.render import Scene, in_space, look, set_up
+from contact_locking.extras.pictures.snapshot import Snapshot
+from contact_locking.extras.pictures.views import BODY, Camera, camera, contact_view, views
 
 _SIZE, _FONT = (1100, 850), "fonts/ttf/DejaVuSans.ttf"
 # Pixels to a point, the unit of line widths.

@@ -22,11 +22,11 @@ from pathlib import Path
 import numpy as np
 
 from contact_locking.errors import NoRendering
-from contact_locking.plotting.views import Image
+from contact_locking.extras.pictures.views import Image
 
 INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip install pyvista"
 
-_PROGRAM = "contact_locking.plotting.render"
+_PROGRAM = "contact_locking.extras.pictures.render"
 _TARGET = "views.npz"
 # A film may take several times as long as a picture.
 _SECONDS, _FILM, _GRACE_SECONDS = 120, 3, 2
@@ -70,7 +70,7 @@ def program(module: str) -> tuple[str, ...]:
 
 def environment() -> dict[str, str]:
     """The environment in which `program` finds this package as this process has found it."""
-    here = str(Path(__file__).resolve().parents[2])
+    here = str(Path(__file__).resolve().parents[3])
     known = os.environ.get("PYTHONPATH")
     return os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{known}" if known else here}
 

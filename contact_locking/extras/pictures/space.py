@@ -14,10 +14,10 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from contact_locking.arrays import FloatArray
-from contact_locking.plotting import contact_map, style
-from contact_locking.plotting.snapshot import ContactMap, Snapshot
-from contact_locking.plotting.style import FILM_WIDTH, Look
-from contact_locking.plotting.views import (
+from contact_locking.extras.pictures import contact_map, style
+from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot
+from contact_locking.extras.pictures.style import FILM_WIDTH, Look
+from contact_locking.extras.pictures.views import (
     BODY,
     CUT,
     LOCKED,

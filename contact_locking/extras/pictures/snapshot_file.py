@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.errors import InputError
-from contact_locking.plotting.snapshot import ContactMap, Snapshot
+from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot
 from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
 
 # No snapshot is as large.  A small file that is compressed may fill the memory.
