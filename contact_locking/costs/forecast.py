@@ -84,7 +84,7 @@ def estimate(
         limit = FILTER_LIMIT[dim, parameters.discretisation.degree]
         factorised = _FILTERED * unknowns
         material = parameters.material
-        if not any(part.limits for part in (material, *material.regions.values())):
+        if not (material.limits or any(part.limits for part in material.regions.values())):
             # Nothing but the nodes of a side, at most.
             factorised = dim * (unknowns / dim) ** (1.0 - 1.0 / dim)
         if dim == 3 and factorised > limit:

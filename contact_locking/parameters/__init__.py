@@ -15,7 +15,7 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
-from .base import Fault, Place, Section, entry, marks
+from .base import Fault, Place, Section, below, entry, marks
 from .boundary import LoadParameters, TableParameters, name_faults
 from .contact_sections import (
     ContactParameters,
@@ -187,8 +187,7 @@ class Parameters(Section):
             )
         yield from self._expression_faults()
         if self.study is not None:
-            for fault in self.study.key_faults(type(self)):
-                yield Fault(("study", *fault.place), fault.message)
+            yield from below(("study",), self.study.key_faults(type(self)))
         if self.mesh.dim is not None:
             yield from self._dimension_faults(self.mesh.dim)
             yield from self._name_faults()
@@ -216,8 +215,7 @@ class Parameters(Section):
     def _expression_faults(self) -> Iterator[Fault]:
         """Names of tables that no expression can use or that are no tables, and t without steps."""
         names = tuple(self.tables or ())
-        for fault in name_faults(names):
-            yield Fault(("tables", *fault.place), fault.message)
+        yield from below(("tables",), name_faults(names))
         tables = {name: ANY_TABLE[name] for name in names}
         for place, text, variables in _expressions(self, ()):
             if not variables:
@@ -241,13 +239,12 @@ class Parameters(Section):
             *self._contact_sections(),
         ]
         for place, section in sections:
-            for fault in section.dimension_faults(dim):
-                yield Fault((*place, *fault.place), fault.message)
-        for fault in self.material.dimension_faults(dim, self.mesh.axisymmetric):
-            yield Fault(("material", *fault.place), fault.message)
+            yield from below(place, section.dimension_faults(dim))
+        yield from below(("material",), self.material.dimension_faults(dim, self.mesh.axisymmetric))
         for place, contact in self._contact_sections() if self.mesh.axisymmetric else ():
-            for fault in contact.foundation.revolution_faults() if contact.foundation else ():
-                yield Fault((*place, "foundation", *fault.place), fault.message)
+            if contact.foundation is not None:
+                where = (*place, "foundation")
+                yield from below(where, contact.foundation.revolution_faults())
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)

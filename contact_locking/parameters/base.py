@@ -38,6 +38,11 @@ def refuse_if(faults: Iterable[Fault]) -> None:
         raise FaultsError(found)
 
 
+def below(place: Place, faults: Iterable[Fault]) -> Iterator[Fault]:
+    """The faults of a section that is at ``place`` of another one."""
+    return (Fault((*place, *fault.place), fault.message) for fault in faults)
+
+
 def vector_faults(place: Place, vector: Any, dim: int) -> Iterator[Fault]:
     """The fault of a vector that has not ``dim`` components; None has no fault."""
     if vector is not None and len(vector) != dim:

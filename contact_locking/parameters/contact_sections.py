@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, Tag
 
-from .base import Fault, Section, entry
+from .base import Fault, Section, below, entry
 from .rigid_body import Foundation
 from .values import (
     LIST,
@@ -102,8 +102,7 @@ class ContactSection(Section):
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The faults of the foundation in ``dim`` dimensions."""
         if self.foundation is not None:
-            for fault in self.foundation.dimension_faults(dim):
-                yield Fault(("foundation", *fault.place), fault.message)
+            yield from below(("foundation",), self.foundation.dimension_faults(dim))
 
     def resolved(self, key: str, common: FrictionParameters) -> ContactParameters:
         """The section at ``key`` of the file, with its friction completed by ``common``."""

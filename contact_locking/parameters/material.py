@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import Field, model_validator
 
-from .base import Fault, Place, Section, entry, refuse_if
+from .base import Fault, Place, Section, below, entry, refuse_if
 from .values import (
     NegativeScalarOrInfinite,
     PoissonScalar,
@@ -329,8 +329,7 @@ class MaterialParameters(Section):
             for i, limit in enumerate(region.locking or ()):
                 sections["regions", name, "locking", i] = limit
         for place, section in sections.items():
-            for fault in section.dimension_faults(body):
-                yield Fault((*place, *fault.place), fault.message)
+            yield from below(place, section.dimension_faults(body))
 
 
 def _limits(limits: tuple[StrainLimit, ...], ball: float | str | None) -> tuple[StrainLimit, ...]:

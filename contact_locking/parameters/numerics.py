@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator
 
-from .base import Fault, Section, entry
+from .base import Fault, Section, below, entry
 from .probes import MOST_POINTS, Probe
 from .values import (
     Count,
@@ -152,8 +152,7 @@ class OutputParameters(Section):
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The points of probes that do not have ``dim`` coordinates."""
         for index, probe in enumerate(self.probes):
-            for fault in probe.dimension_faults(dim):
-                yield Fault(("probes", index, *fault.place), fault.message)
+            yield from below(("probes", index), probe.dimension_faults(dim))
 
 
 class AdaptParameters(Section):

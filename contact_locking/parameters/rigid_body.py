@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from .base import Fault, Place, Section, entry, vector_faults
+from .base import Fault, Place, Section, below, entry, vector_faults
 from .values import (
     LIST,
     SECTION,
@@ -219,17 +219,15 @@ class Foundation(Section):
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The vectors that do not have ``dim`` components, and an axis in 2D."""
         yield from vector_faults(("force",), self.force, dim)
-        if self.half_space is not None:
-            yield from vector_faults(("half_space", "point"), self.half_space.point, dim)
-            yield from vector_faults(("half_space", "normal"), self.half_space.normal, dim)
-        if self.sphere is not None:
-            yield from vector_faults(("sphere", "centre"), self.sphere.centre, dim)
-        if self.cylinder is not None:
-            yield from vector_faults(("cylinder", "centre"), self.cylinder.centre, dim)
-            if dim == 3:
-                yield from vector_faults(("cylinder", "axis"), self.cylinder.axis, dim)
-            elif self.cylinder.axis is not None:
-                yield Fault(("cylinder", "axis"), "must be left out in 2D")
+        for place in (
+            *(("half_space", "point"), ("half_space", "normal"), ("sphere", "centre")),
+            *(("cylinder", "centre"), ("cylinder", "axis")),
+        ):
+            vector = getattr(getattr(self, place[0]), place[1], None)
+            if dim == 2 and place[1] == "axis" and vector is not None:
+                yield Fault(place, "must be left out in 2D")
+            else:
+                yield from vector_faults(place, vector, dim)
         if self.polyline is not None and dim != 2:
             yield Fault(("polyline",), "is for 2D; in 3D take surface")
         if self.surface is not None and dim != 3:
@@ -242,8 +240,7 @@ class Foundation(Section):
         if isinstance(self.motion, tuple):
             yield from vector_faults(("motion",), self.motion, dim)
         elif self.motion is not None:
-            for fault in self.motion.dimension_faults(dim):
-                yield Fault(("motion", *fault.place), fault.message)
+            yield from below(("motion",), self.motion.dimension_faults(dim))
 
     def revolution_faults(self) -> Iterator[Fault]:
         """A shape or a motion that is not one of revolution about x = 0."""

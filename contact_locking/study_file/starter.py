@@ -25,8 +25,6 @@ from contact_locking.plain_text import nearest, printable
 from .load import with_absolute_paths
 from .source import read
 
-USUAL = "block"
-
 _DEMOS = Path(__file__).parent / "demos"
 _INDENT = "  "
 # The column of the comments, and the width of the file.
