@@ -137,7 +137,7 @@ def test_nothing_imports_the_command_line() -> None:
 
 
 def test_study_files_and_reports_are_read_without_dolfinx() -> None:
-    names = ("command.cli", "parameters", "study_file", "studies", "report.run_page")
+    names = ("command.cli", "parameters", "study_file", "studies", "extras.report.run_page")
     script = "import importlib, sys\n"
     script += "".join(f"importlib.import_module('contact_locking.{name}')\n" for name in names)
     script += "print({'dolfinx', 'mpi4py', 'petsc4py', 'ufl', 'gmsh'} & set(sys.modules))"
