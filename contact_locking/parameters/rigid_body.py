@@ -219,10 +219,8 @@ class Foundation(Section):
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The vectors that do not have ``dim`` components, and an axis in 2D."""
         yield from vector_faults(("force",), self.force, dim)
-        for place in (
-            *(("half_space", "point"), ("half_space", "normal"), ("sphere", "centre")),
-            *(("cylinder", "centre"), ("cylinder", "axis")),
-        ):
+        places = ("half_space.point", "half_space.normal", "sphere.centre", "cylinder.centre")
+        for place in (tuple(text.split(".")) for text in (*places, "cylinder.axis")):
             vector = getattr(getattr(self, place[0]), place[1], None)
             if dim == 2 and place[1] == "axis" and vector is not None:
                 yield Fault(place, "must be left out in 2D")
