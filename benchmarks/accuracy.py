@@ -106,7 +106,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw the errors over the unknowns and over the time of the solver, for n = inf in 2D."""
-    from contact_locking.plotting.rates import Curve, Panel, rate_plot
+    from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
 
     def panel(title: str, key: str, label: str) -> Panel:
         curves = []

@@ -28,9 +28,9 @@ from contact_locking import _compat, solving
 from contact_locking.adaptivity import solve_adaptively
 from contact_locking.arrays import FloatArray
 from contact_locking.convergence import fitted_rate
+from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
 from contact_locking.laws.elasticity import strain
 from contact_locking.parameters import Parameters
-from contact_locking.plotting.rates import Curve, Panel, rate_plot
 from contact_locking.results.solution import StudySolution
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))

@@ -27,8 +27,9 @@ from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
-from contact_locking import certificate, report, writing
+from contact_locking import certificate, writing
 from contact_locking._version import __version__
+from contact_locking.extras import report
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.process.judgement import extras_of, of_study, solution_of

@@ -12,8 +12,9 @@ from pathlib import Path
 from mpi4py import MPI
 
 from contact_locking import checkpoint as checkpoints
-from contact_locking import plotting, report, study_file
+from contact_locking import study_file
 from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom
+from contact_locking.extras import pictures, report
 from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import make_folders
 from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
@@ -116,7 +117,7 @@ def write(
                 xdmf.write(solution, staging / XDMF, comm)
         if wanted.picture:
             try:
-                problem = plotting.picture(solution, staging)
+                problem = pictures.picture(solution, staging)
             except NoRoom as error:
                 refused.append(f"no picture was drawn: {error}")
             else:

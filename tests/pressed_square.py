@@ -1,4 +1,4 @@
-"""A small block under pressures, and its fingerprint without them."""
+"""A small block under pressures."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from problems import block
 
 from contact_locking import Parameters
 
-# The fingerprint that the problem without pressures had before there were pressures.
-FORMER_FINGERPRINT = "b5af12d064c83503"
 BOTH_DEGREES = pytest.mark.parametrize("degree", [1, 2])
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from solutions import of_kind
 
-from contact_locking import __version__, report, study_file, writing
+from contact_locking import __version__, study_file, writing
+from contact_locking.extras import report
 
 TITLE = "<script>document.title = 'run'</script> & \"$x_1\" Käfer"
 STUDY = """\

@@ -13,10 +13,10 @@ from mpi4py import MPI
 from problems import block
 
 from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.extras.pictures.gather import gather
+from contact_locking.extras.pictures.snapshot import Snapshot
 from contact_locking.fem.spaces import P1
 from contact_locking.mesh.domain import from_geometry
-from contact_locking.plotting.gather import gather
-from contact_locking.plotting.snapshot import Snapshot
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
 from contact_locking.results.solution import StudySolution
 

@@ -33,8 +33,8 @@ LAYERS = (
     ("solver",),
     ("results",),
     ("certificate", "convergence"),
-    ("checkpoint", "plotting"),
-    ("report", "process"),
+    ("checkpoint", "extras"),
+    ("process",),
     ("solving",),
     ("adaptivity",),
     ("writing", "studies"),
@@ -137,7 +137,7 @@ def test_nothing_imports_the_command_line() -> None:
 
 
 def test_study_files_and_reports_are_read_without_dolfinx() -> None:
-    names = ("command.cli", "parameters", "study_file", "studies", "report.run_page")
+    names = ("command.cli", "parameters", "study_file", "studies", "extras.report.run_page")
     script = "import importlib, sys\n"
     script += "".join(f"importlib.import_module('contact_locking.{name}')\n" for name in names)
     script += "print({'dolfinx', 'mpi4py', 'petsc4py', 'ufl', 'gmsh'} & set(sys.modules))"
@@ -152,7 +152,7 @@ import contextlib, io, sys
 from contact_locking.command import cli
 with contextlib.redirect_stdout(io.StringIO()):
     code = cli.main(["check", "demos/block.yml"])
-heavy = ("solver", "certificate", "steps", "solving", "writing", "plotting", "report", "checkpoint")
+heavy = ("solver", "certificate", "steps", "solving", "writing", "extras", "checkpoint")
 loaded = {f"contact_locking.{name}" for name in heavy} & set(sys.modules)
 print(code, loaded | {"matplotlib", "scipy", "pyvista", "jinja2"} & set(sys.modules))
 """

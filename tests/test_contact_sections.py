@@ -140,11 +140,6 @@ def test_the_fingerprint_tells_problems_apart_and_not_the_ways_to_write_them() -
     assert len({one, of(two), of(two[::-1]), of(two, {"coefficient": 0.3}), of([])}) == 5
 
 
-def test_fingerprints_of_earlier_versions_stay_valid() -> None:
-    assert problem_fingerprint(from_mapping({})) == "3c3d9ab9c7767c41"
-    assert problem_fingerprint(from_mapping({"contact": {"on": []}})) == "985e15ea98803b27"
-
-
 def test_the_limit_has_neither_penalty_nor_regularisation(file: Path) -> None:
     overrides = ["contact.1.friction.regularisation=1", "penalty={n: 1e3, epsilon: 1}"]
     given = load(file, [*overrides, "solver.method=newton"]).parameters

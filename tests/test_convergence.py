@@ -18,10 +18,10 @@ from problems import block
 from contact_locking import load, solving, study_file
 from contact_locking.convergence import distance, fitted_rate, norms, on_mesh_of, read_table
 from contact_locking.errors import InputError
+from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
 from contact_locking.meshes.block import Block
-from contact_locking.plotting.rates import Curve, Panel, rate_plot
 from contact_locking.results.solution import StudySolution
 
 STUDIES = Path(__file__).parent.parent / "demos" / "studies"

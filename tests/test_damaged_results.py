@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 from report_folder import quick, rows, study_folder
 
-from contact_locking import __version__, report
+from contact_locking import __version__
 from contact_locking.command import cli
 from contact_locking.errors import InputError
+from contact_locking.extras import report
 
 pytestmark = pytest.mark.serial
 

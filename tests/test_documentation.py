@@ -20,7 +20,7 @@ from contact_locking import from_mapping, solve, solve_steps
 from contact_locking.command import arguments, cli
 from contact_locking.mesh.xdmf_mesh import from_xdmf
 from contact_locking.results.summary import summary_text
-from contact_locking.study_file.listing import rows
+from contact_locking.study_file.schema import rows
 from contact_locking.study_file.source import read
 
 ROOT = Path(__file__).parent.parent

@@ -10,9 +10,10 @@ import pytest
 from report_folder import run_folder, study_folder
 from solutions import made_up
 
-from contact_locking import report, studies, study_file, writing
+from contact_locking import studies, study_file, writing
 from contact_locking.command import cli
 from contact_locking.errors import InputError
+from contact_locking.extras import report
 from contact_locking.files import ownership
 from contact_locking.files.lock import locked
 

@@ -20,8 +20,8 @@ from report_folder import run_folder
 from study_folder import FAKE, Folder
 
 from contact_locking import checkpoint
+from contact_locking.extras.pictures.snapshot_file import load
 from contact_locking.files import ownership
-from contact_locking.plotting.snapshot_file import load
 
 pytestmark = pytest.mark.serial
 

@@ -23,8 +23,8 @@ from problems import block
 
 import contact_locking
 from contact_locking import checkpoint, solving, writing
+from contact_locking.extras.pictures.gather import gather
 from contact_locking.mesh.whole_mesh import gather_mesh
-from contact_locking.plotting.gather import gather
 from contact_locking.results.heap import give_back
 from contact_locking.results.solution import StudySolution
 

@@ -16,9 +16,10 @@ from mpi4py import MPI
 from problems import block
 from solutions import made_up
 
-from contact_locking import plotting, solve, study_file, writing
+from contact_locking import solve, study_file, writing
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.extras import pictures
 from contact_locking.files import ownership
 from contact_locking.results import fields, output_folder, xdmf
 from contact_locking.results.solution import StudySolution
@@ -193,7 +194,7 @@ def test_a_picture_that_cannot_be_drawn_is_a_warning_and_the_rest_is_there(
     def fail(solution: StudySolution, folder: Path) -> str:
         return "no picture was drawn: no fonts"
 
-    monkeypatch.setattr(plotting, "picture", fail)
+    monkeypatch.setattr(pictures, "picture", fail)
     assert writing.write(made_up(), folder) == ["no picture was drawn: no fonts"]
     assert listing(folder, comm) == FILES - {"picture.png", "snapshot.npz"}
 

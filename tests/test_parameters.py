@@ -10,7 +10,7 @@ import pytest
 from contact_locking.meshes import BUILDERS
 from contact_locking.parameters import MeshParameters, Parameters
 from contact_locking.study_file import from_mapping, schema, schema_text
-from contact_locking.study_file.listing import rows
+from contact_locking.study_file.schema import rows
 
 pytestmark = pytest.mark.serial
 

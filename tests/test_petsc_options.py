@@ -218,20 +218,3 @@ def test_options_that_have_an_effect_are_no_warning(comm: MPI.Intracomm) -> None
     solution = solve(parameters, comm)
     assert solution.converged
     assert not [text for text in solution.summary["warnings"] if "has not used" in text]
-
-
-def test_check_tells_options_that_nothing_asks_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], comm: MPI.Intracomm
-) -> None:
-    folder = comm.bcast(tmp_path)
-    file = folder / "study.yml"
-    if comm.rank == 0:
-        file.write_text(SMALL_BLOCK)
-    comm.Barrier()
-    for option, told in (("ksp_tpye", True), ("ksp_rtol", False)):
-        change = f"solver.petsc={{{option}: 1.0e-7}}"
-        words = ["check", str(file), "--set", "solver.linear=iterative", change]
-        assert cli.main([*words, f"output.directory={folder}/out"]) == 0
-        errors = capsys.readouterr().err
-        if comm.rank == 0:
-            assert ("is the name misspelt?" in errors and option in errors) == told, errors

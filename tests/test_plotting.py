@@ -15,13 +15,13 @@ from matplotlib.quiver import Quiver
 from mpi4py import MPI
 from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 
-from contact_locking import plotting
 from contact_locking.errors import NoRendering
+from contact_locking.extras import pictures
+from contact_locking.extras.pictures import contact_map, offscreen, plane, style
+from contact_locking.extras.pictures.gather import gather
+from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot
+from contact_locking.extras.report import run_charts
 from contact_locking.plain_text import per_cent
-from contact_locking.plotting import contact_map, offscreen, plane, space_plain, style
-from contact_locking.plotting.gather import gather
-from contact_locking.plotting.snapshot import ContactMap, Snapshot
-from contact_locking.report import contact_charts
 from contact_locking.results.contact_points import ContactPoints
 
 
@@ -60,29 +60,11 @@ def test_the_gathered_boundary_belongs_to_its_cells_and_contact_is_the_bottom(di
     assert np.abs(contact.points.x[contact.facets][:, :, -1]).max() == 0.0
 
 
-@pytest.fixture
-def without_views(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw without PyVista; the pictures of PyVista have tests of their own."""
-
-    def fail(snapshot: Path) -> None:
-        raise NoRendering("there is no PyVista")
-
-    monkeypatch.setattr(offscreen, "views", fail)
-
-
-@pytest.mark.usefixtures("without_views")
-@pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_picture_is_drawn_by_matplotlib_alone(
-    dim: int, kind: str, tmp_path: Path, comm: MPI.Intracomm
-) -> None:
+def test_a_picture_in_the_plane_is_drawn(kind: str, tmp_path: Path, comm: MPI.Intracomm) -> None:
     settings = dict(matplotlib.rcParams)
     folder = comm.bcast(tmp_path)
-    told = plotting.picture(of_kind(dim, kind), folder)
-    if dim == 2:
-        assert told is None
-    else:
-        assert told is not None and "there is no PyVista\n" in told and "apt-get install" in told
+    assert pictures.picture(of_kind(2, kind), folder) is None
     assert dict(matplotlib.rcParams) == settings
     if comm.rank == 0:
         image = matplotlib.image.imread(folder / "picture.png")
@@ -90,11 +72,25 @@ def test_a_picture_is_drawn_by_matplotlib_alone(
         assert image[:, :, :3].std() > 0.05
 
 
+def test_without_pyvista_there_is_no_picture_in_space_and_the_reason_says_how_to_get_one(
+    tmp_path: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(snapshot: Path) -> None:
+        raise NoRendering("there is no PyVista")
+
+    monkeypatch.setattr(offscreen, "views", fail)
+    folder = comm.bcast(tmp_path)
+    told = pictures.picture(of_kind(3, "locked"), folder)
+    assert told is not None and "there is no PyVista\n" in told and "apt-get install" in told
+    comm.Barrier()
+    assert [path.name for path in folder.iterdir()] == ["snapshot.npz"]
+
+
 def test_a_picture_that_fails_says_why_on_every_rank_and_leaves_no_file(
     tmp_path: Path, comm: MPI.Intracomm
 ) -> None:
     folder = comm.bcast(tmp_path) / "missing"
-    problem = plotting.picture(made_up(), folder)
+    problem = pictures.picture(made_up(), folder)
     assert problem is not None and "No such file" in problem
     assert comm.allgather(problem) == [problem] * comm.size
     assert not folder.exists()
@@ -105,7 +101,7 @@ def test_a_displacement_that_is_not_finite_is_not_drawn(
 ) -> None:
     solution = made_up()
     solution.displacement.x.array[:] = np.nan
-    problem = plotting.picture(solution, comm.bcast(tmp_path))
+    problem = pictures.picture(solution, comm.bcast(tmp_path))
     assert problem == "no picture was drawn: the displacement is not finite"
 
 
@@ -186,14 +182,6 @@ def test_the_corner_of_two_contacts_is_a_point_of_both() -> None:
         assert np.array_equal(np.unique(part.facets), np.arange(len(part.points)))
 
 
-def test_level_lines_cut_a_triangle_where_a_linear_function_has_the_value() -> None:
-    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    lines = space_plain._level_lines(np.stack([corners, corners]), np.array([[0, 1, 0], [1, 1, 1]]))
-    assert lines.shape == (1, 2, 3)
-    for x, y, _ in lines[0]:
-        assert x == pytest.approx(style.RIM_SHARE) and 0.0 <= y <= 1.0 - x
-
-
 @pytest.mark.serial
 @pytest.mark.parametrize("side", ["left", "bottom", "right", "top"])
 def test_friction_has_the_sign_of_the_axis_that_it_is_drawn_over(side: str, tmp_path: Path) -> None:
@@ -219,7 +207,7 @@ def test_friction_has_the_sign_of_the_axis_that_it_is_drawn_over(side: str, tmp_
             panel, strip = figure.subplots(2, 1)
             plane._tractions(panel, strip, contact, 5.0)
         else:
-            contact_charts._profile(figure, points, facets, 5.0)
+            run_charts._profile(figure, points, facets, 5.0)
         lines = [line for axes in figure.axes for line in axes.lines]
         curve = next(line for line in lines if "friction" in str(line.get_label()))
         drawn.append(np.array(curve.get_ydata()))

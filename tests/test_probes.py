@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pressed_square import BOTH_DEGREES, FORMER_FINGERPRINT, square
+from pressed_square import BOTH_DEGREES, square
 from problems import block
 
 from contact_locking import InputError, Parameters, solve, study_file
@@ -166,6 +166,5 @@ def test_probes_count_in_the_fingerprint_and_survive_a_dump() -> None:
     held = {"displacements": [{"on": "right", "value": [0, 0]}]}
     without = square(loads=held, output={"probes": []})
     some = square(loads=held, output={"probes": PROBES})
-    assert study_file.fingerprint(without) == FORMER_FINGERPRINT
-    assert study_file.fingerprint(some) != FORMER_FINGERPRINT
+    assert study_file.fingerprint(some) != study_file.fingerprint(without)
     assert "from:" in study_file.dump(some)

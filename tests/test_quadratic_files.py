@@ -16,8 +16,8 @@ from test_elements import LIMIT, benchmark
 
 from contact_locking import checkpoint, solving, study_file, writing
 from contact_locking.errors import InputError
-from contact_locking.plotting.gather import gather
-from contact_locking.plotting.snapshot import Snapshot
+from contact_locking.extras.pictures.gather import gather
+from contact_locking.extras.pictures.snapshot import Snapshot
 from contact_locking.results import fields
 from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution

@@ -14,13 +14,13 @@ from xml.etree import ElementTree
 import pytest
 from report_folder import page, quick, run_folder
 
-from contact_locking import report
 from contact_locking.errors import InputError
+from contact_locking.extras import report
+from contact_locking.extras.report import run_page
+from contact_locking.extras.report.charts import Chart
+from contact_locking.extras.report.templates import environment
+from contact_locking.extras.report.words import shown
 from contact_locking.files import ownership
-from contact_locking.report import run_page
-from contact_locking.report.charts import Chart
-from contact_locking.report.shown import shown
-from contact_locking.report.templates import environment
 from contact_locking.results import names as result_files
 
 pytestmark = pytest.mark.serial

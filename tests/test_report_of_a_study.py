@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from report_folder import REASON, page, quick, rows, run_folder, study_folder
 
-from contact_locking import report
-from contact_locking.report.titles import titles_in
-from contact_locking.report.trends import Differences
+from contact_locking.extras import report
+from contact_locking.extras.report.trends import Differences
+from contact_locking.extras.report.words import titles_in
 
 pytestmark = pytest.mark.serial
 

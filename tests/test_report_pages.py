@@ -11,8 +11,8 @@ import browser
 import pytest
 from report_folder import LARGE, TITLE, many_rows, rows, run_folder, study_folder
 
-from contact_locking import report
 from contact_locking.command import cli
+from contact_locking.extras import report
 
 pytestmark = [
     pytest.mark.serial,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import pytest
 from solutions import KINDS, snapshot
 
 from contact_locking.errors import InputError
-from contact_locking.plotting import snapshot_file
+from contact_locking.extras.pictures import snapshot_file
 
 
 def same(a: Any, b: Any) -> bool:
@@ -45,7 +44,7 @@ def test_a_snapshot_is_read_as_it_was_saved(dim: int, kind: str, tmp_path: Path)
         ({"x": lambda x: x * np.nan}, "x is not finite"),
         ({"displacement": lambda u: u[1:]}, "displacement has the wrong shape"),
         ({"points.gap": lambda gap: gap[:, None]}, "gap has the wrong shape"),
-        ({"facts": lambda facts: np.array("{}")}, "title"),
+        ({"facts": lambda facts: np.array("{}")}, "no names"),
         ({"facts": lambda facts: np.array("[" * 100_000)}, "damaged"),
         ({"facts": lambda facts: np.array([{}], dtype=object)}, "pickle"),
     ],
@@ -60,20 +59,6 @@ def test_a_snapshot_that_is_damaged_is_bad_input(
     np.savez(path, **{name: change.get(name, np.asarray)(stored[name]) for name in stored})
     with pytest.raises(InputError, match=told):
         snapshot_file.load(path)
-
-
-@pytest.mark.serial
-def test_a_snapshot_without_numbers_and_names_of_contacts_has_one_contact(tmp_path: Path) -> None:
-    path, body = tmp_path / "snapshot.npz", snapshot()
-    snapshot_file.save(body, path)
-    with np.load(path) as archive:
-        stored = dict(archive)
-    del stored["points.contact"]
-    facts = json.loads(str(stored["facts"]))
-    del facts["contacts"]
-    np.savez(path, **(stored | {"facts": np.array(json.dumps(facts))}))
-    (part,) = snapshot_file.load(path).contact.parts()
-    assert same(part.points, body.contact.points) and part.titled("Title") == "Title"
 
 
 @pytest.mark.serial

@@ -14,7 +14,7 @@ from contact_locking.meshes import BUILDERS
 from contact_locking.parameters import Parameters
 from contact_locking.parameters.keys import known_keys
 from contact_locking.study_file import demo_names, load, schema, schema_text, starter
-from contact_locking.study_file.listing import rows
+from contact_locking.study_file.schema import rows
 from contact_locking.study_file.source import read
 
 pytestmark = pytest.mark.serial

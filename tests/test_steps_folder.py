@@ -15,7 +15,8 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import InputError, Parameters, report, save, solve_steps, study_file
+from contact_locking import InputError, Parameters, save, solve_steps, study_file
+from contact_locking.extras import report
 from contact_locking.files import ownership
 from contact_locking.monitor import Monitor
 from contact_locking.results.history import History, read_history

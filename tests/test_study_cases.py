@@ -13,8 +13,7 @@ from study_folder import STUDY
 from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.studies import table
-from contact_locking.studies.cases import cases_of
-from contact_locking.studies.outcome import Outcome
+from contact_locking.studies.cases import Outcome, cases_of
 
 pytestmark = pytest.mark.serial
 

@@ -14,8 +14,7 @@ from contact_locking.command.monitors import ProgressFile
 from contact_locking.monitor import Monitor
 from contact_locking.plain_text import duration
 from contact_locking.studies import Study
-from contact_locking.studies.cases import Case
-from contact_locking.studies.outcome import Outcome
+from contact_locking.studies.cases import Case, Outcome
 from contact_locking.studies.view import View
 
 pytestmark = pytest.mark.serial

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contact_locking.extras.report.words import shown
 from contact_locking.parameters.telling_apart import labels, told_apart
-from contact_locking.report.shown import shown
 
 pytestmark = pytest.mark.serial
 

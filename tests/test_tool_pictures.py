@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.patches import Polygon
@@ -20,14 +19,13 @@ from tool_files import box
 from contact_locking import assemble, solve_steps
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.outline import box_around, outline
+from contact_locking.extras.pictures import contact_map, offscreen, plane, snapshot_file, views
+from contact_locking.extras.pictures.gather import gather
+from contact_locking.extras.pictures.snapshot import Snapshot, drawn_tool, foundation, tool
+from contact_locking.extras.pictures.style import look_of
+from contact_locking.extras.pictures.views import from_the_side
 from contact_locking.laws.foundation import HalfSpace, Round
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
-from contact_locking.plotting import contact_map, draw, offscreen, plane, snapshot_file, views
-from contact_locking.plotting.camera import from_the_side
-from contact_locking.plotting.film_look import look_of
-from contact_locking.plotting.gather import gather
-from contact_locking.plotting.ground import drawn_tool, foundation, tool
-from contact_locking.plotting.snapshot import Snapshot
 
 pytestmark = pytest.mark.serial
 
@@ -222,12 +220,6 @@ def test_a_map_shows_all_of_a_plane_beside_a_tool_with_steep_sides() -> None:
     # Most points are beside the tool, where the normals point along the plane.
     normal = np.tile([0.96, 0.0, -0.28], (len(body.contact.points), 1))
     assert contact_map.frame(replace(body.contact.points, normal=normal)) == (0, 1, True)
-
-
-def test_matplotlib_alone_draws_a_tool_in_space(tmp_path: Path) -> None:
-    body = with_tools("locked", box([0.3, 0.3, -0.5], [0.7, 0.7, 0.0]))
-    draw.draw(body, tmp_path / "picture.png")
-    assert matplotlib.image.imread(tmp_path / "picture.png").size > 0
 
 
 @pytest.mark.slow

@@ -14,8 +14,8 @@ from report_folder import rows, run_folder, study_folder
 from solutions import of_kind
 
 from contact_locking.command import cli
-from contact_locking.plotting import offscreen, snapshot_file
-from contact_locking.plotting.gather import gather
+from contact_locking.extras.pictures import offscreen, snapshot_file
+from contact_locking.extras.pictures.gather import gather
 
 pytestmark = pytest.mark.serial
 
@@ -28,8 +28,8 @@ WINDOW = """
 import sys
 from pathlib import Path
 import numpy as np
-from contact_locking.plotting import snapshot_file
-from contact_locking.plotting.window import Window
+from contact_locking.extras.pictures import snapshot_file
+from contact_locking.extras.pictures.window import Window
 
 for path in sys.argv[1:]:
     window = Window(snapshot_file.load(Path(path)))

@@ -15,7 +15,7 @@ from wrong_values import STUDIES_WRONG, WRONG, nested
 
 from contact_locking import InputError, from_mapping
 from contact_locking.parameters.wording import show
-from contact_locking.study_file.listing import rows
+from contact_locking.study_file.schema import rows
 
 pytestmark = pytest.mark.serial
 

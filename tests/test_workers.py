@@ -11,7 +11,7 @@ import pytest
 from study_folder import STUDY, Folder
 
 from contact_locking.command import cli
-from contact_locking.studies import Plan, Study, workers
+from contact_locking.studies import Plan, Study, local
 from contact_locking.studies.local import LocalExecutor
 
 pytestmark = pytest.mark.serial
@@ -45,7 +45,7 @@ def solve_all(executor: LocalExecutor) -> dict[str, str]:
 
 
 def test_a_case_that_crashes_ends_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "_PROGRAM", (sys.executable, "-c", STAND_IN))
+    monkeypatch.setattr(local, "_PROGRAM", (sys.executable, "-c", STAND_IN))
     folder = Folder(tmp_path, monkeypatch)
     folder.write("{vary: {penalty.n: [10, 20, 9, 30, 5, 40]}}")
     cases = Study.of(folder.load()).cases
@@ -61,8 +61,8 @@ def test_a_case_that_crashes_ends_alone(tmp_path: Path, monkeypatch: pytest.Monk
 def test_a_process_is_replaced_after_many_cases(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(workers, "_PROGRAM", (sys.executable, "-c", STAND_IN))
-    monkeypatch.setattr(workers, "_MOST_CASES", 2)
+    monkeypatch.setattr(local, "_PROGRAM", (sys.executable, "-c", STAND_IN))
+    monkeypatch.setattr(local, "_MOST_CASES", 2)
     folder = Folder(tmp_path, monkeypatch)
     folder.write("{vary: {penalty.n: [10, 20, 30, 40]}}")
     cases = Study.of(folder.load()).cases
@@ -73,7 +73,7 @@ def test_a_process_is_replaced_after_many_cases(
 
 def test_ending_a_study_ends_its_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = "import sys, time; sys.stdin.readline(); time.sleep(60)"
-    monkeypatch.setattr(workers, "_PROGRAM", (sys.executable, "-c", script))
+    monkeypatch.setattr(local, "_PROGRAM", (sys.executable, "-c", script))
     folder = Folder(tmp_path, monkeypatch)
     folder.write("{vary: {penalty.n: [10, 20, 30]}}")
     executor = LocalExecutor(Study.of(folder.load()).cases, Plan(jobs=2))

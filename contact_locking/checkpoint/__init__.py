@@ -6,11 +6,11 @@ from contact_locking.checkpoint.stored import (
     expect,
     has_cells_everywhere,
     read,
+    refined_mesh,
     size,
     unavailable,
     write,
 )
-from contact_locking.checkpoint.stored_mesh import refined_mesh
 
 __all__ = [
     "NAME",

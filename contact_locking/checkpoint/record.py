@@ -58,13 +58,15 @@ def save(record: Record, folder: Path) -> None:
     """Write the record of a checkpoint whose fields are complete.  Raises OSError."""
     for path in (folder / FIELDS).glob("profiling*"):
         path.unlink()  # timings of ADIOS2, which differ from run to run
+    # Those of the fields, and of a refined mesh.
+    files = [*sorted((folder / FIELDS).iterdir()), *sorted(folder.glob(f"{MESH}.*"))]
     data = asdict(record) | {
         "format": FORMAT,
         # JSON has no infinity.
         "n": str(record.n),
         "epsilon": str(record.epsilon),
         "regularisations": [str(value) for value in record.regularisations],
-        "files": {path.name: _seen(path) for path in _files(folder)},
+        "files": {path.name: _seen(path) for path in files},
     }
     if record.step is None:
         del data["step"]
@@ -112,11 +114,6 @@ def load_fields(directory: str | Path) -> tuple[Record, Path]:
         inside = folder if Path(name).stem == MESH else folder / FIELDS
         _check_file(inside / Path(name).name, size, digest)
     return record, folder / FIELDS
-
-
-def _files(folder: Path) -> list[Path]:
-    """The files of the fields, and of a refined mesh."""
-    return [*sorted((folder / FIELDS).iterdir()), *sorted(folder.glob(f"{MESH}.*"))]
 
 
 def _record(data: Mapping[str, Any]) -> Record:

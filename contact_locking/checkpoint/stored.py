@@ -11,14 +11,15 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import _compat, study_file
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
-from contact_locking.checkpoint import mesh_match
 from contact_locking.checkpoint import record as records
 from contact_locking.checkpoint import step as steps
 from contact_locking.checkpoint.record import Record
@@ -26,13 +27,117 @@ from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.whole_mesh import gather_mesh
-from contact_locking.parallel import on_every_rank, on_root
+from contact_locking.mesh.whole_mesh import WholeMesh, gather_mesh, spread
+from contact_locking.parallel import maximum, on_every_rank, on_root
+from contact_locking.plain_text import defect
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.study.assembly import StudyProblem
+
+# The coordinates of the same mesh may differ by this share of the extent, because another machine
+# may have made the mesh.
+_SAME_PLACE = 1e-9
+
+
+def places(space: fem.FunctionSpace) -> fem.Function:
+    """The coordinates x as a function; collective."""
+    found = fem.Function(space)
+    dim = space.mesh.geometry.dim
+    found.interpolate(lambda x: x[:dim])
+    return found
+
+
+def difference_in_size(record: Record, problem: StudyProblem) -> str:
+    """The difference in size between the two meshes, in words; empty if there is none.
+
+    Raises InputError if the elements differ, or if only one of the bodies is axisymmetric.
+    """
+    element = problem.element
+    if record.degree != element.degree:
+        raise InputError(
+            f"the checkpoint is of elements of degree {record.degree}, and the study has degree "
+            f"{element.degree}; restart with discretisation.degree: {record.degree}",
+            "discretisation.degree",
+        )
+    if record.limit_at != element.limit_at:
+        raise InputError(
+            f"the checkpoint has the locking limit at {record.limit_at}, and the study has the "
+            f"limit at {element.limit_at}; restart with discretisation.limit_at: {record.limit_at}",
+            "discretisation.limit_at",
+        )
+    revolution = bool(record.mesh.get("axisymmetric", False))
+    if revolution != problem.domain.axisymmetric:
+        raise InputError(
+            f"the checkpoint is of a body that is {'' if revolution else 'not '}axisymmetric; "
+            f"restart with mesh.axisymmetric: {str(revolution).lower()}",
+            "mesh.axisymmetric",
+        )
+    nodes = int(problem.u.function_space.dofmap.index_map.size_global)
+    here = (problem.domain.dim, problem.domain.num_cells, nodes)
+    there = (record.dimension, record.cells, record.nodes)
+    text = "{}D with {} cells and {} nodes"
+    return "" if here == there else f"it is {text.format(*there)}, this one is {text.format(*here)}"
+
+
+def difference_in_places(saved: fem.Function) -> str:
+    """The difference between the coordinates of the nodes, in words; collective."""
+    comm = saved.function_space.mesh.comm
+    expected = places(saved.function_space).x.array
+    extent = maximum(comm, np.abs(expected))
+    same = np.abs(saved.x.array - expected) <= _SAME_PLACE * extent
+    return "" if on_every_rank(comm, same) else "its nodes lie elsewhere"
+
+
+def another_mesh(
+    directory: str | Path, difference: str, record: Record, identity: dict[str, Any]
+) -> str:
+    """The message about a checkpoint of another mesh, with the parameters that differ."""
+    names = [name for name in {**record.mesh, **identity} if name not in ("content", "refined")]
+    changes = [
+        f"mesh.{name} was {record.mesh.get(name)}, is {identity.get(name)}"
+        for name in names
+        if record.mesh.get(name) != identity.get(name)
+    ]
+    if record.mesh.get("content") != identity.get("content"):
+        changes = ["the mesh file is another one or has changed"]
+    if record.mesh.get("refined") != identity.get("refined"):
+        changes.append("it was refined; restart with a section adapt, which takes the refined mesh")
+    # Another version of Gmsh makes another mesh of the same parameters.
+    told = "; ".join(changes) or "perhaps another version of Gmsh; a mesh.file would not change"
+    return (
+        f"the checkpoint in {directory} is of another mesh: {difference} ({told}); "
+        "restart with the mesh of the checkpoint"
+    )
+
+
+def refined_mesh(directory: str | Path, comm: MPI.Intracomm) -> Domain | None:
+    """The refined mesh that a checkpoint belongs to; None for the mesh of a study; collective.
+
+    Raises InputError if the checkpoint is missing, damaged or of another format, and
+    ContactLockingError if the library is missing.
+    """
+    expect(directory, comm)
+    held: list[WholeMesh] = []
+
+    def load() -> bool:
+        record, _ = records.load_fields(directory)
+        if record.mesh.get("refined"):
+            held.append(_read(records.locate(directory)))
+        return bool(held)
+
+    if not on_root(comm, load):
+        return None
+    return spread(held[0] if held else None, comm)
+
+
+def _read(folder: Path) -> WholeMesh:
+    try:
+        return WholeMesh.load(folder, records.MESH)
+    except (ValueError, KeyError, TypeError, IndexError, OSError) as error:
+        raise InputError(f"the mesh in {folder} is damaged ({defect(error)})") from error
+
 
 _PLACES = "places"
 # The bytes of the record and of the metadata of ADIOS2.
@@ -160,7 +265,7 @@ def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
     _require_cells(problem.domain)
     record, path = on_root(comm, lambda: records.load_fields(directory))
     identity = on_root(comm, lambda: study_file.mesh_identity(parameters))
-    difference = mesh_match.difference_in_size(record, problem)
+    difference = difference_in_size(record, problem)
     _compat.prepare_communicator(comm)
 
     def load(name: str, into: fem.FunctionSpace) -> fem.Function:
@@ -170,10 +275,10 @@ def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
 
     # A mesh of another size cannot be compared node by node.
     space = problem.u.function_space
-    difference = difference or mesh_match.difference_in_places(load(_PLACES, space))
+    difference = difference or difference_in_places(load(_PLACES, space))
     if difference:
         here = identity | ({"refined": True} if problem.domain.is_refined else {})
-        raise InputError(mesh_match.another_mesh(directory, difference, record, here))
+        raise InputError(another_mesh(directory, difference, record, here))
     multipliers: Multipliers | None = None
     bounds: tuple[FloatArray, ...] = ()
     same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
@@ -228,7 +333,7 @@ def _fields(solution: StudySolution) -> dict[str, fem.Function]:
     """The stored fields by name; collective."""
     found = {"displacement": solution.displacement}
     found |= zip(_names_of_parts(len(solution.locking_parts)), solution.locking_parts, strict=True)
-    found[_PLACES] = mesh_match.places(solution.displacement.function_space)
+    found[_PLACES] = places(solution.displacement.function_space)
     for number, contact in enumerate(solution.contacts):
         surface = contact.surface
         scalars = {

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contact_locking.command import terminal
-from contact_locking.command.world import petsc_complaints, world_with_dolfinx
+from contact_locking.command.terminal import petsc_complaints, world_with_dolfinx
 from contact_locking.errors import ContactLockingError, InputError, explained
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def study(arguments: argparse.Namespace) -> int:
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
-    from contact_locking.report import print_page, write_all
+    from contact_locking.extras.report import print_page, write_all
 
     if terminal.is_root():
         try:
@@ -137,7 +137,6 @@ def check(arguments: argparse.Namespace) -> int:
     parameters = study.parameters
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
-    from contact_locking.command import trial
     from contact_locking.costs import forecast
     from contact_locking.mesh import groups
     from contact_locking.results import output_folder
@@ -145,9 +144,12 @@ def check(arguments: argparse.Namespace) -> int:
 
     with _explained(study):
         output_folder.prepare(parameters.output.directory, comm)
-        trial.require_usable_options(parameters)
+        if parameters.solver.petsc:
+            from contact_locking.process import problem_solver
+
+            problem_solver.require_usable_options(parameters)
         facts = forecast.completed(assembly.check(parameters, comm), parameters, comm)
-    for warning in [*facts.pop("warnings"), *trial.warnings(parameters, facts["dimension"], comm)]:
+    for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
@@ -161,7 +163,7 @@ def check(arguments: argparse.Namespace) -> int:
             cases = studies.Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
-        rows += forecast.rows(expected)
+        rows.append(("estimated memory", expected.words()))
         print(f"{arguments.file} can be run:\n{terminal.columns(rows)}\n")
         print(terminal.columns(groups.table(table)))
     return 0
@@ -174,10 +176,17 @@ def mesh(arguments: argparse.Namespace) -> int:
 
     if is_xdmf(arguments.output):
         comm = world_with_dolfinx(arguments)
-        from contact_locking.command.exporting import export_mesh
+        from contact_locking.mesh import mesh_export
+        from contact_locking.study import assembly
 
         with _explained(study):
-            return export_mesh(study.parameters, arguments.output, comm)
+            domain = assembly.mesh_of(study.parameters, comm)
+            mesh_export.export(domain, arguments.output)
+        for warning in domain.warnings:
+            terminal.complain(f"warning: {domain.origin}: {warning}")
+        if comm.rank == 0:
+            print(f"{arguments.output}: written")
+        return 0
     geometry = study.parameters.mesh.geometry
     if geometry is None:
         raise InputError(

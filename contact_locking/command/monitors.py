@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from contact_locking.files.atomic import write_text
-from contact_locking.monitor import Monitor
+from contact_locking.monitor import Attentive, Monitor
 from contact_locking.plain_text import count, duration, printable
 
 # After so many seconds without a line in a log, the next iteration prints one.  It leaves room for
@@ -162,7 +162,7 @@ class TerminalMonitor(Monitor):
         return Text(printable(text), no_wrap=True, overflow="ellipsis")
 
 
-class ProgressFile(Monitor):
+class ProgressFile(Attentive):
     """Keeps the latest progress in a small JSON file, and passes all calls on to ``listener``.
 
     The file holds ``{"message": ...}`` before the first stage, then ``{"n": ..., "iteration": ...,
@@ -170,42 +170,30 @@ class ProgressFile(Monitor):
     """
 
     def __init__(self, path: Path, listener: Monitor) -> None:
+        super().__init__(listener)
         self._path = path
-        self._listener = listener
         self._n = ""
 
     def message(self, text: str) -> None:
-        self._listener.message(text)
+        super().message(text)
         self._write(message=text)
 
     def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
-        self._listener.step(number, left, time, seconds_left)
+        super().step(number, left, time, seconds_left)
         self._write(message=f"step {number}, {left} to do")
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
-        self._listener.stage(index, count_estimate, n, epsilon)
+        super().stage(index, count_estimate, n, epsilon)
         self._n = f"{n:.3g}"
         self._write(message=f"n = {self._n}")
 
-    def friction_update(self, k: int, change: float, factor: float | None) -> None:
-        self._listener.friction_update(k, change, factor)
-
     def iteration(self, k: int, residual: float) -> None:
-        self._listener.iteration(k, residual)
+        super().iteration(k, residual)
         self._write(n=self._n, iteration=str(k), residual=f"{residual:.1e}")
 
-    def linear(self, k: int) -> None:
-        self._listener.linear(k)
-
     def mesh(self, number: int, text: str) -> None:
-        self._listener.mesh(number, text)
+        super().mesh(number, text)
         self._write(message=f"mesh {number}: {text}")
-
-    def counted(self, tangents: int, friction_updates: int) -> None:
-        self._listener.counted(tangents, friction_updates)
-
-    def finish(self) -> None:
-        self._listener.finish()
 
     def _write(self, **news: str) -> None:
         with contextlib.suppress(OSError):

@@ -10,11 +10,11 @@ import tempfile
 from pathlib import Path
 
 from contact_locking.errors import InputError, NoRendering
-from contact_locking.plotting import offscreen, snapshot_file
+from contact_locking.extras.pictures import offscreen, snapshot_file
 from contact_locking.results.names import PICTURE, SNAPSHOT
 from contact_locking.results.read import StudyResults, read_all
 
-_PROGRAM = "contact_locking.plotting.window"
+_PROGRAM = "contact_locking.extras.pictures.window"
 
 
 def view(directory: str | Path) -> None:

@@ -1,1 +1,1 @@
-"""What a solve costs: the sizes up to which systems are factorised, memory and time ahead."""
+"""What a solve costs: the sizes up to which systems are factorised, and the memory ahead."""

@@ -140,11 +140,7 @@ def _add(directory: Path, new: Mapping[str, _Looks]) -> None:
         before = old.get(name, [])
         # Until the new file is in place, the old one is there.
         old[name] = None if looks is None or before is None else [*before[-1:], *looks]
-    _write(directory, old)
-
-
-def _write(directory: Path, files: Mapping[str, _Looks]) -> None:
-    content = {"program": _PROGRAM, "files": dict(sorted(files.items()))}
+    content = {"program": _PROGRAM, "files": dict(sorted(old.items()))}
     atomic.write_text(directory / LIST, json.dumps(content, indent=1) + "\n")
 
 

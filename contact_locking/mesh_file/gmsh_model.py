@@ -1,7 +1,11 @@
-"""The arrays of a mesh in Gmsh."""
+"""The arrays of a mesh in Gmsh; as a program, which `reader` starts, those of a mesh file."""
 
 from __future__ import annotations
 
+import os
+import resource
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +13,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh_file.data import MeshData, Simplices
+from contact_locking.meshes import empty_model
 
 # The numbers of the first-order simplices in Gmsh, by dimension.
 _SIMPLEX = {1: 1, 2: 2, 3: 4}
@@ -131,3 +136,46 @@ def _name(model: Any, dim: int, tag: int, origin: str) -> str:
             f"{name!a}"
         )
     return str(name)
+
+
+# No mesh takes Gmsh so many seconds of the processor.
+_LONGEST = 3600
+
+
+def limit_process() -> None:
+    """Let this process have the memory of the machine, and an hour of its processor, at most."""
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, _LONGEST)):
+        soft, hard = resource.getrlimit(kind)
+        limits = [limit for limit in (most, soft, hard) if limit != resource.RLIM_INFINITY]
+        resource.setrlimit(kind, (min(limits), hard))
+
+
+def main(source: str, target: str, origin: str, what: str) -> int:
+    """Read the mesh in ``source`` and save its arrays in ``target``; returns the exit code.
+
+    ``origin`` names the mesh for messages, and ``what`` is the ``body``, or the ``triangles`` of a
+    surface.  The message of an InputError is printed.
+    """
+    import gmsh
+
+    try:
+        with empty_model() as model:
+            try:
+                gmsh.merge(source)
+            except Exception as error:  # Gmsh raises Exception itself
+                said = str(error).replace(source, origin)
+                raise InputError(f"Gmsh cannot read {origin}: {said}") from error
+            if what == "triangles":
+                np.savez(target, corners=triangles(model, origin))
+            else:
+                extract(model, origin).save(Path(target))
+    except InputError as error:
+        sys.stdout.buffer.write(str(error).encode("utf-8", errors="backslashreplace"))
+        return error.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    limit_process()
+    sys.exit(main(*sys.argv[1:]))

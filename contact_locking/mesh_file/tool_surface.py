@@ -1,4 +1,8 @@
-"""The surface of a tool from a file: its triangles, checked and with each corner once."""
+"""The surface of a tool from an STL or Gmsh file: its triangles, checked and each corner once.
+
+A file may come from anybody: its size is checked before its content is read, and the numbers of a
+binary file are read as an array whose length the size of the file has confirmed.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +14,75 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file.reader import read_triangles
-from contact_locking.mesh_file.stl import check_size, read_stl
+from contact_locking.mesh_file import places
+from contact_locking.mesh_file.reader import read_triangles, require_file
+
+#: Larger files are not read: 250 MB hold 5 million triangles in binary form.
+LARGEST_FILE = 250_000_000
+# A binary file has a head of 80 bytes and the number of triangles, and then 50 bytes for each:
+# normal, three corners, and two bytes that nobody uses.
+_HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+
+
+def check_size(path: Path, largest: int = LARGEST_FILE) -> None:
+    """Raise InputError unless the path is a file of at least 1 and at most ``largest`` bytes."""
+    require_file(path, "file", None)
+    size = path.stat().st_size
+    if size > largest:
+        raise InputError(
+            f"{path} has {size / 1e6:.0f} MB, and at most {largest / 1e6:.0f} MB are "
+            "read; make the tool coarser, which need not be finer than the mesh of the body"
+        )
+    if size == 0:
+        raise InputError(f"{path} is empty")
+
+
+def read_stl(path: Path) -> FloatArray:
+    """The corners (n, 3, 3) of the n triangles of an STL file, not checked yet.
+
+    Raises InputError for a file that is no STL file, is cut off, or holds no triangles.
+    """
+    check_size(path)
+    content = path.read_bytes()
+    count = int.from_bytes(content[80:_HEAD], "little") if len(content) >= _HEAD else -1
+    # A binary file may begin like one in text form, so that its length decides.
+    if count >= 0 and len(content) == _HEAD + _RECORD.itemsize * count:
+        records = np.frombuffer(content, dtype=_RECORD, offset=_HEAD)
+        corners: FloatArray = records["corners"].astype(float)
+    elif content[:_HEAD].lstrip().lower().startswith(b"solid"):
+        corners = _from_text(content, path)
+    elif count >= 0 and b"\0" in content[:_HEAD]:
+        raise InputError(
+            f"{path} is cut off or no STL file: with {count} triangles a binary STL file has "
+            f"{_HEAD + _RECORD.itemsize * count} bytes, and this file has {len(content)}"
+        )
+    else:
+        raise InputError(
+            f"{path} is neither an STL file, which begins with solid or is binary, nor a mesh of "
+            "Gmsh, which begins with $MeshFormat"
+        )
+    if not len(corners):
+        raise InputError(f"{path} holds no triangles")
+    return corners
+
+
+def _from_text(content: bytes, path: Path) -> FloatArray:
+    # Every corner stands behind the word vertex; names of solids stand in lines of their own.
+    lines = [line.split() for line in content.lower().splitlines()]
+    numbers = [line[1:] for line in lines if line and line[0] == b"vertex"]
+    facets = sum(1 for line in lines if line and line[0] == b"endfacet")
+    if len(numbers) != 3 * facets or b"endsolid" not in content[-1000:].lower():
+        raise InputError(
+            f"{path} is cut off: as an STL file in text form it has {len(numbers)} corners of "
+            f"{facets} whole triangles"
+        )
+    try:
+        return np.array(numbers, dtype=float).reshape(-1, 3, 3)
+    except ValueError:
+        raise InputError(
+            f"{path} cannot be read as an STL file: a line with vertex has no three numbers"
+        ) from None
+
 
 # A triangle is degenerate if its height is below this share of its longest edge.
 _FLAT = 1e-9
@@ -69,9 +140,9 @@ def checked(corners: FloatArray, origin: str) -> ToolSurface:
     if flat.any():
         warnings.append(f"{origin}: {flat.sum()} degenerate triangles were left out")
     kept = corners[~flat]
-    places = kept.reshape(-1, 3)
-    once, numbers = _distinct(places)
-    points: FloatArray = places[once]
+    corner = kept.reshape(-1, 3)
+    once, numbers = _distinct(corner)
+    points: FloatArray = corner[once]
     triangles: IntArray = numbers.reshape(-1, 3)
     first, _ = _distinct(np.sort(triangles, axis=1))
     if len(first) < len(triangles):
@@ -83,8 +154,8 @@ def checked(corners: FloatArray, origin: str) -> ToolSurface:
     if (edges.counts > 2).any():
         a, b = points[edges.ends[np.argmax(edges.counts)]]
         raise InputError(
-            f"{origin}: {edges.counts.max()} triangles share the edge from {_shown(a)} to "
-            f"{_shown(b)}, and a surface has two sides only where two do; leave out inner walls "
+            f"{origin}: {edges.counts.max()} triangles share the edge from {places.at(a)} to "
+            f"{places.at(b)}, and a surface has two sides only where two do; leave out inner walls "
             "and doubled parts"
         )
     is_closed = bool((edges.counts == 2).all())
@@ -179,7 +250,3 @@ def _let_look_outwards(points: FloatArray, triangles: IntArray) -> None:
     a, b, c = (points[triangles[:, i]] - points.mean(axis=0) for i in range(3))
     if np.sum(a * np.cross(b, c)) < 0.0:
         triangles[:] = triangles[:, ::-1]
-
-
-def _shown(point: FloatArray) -> str:
-    return f"({', '.join(f'{value:.6g}' for value in point)})"

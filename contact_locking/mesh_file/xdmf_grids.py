@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 from contact_locking.errors import InputError
 from contact_locking.mesh_file import places
-from contact_locking.mesh_file.trusted import require_file
+from contact_locking.mesh_file.reader import require_file
 
 ENDING = ".xdmf"
 _KEY = "mesh.file"
@@ -85,7 +85,8 @@ def read_grids(path: Path) -> Grids:
         raise InputError(f"{path}: numbers in the text of XDMF are not read; {_WRITE}", _KEY)
     _require_whole(data_file(path))
     for item in items:
-        if item.get("Format") != "HDF" or not _is_beside(item.text, path):
+        file = (item.text or "").strip().partition(":")[0]
+        if item.get("Format") != "HDF" or file != data_file(path).name:
             raise InputError(
                 f"{path} refers to other data than those in {data_file(path).name}: DOLFINx reads "
                 "the HDF5 file with the same name beside the file",
@@ -137,7 +138,3 @@ def _grid(grid: ElementTree.Element, path: Path) -> Grid:
             _KEY,
         )
     return Grid(name, _DIMENSIONS[kind.lower()])
-
-
-def _is_beside(text: str | None, path: Path) -> bool:
-    return (text or "").strip().partition(":")[0] == data_file(path).name

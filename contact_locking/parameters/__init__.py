@@ -9,31 +9,34 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from pydantic import BaseModel, model_validator
+from pydantic import BaseModel
 
 from contact_locking.errors import InputError
 from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
-from .adapt import AdaptParameters
-from .base import Fault, Place, Section, entry, marks, refuse_if
-from .boundary import LoadParameters
-from .contact_sections import ContactParameters, ContactSection, OneOrSeveral
-from .coulomb import FrictionParameters, Smoothing
-from .material import Elasticity, MaterialParameters, Region
+from .base import Fault, Place, Section, below, entry, marks
+from .boundary import LoadParameters, TableParameters, name_faults
+from .contact_sections import (
+    ContactParameters,
+    ContactSection,
+    FrictionParameters,
+    OneOrSeveral,
+    Smoothing,
+)
+from .material import Elasticity, MaterialParameters, Region, StrainLimit
 from .mesh import MeshParameters
 from .numerics import (
+    AdaptParameters,
     CertificateParameters,
     DiscretisationParameters,
     OutputParameters,
     PenaltyParameters,
     SolverParameters,
+    StepParameters,
 )
 from .rigid_body import Foundation
-from .steps import StepParameters
-from .strain_limit import StrainLimit
 from .study import StudyParameters
-from .tables import TableParameters, name_faults
 from .values import Text
 
 # The keys of limits, whose expressions may be infinite.
@@ -101,11 +104,6 @@ class Parameters(Section):
         CertificateParameters(), "checks of the results that are made on demand"
     )
     output: OutputParameters = entry(OutputParameters(), "the results")
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Parameters:
-        refuse_if(self._faults())
-        return self
 
     @property
     def contacts(self) -> tuple[ContactParameters, ...]:
@@ -187,12 +185,9 @@ class Parameters(Section):
                 "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is no number "
                 "at a vertex on the axis; take gauss, or leave the key out",
             )
-        yield from self._table_faults()
-        if self.steps is None:
-            yield from self._timed_faults()
+        yield from self._expression_faults()
         if self.study is not None:
-            for fault in self.study.key_faults(type(self)):
-                yield Fault(("study", *fault.place), fault.message)
+            yield from below(("study",), self.study.key_faults(type(self)))
         if self.mesh.dim is not None:
             yield from self._dimension_faults(self.mesh.dim)
             yield from self._name_faults()
@@ -217,25 +212,20 @@ class Parameters(Section):
             for name in section.on:
                 yield from _unknown_name((*contact, "on"), name, facets, "the boundary")
 
-    def _table_faults(self) -> Iterator[Fault]:
-        """The names of tables that no expression can use, and those that are no tables."""
+    def _expression_faults(self) -> Iterator[Fault]:
+        """Names of tables that no expression can use or that are no tables, and t without steps."""
         names = tuple(self.tables or ())
-        for fault in name_faults(names):
-            yield Fault(("tables", *fault.place), fault.message)
+        yield from below(("tables",), name_faults(names))
         tables = {name: ANY_TABLE[name] for name in names}
         for place, text, variables in _expressions(self, ()):
             if not variables:
                 continue
             try:
-                parse(text, (*POSITION, *variables), tables=tables)
+                found = parse(text, (*POSITION, *variables), tables=tables)
             except InputError as error:
                 yield Fault(place, str(error))
-
-    def _timed_faults(self) -> Iterator[Fault]:
-        """The expressions of the time of a problem without steps."""
-        for place, text, variables in _expressions(self, ()):
-            known = (*POSITION, *variables)
-            if TIME in variables and TIME in parse(text, known, tables=ANY_TABLE).names:
+                continue
+            if self.steps is None and TIME in found.names:
                 yield Fault(
                     place,
                     "depends on the time t, and the file has no steps; add a section such as "
@@ -249,13 +239,12 @@ class Parameters(Section):
             *self._contact_sections(),
         ]
         for place, section in sections:
-            for fault in section.dimension_faults(dim):
-                yield Fault((*place, *fault.place), fault.message)
-        for fault in self.material.dimension_faults(dim, self.mesh.axisymmetric):
-            yield Fault(("material", *fault.place), fault.message)
+            yield from below(place, section.dimension_faults(dim))
+        yield from below(("material",), self.material.dimension_faults(dim, self.mesh.axisymmetric))
         for place, contact in self._contact_sections() if self.mesh.axisymmetric else ():
-            for fault in contact.foundation.revolution_faults() if contact.foundation else ():
-                yield Fault((*place, "foundation", *fault.place), fault.message)
+            if contact.foundation is not None:
+                where = (*place, "foundation")
+                yield from below(where, contact.foundation.revolution_faults())
         for place, text, variables in _expressions(self, ()):
             try:
                 known = (*POSITION[:dim], *variables)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
@@ -38,6 +38,11 @@ def refuse_if(faults: Iterable[Fault]) -> None:
         raise FaultsError(found)
 
 
+def below(place: Place, faults: Iterable[Fault]) -> Iterator[Fault]:
+    """The faults of a section that is at ``place`` of another one."""
+    return (Fault((*place, *fault.place), fault.message) for fault in faults)
+
+
 def vector_faults(place: Place, vector: Any, dim: int) -> Iterator[Fault]:
     """The fault of a vector that has not ``dim`` components; None has no fault."""
     if vector is not None and len(vector) != dim:
@@ -55,6 +60,15 @@ class Section(BaseModel):
     @classmethod
     def _prepare(cls, data: Any) -> Any:
         return {} if data is None else data
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        refuse_if(self._faults())
+        return self
+
+    def _faults(self) -> Iterator[Fault]:
+        """What is wrong with the values of the section together."""
+        return iter(())
 
 
 def entry(default: Any, description: str, unit: str = "", **more: Any) -> Any:

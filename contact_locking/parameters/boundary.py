@@ -1,14 +1,17 @@
-"""The loads and supports: body force, tractions, pressures and prescribed displacements."""
+"""The loads and supports, and the tables of numbers for expressions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from keyword import iskeyword
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from .base import Fault, Place, Section, entry, refuse_if, vector_faults
-from .values import Along, Names, TimedScalar
+from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
+
+from .base import Fault, Place, Section, entry, vector_faults
+from .values import Along, Names, Text, TimedScalar
 
 # All tractions and pressures are compiled into one form, which takes seconds for 200 of them and
 # fails for some 2000.
@@ -42,11 +45,9 @@ class Displacement(Section):
         ..., "components of u; null leaves one free", "length", scalar="t"
     )
 
-    @model_validator(mode="after")
-    def _check(self) -> Displacement:
+    def _faults(self) -> Iterator[Fault]:
         if all(component is None for component in self.value):
-            refuse_if([Fault(("value",), "fixes no component; give a number for at least one")])
-        return self
+            yield Fault(("value",), "fixes no component; give a number for at least one")
 
 
 class Support(Section):
@@ -77,14 +78,12 @@ class LoadParameters(Section):
         (), "parts of Gamma_D that are held along their normal or along a given direction"
     )
 
-    @model_validator(mode="after")
-    def _check(self) -> LoadParameters:
-        refuse_if(self._prescribed_twice())
+    def _faults(self) -> Iterator[Fault]:
+        yield from self._prescribed_twice()
         count = len(self.tractions) + len(self.pressures)
         if count > _MOST_TRACTIONS:
             message = f"{count} entries together with tractions; at most {_MOST_TRACTIONS}"
-            refuse_if([Fault(("pressures",), message)])
-        return self
+            yield Fault(("pressures",), message)
 
     def held(self) -> Iterator[tuple[Place, Displacement | Support]]:
         """The entries with prescribed displacements, with their places."""
@@ -117,3 +116,28 @@ class LoadParameters(Section):
         for index, support in enumerate(self.supports):
             if support.along != "normal":
                 yield from vector_faults(("supports", index, "along"), support.along, dim)
+
+
+#: Names that a table may not have.
+_TAKEN = {*POSITION, TIME, "s", "inf", *CONSTANTS, *FUNCTIONS}
+_MOST_TABLES = 50
+
+
+class TableParameters(Section):
+    """Two columns of a CSV file, interpolated linearly between the rows."""
+
+    file: Text = entry(..., "a CSV file with a row of column names, relative to the study file")
+    over: Text = entry(..., "the name of the column with the ascending arguments")
+    column: Text = entry(..., "the name of the column with the values")
+
+
+def name_faults(names: Iterable[str]) -> Iterator[Fault]:
+    """The names of tables that expressions cannot use."""
+    names = list(names)
+    if len(names) > _MOST_TABLES:
+        yield Fault((), f"has {len(names)} tables; at most {_MOST_TABLES} are allowed")
+    for name in names:
+        if not (name.isascii() and name.isidentifier()) or iskeyword(name):
+            yield Fault((name,), "is no name for expressions; take letters, digits and _")
+        elif name in _TAKEN:
+            yield Fault((name,), "is a name that expressions have already; take another")

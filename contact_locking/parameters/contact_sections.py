@@ -1,17 +1,84 @@
-"""Unilateral contact: one section for Gamma_C, or a list with a section for each part."""
+"""Contact and friction: for the whole of Gamma_C, or in a list with a section for each part."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag
 
-from .base import Fault, Section, entry, refuse_if
-from .coulomb import FrictionParameters, OwnFriction
+from .base import Fault, Section, below, entry
 from .rigid_body import Foundation
-from .values import LIST, SECTION, Names, TimedScalar
+from .values import (
+    LIST,
+    SECTION,
+    Names,
+    NonNegative,
+    NonNegativeSlipScalar,
+    Positive,
+    TimedScalar,
+    list_or,
+)
+
+Kernel = Literal["convolution", "helmholtz", "none"]
+
+
+class Smoothing(Section):
+    """R, the mollifier of the normal stress along Gamma_C."""
+
+    kernel: Kernel = entry(
+        "convolution", "convolution, helmholtz (I - r^2 Laplace_Gamma), or none: local Coulomb"
+    )
+    radius: Positive | None = entry(
+        None,
+        "r, of the kernel, measured along Gamma_C; null: a tenth of the extent of Gamma_C, two "
+        "facets at least",
+        "length",
+    )
+
+
+class FrictionParameters(Section):
+    """Coulomb's law (6): |sigma_tau| <= mu(|u_tau|) |R sigma_nu|."""
+
+    coefficient: NonNegativeSlipScalar = entry(
+        0.0, "mu >= 0, a number or an expression of x, y, z and s = |u_tau|", "1", scalar="s"
+    )
+    smoothing: Smoothing = entry(Smoothing(), "the mollifier R")
+    regularisation: NonNegative | None = entry(
+        None,
+        "the slip at which friction reaches 71 % of its bound, eps of (22); 0: Coulomb's law "
+        "itself, without regularisation; null: penalty.epsilon times Young's modulus",
+        "length",
+    )
+
+
+class OwnSmoothing(Section):
+    """The mollifier R of one part of Gamma_C, as far as it differs from ``friction.smoothing``."""
+
+    kernel: Kernel | None = entry(None, "null: friction.smoothing.kernel", optional=True)
+    radius: Positive | None = entry(
+        None, "null: friction.smoothing.radius", "length", optional=True
+    )
+
+
+class OwnFriction(Section):
+    """The friction of one part of Gamma_C, as far as it differs from ``friction``."""
+
+    coefficient: NonNegativeSlipScalar | None = entry(
+        None, "null: friction.coefficient", "1", scalar="s", optional=True
+    )
+    smoothing: OwnSmoothing | None = entry(None, "the mollifier R of this part", optional=True)
+    regularisation: NonNegative | None = entry(
+        None, "null: friction.regularisation", "length", optional=True
+    )
+
+    def over(self, common: FrictionParameters) -> FrictionParameters:
+        """``common``, with the keys that this part gives itself in place of the common ones."""
+        own = self.model_dump(exclude_none=True)
+        smoothing = common.smoothing.model_copy(update=own.pop("smoothing", {}))
+        return common.model_copy(update={**own, "smoothing": smoothing})
+
 
 # Each section adds integrals to the forms, and compiling long forms takes long.
 _MOST_ENTRIES = 100
@@ -27,18 +94,15 @@ class ContactSection(Section):
         None, "friction on this part; what it leaves out is as under friction", optional=True
     )
 
-    @model_validator(mode="after")
-    def _check(self) -> ContactSection:
+    def _faults(self) -> Iterator[Fault]:
         if self.foundation is not None and self.gap != 0:
             message = "the foundation defines the gap; give either gap or foundation"
-            refuse_if([Fault(("gap",), message)])
-        return self
+            yield Fault(("gap",), message)
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The faults of the foundation in ``dim`` dimensions."""
         if self.foundation is not None:
-            for fault in self.foundation.dimension_faults(dim):
-                yield Fault(("foundation", *fault.place), fault.message)
+            yield from below(("foundation",), self.foundation.dimension_faults(dim))
 
     def resolved(self, key: str, common: FrictionParameters) -> ContactParameters:
         """The section at ``key`` of the file, with its friction completed by ``common``."""
@@ -73,9 +137,5 @@ class ContactParameters:
         return f"friction.{name}" if given is None else f"{self.key}.friction.{name}"
 
 
-def _kind(value: Any) -> str:
-    return LIST if isinstance(value, list | tuple) else SECTION
-
-
 _Several = Annotated[tuple[ContactSection, ...], Field(max_length=_MOST_ENTRIES), Tag(LIST)]
-OneOrSeveral = Annotated[Annotated[ContactSection, Tag(SECTION)] | _Several, Discriminator(_kind)]
+OneOrSeveral = Annotated[Annotated[ContactSection, Tag(SECTION)] | _Several, list_or(SECTION)]

@@ -1,16 +1,28 @@
-"""Discretisation, penalty, solver, certificate and output."""
+"""Discretisation, penalty, solver, steps, adaptive meshes, certificate and output."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator
 
-from .base import Fault, Section, entry, refuse_if
+from .base import Fault, Section, below, entry
 from .probes import MOST_POINTS, Probe
-from .values import Count, Degree, Positive, PositiveOrInfinite, Switch, Text, Tolerance
+from .values import (
+    Count,
+    Degree,
+    Number,
+    Positive,
+    PositiveOrInfinite,
+    Share,
+    StepCount,
+    Switch,
+    Text,
+    Tolerance,
+)
 from .wording import show
 
 # Linux's PATH_MAX is 4096, and the names of the files are appended to the folder.
@@ -123,12 +135,10 @@ class OutputParameters(Section):
         (), "points where probes.csv has displacement, strain norm and stresses"
     )
 
-    @model_validator(mode="after")
-    def _not_too_many_points(self) -> OutputParameters:
+    def _faults(self) -> Iterator[Fault]:
         count = sum(probe.count for probe in self.probes)
         if count > MOST_POINTS:
-            refuse_if([Fault(("probes",), f"{count} points; at most {MOST_POINTS}")])
-        return self
+            yield Fault(("probes",), f"{count} points; at most {MOST_POINTS}")
 
     @field_validator("directory")
     @classmethod
@@ -142,5 +152,76 @@ class OutputParameters(Section):
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The points of probes that do not have ``dim`` coordinates."""
         for index, probe in enumerate(self.probes):
-            for fault in probe.dimension_faults(dim):
-                yield Fault(("probes", index, *fault.place), fault.message)
+            yield from below(("probes", index), probe.dimension_faults(dim))
+
+
+class AdaptParameters(Section):
+    """The loop that solves, estimates the error, marks cells and refines them."""
+
+    tolerance: Tolerance = entry(
+        0.01, "the relative error in the energy norm at which the meshes are fine enough", "1"
+    )
+    by: Literal["estimate", "bound"] = entry(
+        "estimate",
+        "the error that is meant and that marks cells: estimate (certificate.errors.mesh) or bound "
+        "(certificate.errors.guaranteed)",
+    )
+    share: Share = entry(0.5, "the share of the squared error that the marked cells have", "1")
+    max_dofs: Count = entry(100_000, "no mesh has more unknowns", "1")
+    max_meshes: Count = entry(12, "no more meshes, with the first", "1")
+
+
+_MOST_STEPS = 100_000
+# A step may be halved so often, unless the file gives the least step.
+_HALVINGS = 6
+
+
+class StepParameters(Section):
+    """Times t_1 < t_2 < ..., with steps of equal length or listed."""
+
+    to: Positive | None = entry(
+        None, "the last time, for steps of equal length from t = 0", "time", optional=True
+    )
+    count: StepCount | None = entry(None, "number of steps up to `to`", "1", optional=True)
+    times: Annotated[tuple[Number, ...], Field(max_length=_MOST_STEPS)] | None = entry(
+        None, "the times in place of `to` and `count`, ascending", "time", optional=True
+    )
+    least: Positive | None = entry(
+        None,
+        "the shortest step: a step that does not converge is halved down to this length; "
+        "null: 1/64 of the step",
+        "time",
+        optional=True,
+    )
+
+    @property
+    def planned(self) -> tuple[float, ...]:
+        """The times t_1 < t_2 < ... of the steps."""
+        if self.times is not None:
+            return self.times
+        assert self.to is not None and self.count is not None
+        return tuple(self.to * k / self.count for k in range(1, self.count + 1))
+
+    @property
+    def start(self) -> float:
+        """The time before the first step: 0, or ``t_1`` if that is earlier."""
+        return min(0.0, self.planned[0])
+
+    def least_after(self, length: float) -> float:
+        """The shortest step that halving may make of a step of the given length."""
+        return length / 2**_HALVINGS if self.least is None else self.least
+
+    def _faults(self) -> Iterator[Fault]:
+        if self.times is None:
+            if self.to is None or self.count is None:
+                yield Fault((), "give `to` and `count`, such as {to: 1, count: 20}, or `times`")
+        elif self.to is not None or self.count is not None:
+            yield Fault(("times",), "give either `times`, or `to` and `count`")
+        elif not self.times:
+            yield Fault(("times",), "must have one time at least")
+        else:
+            for first, second in itertools.pairwise(self.times):
+                if not first < second:
+                    message = f"must ascend, but {show(second)} follows {show(first)}"
+                    yield Fault(("times",), message)
+                    return

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from .base import Fault, Place, Section, entry, refuse_if, vector_faults
+from .base import Fault, Place, Section, entry, vector_faults
 from .values import Number
 
 #: The table has a row for each point, and for each step of a process.
@@ -39,15 +39,13 @@ class Probe(Section):
     )
     line: Line | None = entry(None, "points on a line", optional=True)
 
-    @model_validator(mode="after")
-    def _exactly_one(self) -> Probe:
+    def _faults(self) -> Iterator[Fault]:
         if (self.points is None) == (self.line is None):
-            refuse_if([Fault((), "give exactly one of points and line")])
+            yield Fault((), "give exactly one of points and line")
         line = self.line
         if line is not None and len(line.start) != len(line.to):
             message = f"must have {len(line.start)} coordinates as from, not {len(line.to)}"
-            refuse_if([Fault(("line", "to"), message)])
-        return self
+            yield Fault(("line", "to"), message)
 
     @property
     def count(self) -> int:

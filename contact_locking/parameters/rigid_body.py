@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag
 
-from .base import Fault, Place, Section, entry, refuse_if, vector_faults
-from .motion import Motion, MotionOrTranslation
+from .base import Fault, Place, Section, below, entry, vector_faults
 from .values import (
     LIST,
     SECTION,
@@ -19,8 +18,66 @@ from .values import (
     Text,
     TimedScalar,
     TimeScalar,
+    list_or,
 )
 from .wording import show
+
+Translation = tuple[TimeScalar, ...]
+
+
+Rotation = Annotated[
+    Annotated[tuple[TimeScalar, ...], Tag(LIST)] | Annotated[TimeScalar, Tag(SECTION)],
+    list_or(SECTION),
+]
+
+
+class Motion(Section):
+    """x = about + R (X - about) + translation, from rest: without motion x = X."""
+
+    translation: Translation | None = entry(
+        None, "components of the displacement; null: none", "length", scalar="t", optional=True
+    )
+    rotation: Rotation | None = entry(
+        None, "angle, in 3D the components of a rotation vector; null: none", "rad",
+        scalar="t", optional=True,
+    )  # fmt: skip
+    about: tuple[Number, ...] | None = entry(
+        None, "the point of the tool at rest about which the tool turns", "length", optional=True
+    )
+
+    def _faults(self) -> Iterator[Fault]:
+        if self.translation is None and self.rotation is None:
+            yield Fault((), "moves nothing: give translation, rotation or both")
+        if (self.rotation is None) != (self.about is None):
+            missing, there = ("about", "rotation") if self.about is None else ("rotation", "about")
+            yield Fault((missing,), f"is missing beside {there}")
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        """The vectors that do not have ``dim`` components, and an angle of another kind."""
+        yield from vector_faults(("translation",), self.translation, dim)
+        yield from vector_faults(("about",), self.about, dim)
+        if dim == 2 and isinstance(self.rotation, tuple):
+            yield Fault(("rotation",), "is one angle in 2D, and no list")
+        if dim == 3 and self.rotation is not None:
+            if isinstance(self.rotation, tuple):
+                yield from vector_faults(("rotation",), self.rotation, dim)
+            else:
+                message = "is a vector with 3 components in 3D: the axis times the angle"
+                yield Fault(("rotation",), message)
+
+    @property
+    def angles(self) -> tuple[float | str, ...] | None:
+        """The components of the rotation, one in 2D and three in 3D."""
+        if self.rotation is None or isinstance(self.rotation, tuple):
+            return self.rotation
+        return (self.rotation,)
+
+
+MotionOrTranslation = Annotated[
+    Annotated[Motion, Tag(SECTION)] | Annotated[Translation, Tag(LIST)],
+    list_or(SECTION),
+]
+
 
 #: A longer polyline is not read.
 MOST_CORNERS = 10_000
@@ -34,10 +91,8 @@ class HalfSpace(Section):
         ..., "normal of its surface, towards the body; of any length", "1"
     )
 
-    @model_validator(mode="after")
-    def _check(self) -> HalfSpace:
-        refuse_if(_zero_faults("normal", self.normal))
-        return self
+    def _faults(self) -> Iterator[Fault]:
+        return _zero_faults("normal", self.normal)
 
 
 class Sphere(Section):
@@ -56,10 +111,8 @@ class Cylinder(Section):
         None, "its direction, in 3D only; null: [0, 1, 0]", "1", optional=True
     )
 
-    @model_validator(mode="after")
-    def _check(self) -> Cylinder:
-        refuse_if(_zero_faults("axis", self.axis))
-        return self
+    def _faults(self) -> Iterator[Fault]:
+        return _zero_faults("axis", self.axis)
 
 
 class Surface(Section):
@@ -75,20 +128,13 @@ class Surface(Section):
     turned: Switch = entry(False, "whether the other side of the triangles is outside")
 
 
-def _text_or_list(value: Any) -> str:
-    return LIST if isinstance(value, list | tuple) else TEXT
-
-
-def _text_or_section(value: Any) -> str:
-    return TEXT if isinstance(value, str) else SECTION
-
-
 _Corners = Annotated[
     tuple[tuple[Number, ...], ...], Field(min_length=2, max_length=MOST_CORNERS), Tag(LIST)
 ]
-CornersOrFile = Annotated[_Corners | Annotated[Text, Tag(TEXT)], Discriminator(_text_or_list)]
+CornersOrFile = Annotated[_Corners | Annotated[Text, Tag(TEXT)], list_or(TEXT)]
 SurfaceOrFile = Annotated[
-    Annotated[Surface, Tag(SECTION)] | Annotated[Text, Tag(TEXT)], Discriminator(_text_or_section)
+    Annotated[Surface, Tag(SECTION)] | Annotated[Text, Tag(TEXT)],
+    Discriminator(lambda value: TEXT if isinstance(value, str) else SECTION),
 ]
 
 
@@ -136,17 +182,15 @@ class Foundation(Section):
         optional=True,
     )
 
-    @model_validator(mode="after")
-    def _check(self) -> Foundation:
+    def _faults(self) -> Iterator[Fault]:
         given = [name for name in SHAPES if getattr(self, name) is not None]
         if len(given) != 1:
             listed = ", ".join(SHAPES)
             message = f"give exactly one of {listed}, not {' and '.join(given) or 'none'}"
-            refuse_if([Fault((), message)])
+            yield Fault((), message)
         if self.force is not None and not any(self.force):
             message = "is zero, so that nothing pushes the foundation; leave it out for a fixed one"
-            refuse_if([Fault(("force",), message)])
-        return self
+            yield Fault(("force",), message)
 
     @property
     def shape(self) -> tuple[str, Any]:
@@ -175,17 +219,13 @@ class Foundation(Section):
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The vectors that do not have ``dim`` components, and an axis in 2D."""
         yield from vector_faults(("force",), self.force, dim)
-        if self.half_space is not None:
-            yield from vector_faults(("half_space", "point"), self.half_space.point, dim)
-            yield from vector_faults(("half_space", "normal"), self.half_space.normal, dim)
-        if self.sphere is not None:
-            yield from vector_faults(("sphere", "centre"), self.sphere.centre, dim)
-        if self.cylinder is not None:
-            yield from vector_faults(("cylinder", "centre"), self.cylinder.centre, dim)
-            if dim == 3:
-                yield from vector_faults(("cylinder", "axis"), self.cylinder.axis, dim)
-            elif self.cylinder.axis is not None:
-                yield Fault(("cylinder", "axis"), "must be left out in 2D")
+        places = ("half_space.point", "half_space.normal", "sphere.centre", "cylinder.centre")
+        for place in (tuple(text.split(".")) for text in (*places, "cylinder.axis")):
+            vector = getattr(getattr(self, place[0]), place[1], None)
+            if dim == 2 and place[1] == "axis" and vector is not None:
+                yield Fault(place, "must be left out in 2D")
+            else:
+                yield from vector_faults(place, vector, dim)
         if self.polyline is not None and dim != 2:
             yield Fault(("polyline",), "is for 2D; in 3D take surface")
         if self.surface is not None and dim != 3:
@@ -198,8 +238,7 @@ class Foundation(Section):
         if isinstance(self.motion, tuple):
             yield from vector_faults(("motion",), self.motion, dim)
         elif self.motion is not None:
-            for fault in self.motion.dimension_faults(dim):
-                yield Fault(("motion", *fault.place), fault.message)
+            yield from below(("motion",), self.motion.dimension_faults(dim))
 
     def revolution_faults(self) -> Iterator[Fault]:
         """A shape or a motion that is not one of revolution about x = 0."""

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, model_validator
+from pydantic import BaseModel, BeforeValidator
 
 from contact_locking.plain_text import nearest
 
-from .base import Fault, Section, entry, refuse_if
+from .base import Fault, Section, entry
 from .keys import known_keys
 from .wording import show
 
@@ -74,11 +74,6 @@ class StudyParameters(Section):
 
     vary: dict[str, Values] = entry({}, "dotted keys with their values: every combination")
     zip: dict[str, Values] = entry({}, "dotted keys with lists of one length: side by side")
-
-    @model_validator(mode="after")
-    def _check(self) -> StudyParameters:
-        refuse_if(self._faults())
-        return self
 
     def _faults(self) -> Iterator[Fault]:
         keys = [*self.vary, *self.zip]

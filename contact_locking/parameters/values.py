@@ -9,6 +9,7 @@ import math
 import unicodedata
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
@@ -63,10 +64,6 @@ def _reason(value: Any, error: InputError) -> str:
 
 def _finite(value: Any) -> float:
     return _number(value, infinite=False)
-
-
-def _extended(value: Any) -> float:
-    return _number(value, infinite=True)
 
 
 def _negative(value: Any) -> float | str:
@@ -150,6 +147,11 @@ def _number_or_text(value: Any) -> str:
     return TEXT if isinstance(value, str) else NUMBER
 
 
+def list_or(tag: str) -> Discriminator:
+    """The choice between a list and what has another tag."""
+    return Discriminator(lambda value: LIST if isinstance(value, list | tuple) else tag)
+
+
 _IN_SPACE_AND_TIME = _ScalarRule((*POSITION, TIME), tables=ANY_TABLE)
 _IN_SPACE, _OR_INFINITE = _ScalarRule(POSITION), _ScalarRule(POSITION, infinite=True)
 _OF_SLIP = _ScalarRule((*POSITION, "s"), tables=ANY_TABLE)
@@ -172,7 +174,7 @@ NonNegative = Annotated[
     float, Field(ge=0), BeforeValidator(_finite), AfterValidator(_zero_or_not_tiny)
 ]
 PositiveOrInfinite = Annotated[
-    float, Field(gt=0), BeforeValidator(_extended), AfterValidator(_not_tiny)
+    float, Field(gt=0), BeforeValidator(partial(_number, infinite=True)), AfterValidator(_not_tiny)
 ]
 Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 Share = Annotated[float, Field(gt=0, le=1), BeforeValidator(_finite), AfterValidator(_not_tiny)]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
+from contact_locking.errors import NoRendering
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.results.solution import StudySolution
 
 if TYPE_CHECKING:
-    from contact_locking.plotting.animation import Film
+    from contact_locking.extras.pictures.animation import Film
 
 
 class Filming(Protocol):
@@ -49,12 +50,11 @@ class _Recording:
         if self._problem is not None:
             return
         try:
-            from contact_locking.plotting.animation import MOST_PIECES, Film, Frame
+            from contact_locking.extras.pictures.animation import MOST_PIECES, Film, Frame
         except ImportError as error:
             self._problem = f"no animation was drawn: {error.name} cannot be imported"
             return
-        from contact_locking.plotting.gather import gather
-        from contact_locking.plotting.pieces import Pieces
+        from contact_locking.extras.pictures.gather import Pieces, gather
 
         domain = solution.domain
         in_cell = len(Pieces.of(domain.dim, solution.element.degree).nodes)
@@ -72,11 +72,13 @@ class _Recording:
             return None, None
         drawn: bytes | None = None
         if self._film is not None and len(self._film.frames) > 1:
-            from contact_locking.plotting.animation import animation
+            from contact_locking.extras.pictures.animation import animation
 
             monitor.message("drawing the animation")
             try:
-                drawn, self._problem = animation(self._film.frames)
+                drawn = animation(self._film.frames)
+            except NoRendering as reason:
+                self._problem = f"no animation was drawn: {reason}"
             except Exception as error:
                 # An error of the animation must not lose the results of a long process.
                 self._problem = f"no animation was drawn: {type(error).__name__}: {error}"

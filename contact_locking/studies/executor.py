@@ -1,13 +1,96 @@
-"""The interface of the executors: processes on this machine, or a batch system."""
+"""The command that solves a case, and the interface of the executors that run it."""
 
 from __future__ import annotations
 
+import os
+import re
+import shutil
+import signal
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, Protocol
 
-from .case_command import PROGRAM
-from .cases import Case
+from contact_locking.errors import InputError
+from contact_locking.results.names import PARAMETERS
+
+from .cases import PROGRESS, Case
+
+#: The program that solves a case; its arguments follow.  With -P, Python takes no modules from the
+#: current folder, which may have come with the study.
+PROGRAM = (sys.executable, "-P", "-m", "contact_locking")
+
+_LOG_TAIL = 65_536
+# An error as the command line prints it: its further lines are indented.
+_ERROR = re.compile(r"^error: (.+(?:\n {7}.+)*)", re.MULTILINE)
+# PETSc catches signals, prints this message and ends with an exit code of its own.
+_CRASH = re.compile(r"PETSC ERROR: Caught signal number \d+ ([^,\n]+)")
+
+
+def launcher(ranks: int) -> tuple[str, ...]:
+    """The words before a program that start it on ``ranks`` ranks; none for one rank.
+
+    Raises InputError if there is no mpirun.
+    """
+    if ranks == 1:
+        return ()
+    mpirun = shutil.which("mpirun")
+    if mpirun is None:
+        raise InputError(
+            f"--ranks {ranks} takes mpirun, which is not on the PATH; "
+            "install MPI, or leave --ranks out"
+        )
+    return (mpirun, "-n", str(ranks))
+
+
+def environment(jobs: int, ranks: int) -> dict[str, str]:
+    """The environment variables of the cases; variables that the user has set stay."""
+    defaults = {"PYTHONUNBUFFERED": "1"}
+    if jobs * ranks > 1:
+        defaults["OMP_NUM_THREADS"] = "1"
+    if jobs > 1 and ranks > 1:
+        # Each mpirun of Open MPI 4 and 5 would bind its ranks to the same first cores.
+        defaults["OMPI_MCA_hwloc_base_binding_policy"] = "none"
+        defaults["PRTE_MCA_hwloc_default_binding_policy"] = "none"
+    return defaults | os.environ
+
+
+def words(case: Case) -> list[str]:
+    """The arguments that solve a case in its folder, once `outcome.begin` has prepared it."""
+    progress = str(case.folder / PROGRESS)
+    return ["run", str(case.folder / PARAMETERS), "--progress", progress]
+
+
+def command(case: Case, program: Sequence[str], ranks: int) -> list[str]:
+    """The command that solves a case in a process of its own, or in one for each rank."""
+    return [*launcher(ranks), *program, *words(case)]
+
+
+def explain(code: int, log: Path) -> str:
+    """The reason for an exit code in words, taken from the log of the process if it is there."""
+    number = -code if code < 0 else code - 128
+    if number in list(signal.Signals):
+        name = signal.Signals(number).name
+        hint = ", perhaps for want of memory" if number == signal.SIGKILL else ""
+        return f"was killed by {name}{hint}"
+    text = _tail(log)
+    if code and (crash := _CRASH.search(text)):
+        return f"crashed: {crash[1]}; see {log}"
+    if code and (errors := _ERROR.findall(text)):
+        return " ".join(errors[-1].split())
+    if code in (0, 3):
+        return "left no results of these parameters; has the mesh file changed meanwhile?"
+    return f"ended with exit code {code}; see {log}"
+
+
+def _tail(log: Path) -> str:
+    try:
+        with log.open("rb") as stream:
+            stream.seek(max(0, log.stat().st_size - _LOG_TAIL))
+            return stream.read().decode("utf-8", errors="replace")
+    except OSError:
+        return ""
 
 
 @dataclass(frozen=True)
@@ -37,26 +120,3 @@ class Running(Protocol):
 
     def why(self) -> str:
         """The reason why the case left no results, after its end."""
-
-
-class Executor(Protocol):
-    """Runs cases: call ``poll`` as long as the executor is ``busy``, then ``stop``."""
-
-    #: Seconds between two calls of ``poll``.
-    pause: float
-
-    @property
-    def busy(self) -> bool:
-        """Whether cases wait or run."""
-
-    @property
-    def running(self) -> Sequence[Running]: ...
-
-    def poll(self) -> Sequence[Running]:
-        """Start the next cases, and return the cases that have ended since the last call.
-
-        Raises OSError where a case cannot be started.
-        """
-
-    def stop(self) -> None:
-        """End the running cases."""

@@ -21,19 +21,20 @@ from contact_locking.studies.signals import stoppable
 from contact_locking.study_file import StudyFile
 
 from . import table
-from .case_command import launcher
-from .cases import Case, cases_of, each_once
-from .executor import Executor, Plan
-from .local import LocalExecutor
-from .outcome import (
+from .cases import (
+    Case,
     Outcome,
     State,
+    cases_of,
     conclude,
+    each_once,
     other_version,
     outcome,
     require_own,
     strangers,
 )
+from .executor import Plan, launcher
+from .local import LocalExecutor
 from .slurm import FILES as SLURM_FILES
 from .slurm import SlurmExecutor, require_slurm
 from .view import View
@@ -155,7 +156,10 @@ def _prepare(study: Study, file: StudyFile) -> None:
 
 def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
     """Run the cases; write the table of the finished cases also if an error ends this."""
-    executor = _executor(todo, plan, study.directory)
+    is_local = plan.executor == "local"
+    executor: LocalExecutor | SlurmExecutor = (
+        LocalExecutor(todo, plan) if is_local else SlurmExecutor(todo, plan, study.directory)
+    )
     written = time.monotonic()
     try:
         with stoppable():
@@ -173,12 +177,6 @@ def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
         executor.stop()
         study.look()
         study.write_table()
-
-
-def _executor(todo: Sequence[Case], plan: Plan, directory: Path) -> Executor:
-    if plan.executor == "slurm":
-        return SlurmExecutor(todo, plan, directory)
-    return LocalExecutor(todo, plan)
 
 
 def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:

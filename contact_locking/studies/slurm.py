@@ -17,10 +17,8 @@ from pathlib import Path
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files.ownership import claim, write_text
 
-from .case_command import command, environment, explain
-from .cases import Case
-from .executor import Plan
-from .outcome import EXIT_CODE, LOG, begin
+from .cases import EXIT_CODE, LOG, Case, begin
+from .executor import Plan, command, environment, explain
 
 SCRIPT, MESSAGES, JOB = "slurm.sh", "slurm.txt", "slurm-job.txt"
 #: The files in the folder of the cases.

@@ -15,8 +15,7 @@ from contact_locking.plain_text import spreadsheet_cell
 from contact_locking.results.names import TABLE_CSV, TABLE_LINES
 from contact_locking.results.read import Row
 
-from .cases import Case
-from .outcome import Outcome
+from .cases import Case, Outcome
 
 # The title may have changed since the case was solved; if it varies, it has a column of its own.
 _LEFT_OUT = ("title", "fingerprint", "not_finite")

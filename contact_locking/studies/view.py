@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Self
 from contact_locking.plain_text import duration, printable
 from contact_locking.results.read import read_mapping
 
-from .cases import Case
+from .cases import PROGRESS, Case, Outcome, State
 from .executor import Running
-from .outcome import PROGRESS, Outcome, State
 
 if TYPE_CHECKING:
     from rich.console import Console

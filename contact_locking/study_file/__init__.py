@@ -2,9 +2,8 @@
 
 from .dump import dump
 from .fingerprint import file_digest, fingerprint, mesh_identity, problem_fingerprint
-from .listing import schema_text
 from .load import StudyFile, from_mapping, load
-from .schema import schema
+from .schema import schema, schema_text
 from .starter import names as demo_names
 from .starter import starter
 

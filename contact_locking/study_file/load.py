@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
-from collections.abc import Mapping, Sequence
+import itertools
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,14 +14,149 @@ from typing import Any
 from pydantic import ValidationError
 
 from contact_locking.errors import InputError
+from contact_locking.mesh_file.tool_surface import check_size
 from contact_locking.parameters import Parameters
-from contact_locking.parameters.base import MOST_FAULTS, Fault
+from contact_locking.parameters.base import MOST_FAULTS, Fault, FaultsError, Place
+from contact_locking.parameters.keys import known_keys
 from contact_locking.parameters.telling_apart import labels
+from contact_locking.parameters.values import CHOICES
+from contact_locking.parameters.wording import show, unknown_key, value_message
+from contact_locking.plain_text import nearest
 
 from .dump import dump
-from .messages import faults_of
-from .paths import with_absolute_paths
-from .source import MAX_BYTES, Source, assign, read, tell
+from .schema import rows
+from .source import MAX_BYTES, Source, assign, read, similar, tell
+
+# The symbols of the formulas, which users may take for keys.
+_SYMBOLS = {
+    "M": "material.locking_limit",
+    "E": "material.elasticity.young",
+    "nu": "material.elasticity.poisson",
+    "mu": "friction.coefficient",
+    "f0": "loads.body_force",
+    "g": "contact.gap",
+    "r": "friction.smoothing.radius",
+}
+
+
+def faults_of(error: ValidationError) -> list[Fault]:
+    """The faults with their places in the file; at most some 20 of them."""
+    found: list[Fault] = []
+    for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
+        place = tuple(part for part in details["loc"] if part not in CHOICES)
+        cause = details.get("ctx", {}).get("error")
+        if isinstance(cause, FaultsError):
+            found += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
+        else:
+            found.append(Fault(place, str(cause) if cause else _message(details, place)))
+    return found
+
+
+def _message(details: Any, place: tuple[str | int, ...]) -> str:
+    given = show(details["input"])
+    match details["type"]:
+        # A key without a value comes of a decimal comma: {gap: 0,1}.
+        case "extra_forbidden" if (
+            place[:-1] == ("contact",)
+            and str(place[-1]).isdecimal()
+            and details["input"] is not None
+        ):
+            return "contact is one section and not a list: leave the number out of the key"
+        case "extra_forbidden":
+            known = known_keys(Parameters, place[:-1])
+            return unknown_key(str(place[-1]), known, _elsewhere(str(place[-1])))
+        case "model_type" | "model_attributes_type" | "dict_type":
+            keys = ", ".join(known_keys(Parameters, place))
+            several = ", or a list of such mappings" if place == ("contact",) else ""
+            with_keys = f" with keys among {keys}" if keys else ""
+            return f"must be a mapping{with_keys}{several}, not {given}"
+        case "literal_error":
+            allowed = details["ctx"]["expected"].replace("'", "")
+            guess = nearest(str(details["input"]), allowed.replace(" or ", ", ").split(", "))
+            return f"must be {allowed}, not {given}{guess}"
+    return value_message(details)
+
+
+def _elsewhere(name: str) -> str:
+    """The hint at a key of another section with this name, or for this symbol."""
+    if name in _SYMBOLS:
+        return f" (did you mean '{_SYMBOLS[name]}'?)"
+    # A key in an entry of a list or a mapping is no single key of the file.
+    keys = [row.key for row in rows() if "INDEX" not in row.key and "NAME" not in row.key]
+    matches = [key for key in keys if key.rpartition(".")[2] == name]
+    return f" (did you mean '{matches[0]}'?)" if matches else ""
+
+
+#: The shapes of a rigid body that may be in a file.
+_SHAPES = ("surface", "polyline")
+
+
+def with_absolute_paths(data: dict[str, Any], folder: Path) -> tuple[dict[str, Any], list[Fault]]:
+    """The data of a study file with absolute paths, and a fault for each file that is not there."""
+    faults = []
+    for place in _places(data):
+        file = str(folder.absolute() / _at(data, place))
+        # Not Path.is_file, which raises for a name that no file can have.
+        if not os.path.isfile(file):
+            if os.path.isdir(file):
+                faults.append(Fault(place, f"is a folder: {file}"))
+            elif os.path.exists(file):
+                faults.append(Fault(place, f"is a pipe or a device, and no file: {file}"))
+            else:
+                hint = similar(Path(file))
+                faults.append(Fault(place, f"there is no such file: {file}{hint}"))
+        elif place[0] == "contact":
+            # Before anything reads the file, also for its digest.
+            with contextlib.suppress(OSError):
+                try:
+                    check_size(Path(file))
+                except InputError as error:
+                    faults.append(Fault(place, str(error)))
+        data = _replaced(data, place, file)
+    return data, faults[:MOST_FAULTS]
+
+
+def _places(data: dict[str, Any]) -> Iterator[Place]:
+    """The places of all names of files."""
+    if isinstance(_at(data, ("mesh", "file")), str):
+        yield "mesh", "file"
+    tables = data.get("tables")
+    for name in tables if isinstance(tables, dict) else ():
+        if isinstance(_at(data, ("tables", name, "file")), str):
+            yield "tables", name, "file"
+    contact = data.get("contact")
+    starts: list[Place] = [("contact",)]
+    if isinstance(contact, list | tuple):
+        starts = [("contact", index) for index in range(len(contact))]
+    for start in starts:
+        for shape in _SHAPES:
+            place = (*start, "foundation", shape)
+            for end in ((), ("file",)):
+                if isinstance(_at(data, (*place, *end)), str):
+                    yield (*place, *end)
+
+
+def _at(data: Any, place: Place) -> Any:
+    """The value at a place, None if there is none."""
+    for part in place:
+        listed = isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)
+        if not listed and not (isinstance(data, dict) and part in data):
+            return None
+        data = data[part]
+    return data
+
+
+def _replaced(data: Any, place: Place, value: Any) -> Any:
+    """A copy of the data with another value at a place that exists."""
+    if not place:
+        return value
+    first, *rest = place
+    if isinstance(data, dict):
+        return data | {first: _replaced(data[first], tuple(rest), value)}
+    copy = list(data)
+    copy[int(first)] = _replaced(copy[int(first)], tuple(rest), value)
+    return copy
+
 
 # To check as many takes some 20 s; a file of the demos has 50 values.
 _MOST_VALUES = 2_000_000

@@ -1,24 +1,136 @@
-"""The JSON schema of a study file, by which editors complete and check one."""
+"""Every key of a study file: as a table, and as a JSON schema, by which editors check a file."""
 
 from __future__ import annotations
 
 import copy
 import math
 import re
+import textwrap
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
-from typing import Any
+from itertools import groupby
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, TypeAdapter
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.parameters import MeshParameters, Parameters
+from contact_locking.parameters.base import marks
 from contact_locking.parameters.keys import may_be_list, may_be_vector, section_in, visible_fields
 from contact_locking.parameters.mesh import builder_types
 from contact_locking.parameters.study import MAX_CASES
 from contact_locking.parameters.wording import show
 
-from .listing import rows
+_NARROWEST_DESCRIPTION = 30
+
+
+class Row(NamedTuple):
+    """A key of the study file; INDEX and NAME stand for an entry of a list or a mapping.
+
+    ``builders`` are those of the mesh that have the key; empty for a key of no builder.
+    """
+
+    key: str
+    default: str
+    unit: str
+    description: str
+    builders: tuple[str, ...] = ()
+
+    @property
+    def of(self) -> str:
+        """The heading above the parameters of these builders; empty for a key of no builder."""
+        if len(self.builders) == len(BUILDERS):
+            return "every builder"
+        return ", ".join(self.builders)
+
+
+def rows() -> list[Row]:
+    """All keys, each once: a section stands before its own keys.
+
+    Where a section has the same keys as an earlier one, its description says so in their place.
+    """
+    return list(_rows(Parameters, "", {}))
+
+
+def schema_text(width: int = 0) -> str:
+    """The table of all keys for a terminal with ``width`` columns; 0 folds no line."""
+    table = rows()
+    columns = [max(len(row[column]) for row in table) for column in range(3)]
+    indent = 2 + sum(columns) + 2 * len(columns)
+    room = max(width - indent, _NARROWEST_DESCRIPTION) if width else 0
+    parts = []
+    for name, members in groupby(table, key=lambda row: row.key.partition(".")[0]):
+        first, *others = members
+        default = f" (default: {first.default})" if first.default and not others else ""
+        lines = [f"{name}: {first.description}{default}"]
+        heading = ""
+        for row in others:
+            if row.of != heading:
+                heading = row.of
+                lines.append(f"  of {heading}:")
+            cells = [f"{cell:{size}}" for cell, size in zip(row, columns, strict=False)]
+            told = textwrap.wrap(row.description, room) if room else [row.description]
+            lines.append("  " + "  ".join([*cells, told[0]]).rstrip())
+            lines += [" " * indent + more for more in told[1:]]
+        parts.append("\n".join(lines))
+    head = "Keys with their defaults, units and meanings. INDEX counts from 0; NAME is a name.\n"
+    return head + "\n" + "\n\n".join(parts) + "\n"
+
+
+def _rows(model: type[BaseModel], prefix: str, known: dict[type[BaseModel], str]) -> Iterator[Row]:
+    """The keys below a section; ``known`` are the sections that were listed before."""
+    for name, field in visible_fields(model).items():
+        key = f"{prefix}{name}"
+        path, section = section_in(field.annotation)
+        default = "required" if field.is_required() else _shown(field.default)
+        row = Row(key, default, marks(field)["unit"], field.description or "")
+        if section in known:
+            yield row._replace(
+                description=f"{row.description}; its keys: those of {known[section]}"
+            )
+            continue
+        yield row
+        if section is not None:
+            known[section] = key
+            yield from _rows(section, ".".join((key, *path, "")), known)
+    if model is MeshParameters:
+        yield from _builder_rows(prefix)
+
+
+def _builder_rows(prefix: str) -> list[Row]:
+    """The parameters of the geometries, each once, those of the same builders together."""
+    having: dict[str, dict[str, Row]] = {}
+    for builder, cls in BUILDERS.items():
+        for entry in fields(cls):
+            default = "required" if entry.default is MISSING else _shown(entry.default)
+            about = entry.metadata
+            row = Row(f"{prefix}{entry.name}", default, about["unit"], about["description"])
+            having.setdefault(entry.name, {})[builder] = row
+    merged = [_merged(builders) for builders in having.values()]
+    # Those of many builders first.
+    groups = sorted({row.builders: None for row in merged}, key=lambda builders: -len(builders))
+    return sorted(merged, key=lambda row: groups.index(row.builders))
+
+
+def _merged(having: dict[str, Row]) -> Row:
+    """One row for the parameter of several builders, which names the builders that differ."""
+
+    def merged(column: int) -> str:
+        values = {builder: str(row[column]) for builder, row in having.items()}
+        usual, *others = dict.fromkeys(values.values())
+        exceptions = [
+            f"{', '.join(builder for builder in values if values[builder] == other)}: {other}"
+            for other in others
+        ]
+        return "; ".join([usual, *exceptions])
+
+    first = next(iter(having.values()))
+    return Row(first.key, merged(1), first.unit, merged(3), tuple(having))
+
+
+def _shown(value: Any) -> str:
+    return "" if isinstance(value, BaseModel) else show(value)
+
 
 # The language servers of editors know this version best; nothing in the schema takes a later one.
 _VERSION = "http://json-schema.org/draft-07/schema#"
@@ -38,17 +150,13 @@ def schema() -> dict[str, Any]:
         for kind, about in sections["StudyParameters"]["properties"].items()
     }
     for section in sections.values():
-        _with_empty(section)
+        # YAML reads a key with nothing behind it as null.
+        if section.get("type") == "object" and not section.get("required"):
+            section["type"] = ["object", "null"]
     sections["VariedKeys"] = _varied_keys()
     sections["VariedValues"] = _varied_values()
     head = {"$schema": _VERSION, "title": "A study file of contact-locking"}
     return head | found
-
-
-def _with_empty(section: dict[str, Any]) -> None:
-    """Let a section be empty, as YAML reads a key with nothing behind it, if it may have no key."""
-    if section.get("type") == "object" and not section.get("required"):
-        section["type"] = ["object", "null"]
 
 
 def _mesh_schema() -> dict[str, Any]:
@@ -61,7 +169,11 @@ def _mesh_schema() -> dict[str, Any]:
     ]
     for name, cls in BUILDERS.items():
         # An editor shows the description when it completes the name of the builder.
-        builder = {"const": name, "default": name, "description": _first_line(cls)}
+        builder = {
+            "const": name,
+            "default": name,
+            "description": (cls.__doc__ or "").partition("\n")[0],
+        }
         properties: dict[str, Any] = {"builder": builder, "axisymmetric": revolution}
         types = builder_types(cls)
         for entry in fields(cls):
@@ -71,10 +183,6 @@ def _mesh_schema() -> dict[str, Any]:
                 properties[entry.name]["default"] = entry.default
         kinds.append(_object(properties, required=[] if name == "block" else ["builder"]))
     return {"description": MeshParameters.__doc__, "anyOf": [*kinds, {"type": "null"}]}
-
-
-def _first_line(builder: type) -> str:
-    return (builder.__doc__ or "").partition("\n")[0]
 
 
 def _varied_keys() -> dict[str, Any]:
@@ -89,7 +197,8 @@ def _varied_keys() -> dict[str, Any]:
         if _PLACES.keys().isdisjoint(parts):
             properties[key] = {**values, "description": description}
         else:
-            patterns[_pattern(parts)] = values
+            pattern = r"\.".join(_PLACES.get(part, re.escape(part)) for part in parts)
+            patterns[f"^{pattern}$"] = values
     return {
         "type": "object",
         "additionalProperties": False,
@@ -115,10 +224,6 @@ def _places(
                 yield from _places(section, (*key, *steps))
     if model is MeshParameters:
         yield from ((tuple(row.key.split(".")), row.description) for row in rows() if row.builders)
-
-
-def _pattern(parts: tuple[str, ...]) -> str:
-    return "^" + r"\.".join(_PLACES.get(part, re.escape(part)) for part in parts) + "$"
 
 
 def _varied_values() -> dict[str, Any]:

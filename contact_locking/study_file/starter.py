@@ -22,10 +22,8 @@ from contact_locking.parameters.keys import section_in, visible_fields
 from contact_locking.parameters.wording import show
 from contact_locking.plain_text import nearest, printable
 
-from .paths import with_absolute_paths
+from .load import with_absolute_paths
 from .source import read
-
-USUAL = "block"
 
 _DEMOS = Path(__file__).parent / "demos"
 _INDENT = "  "

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.convergence import read_table
-from contact_locking.plotting.rates import Curve, Panel, rate_plot
+from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
 from contact_locking.results.read import Row
 
 RESULTS = Path("results")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from contact_locking.command import arguments
-from contact_locking.study_file.listing import Row, rows
+from contact_locking.study_file.schema import Row, rows
 
 
 def study_file_keys() -> str:

@@ -1,0 +1,1 @@
+"""What is made of solutions and results, and what no solve needs: pictures and reports."""

@@ -1,0 +1,156 @@
+"""An animation of a process, as a GIF file with the times of its frames.
+
+All frames have one scale of colours, one magnification and one window or camera, so that what moves
+is the body and not the axes.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Colormap
+from matplotlib.figure import Figure
+from PIL import Image
+
+from contact_locking.extras.pictures import (
+    offscreen,
+    plane,
+    snapshot_file,
+    space,
+    style,
+    views,
+)
+from contact_locking.extras.pictures.snapshot import Snapshot, seen_from_outside
+from contact_locking.extras.pictures.style import FILM_DPI, look_of
+
+#: The largest number of frames: a process of more steps has every second, fourth, ... step.
+MOST_FRAMES = 40
+#: The largest number of pieces of a body's cells by the dimension, beyond which it takes seconds to
+#: gather or to draw a frame.
+MOST_PIECES = {2: 100_000, 3: 1_000_000}
+
+_DPI, _MILLISECONDS, _LAST = 90, 150, 1200
+# The colours of the palette: those of the scale, greys, and others, which are those of a number of
+# pictures.
+_LEVELS, _GREYS, _OTHERS, _SAMPLES = 80, 17, 158, 8
+_OF_THE_MESH = ("x", "cells", "boundary", "boundary_cell")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The body at the end of a step."""
+
+    step: int
+    time: float
+    body: Snapshot
+
+
+class Film:
+    """The frames of a process, at most `MOST_FRAMES` of them, equally far apart, and its end."""
+
+    def __init__(self) -> None:
+        self._kept: list[Frame] = []
+        self._last: Frame | None = None
+        self._stride = self._count = 0
+
+    def add(self, frame: Frame) -> None:
+        """Add the next step; a step of another mesh begins a new film."""
+        frame = replace(frame, body=seen_from_outside(frame.body))
+        if self._last is not None:
+            first = self._last.body
+            if len(first.x) != len(frame.body.x):
+                self._kept, self._last, self._stride, self._count = [], None, 0, 0
+            else:
+                # The mesh is in memory once.
+                same = {name: getattr(first, name) for name in _OF_THE_MESH}
+                frame = replace(frame, body=replace(frame.body, **same))
+        self._stride = self._stride or 1
+        self._last = frame
+        if self._count % self._stride == 0:
+            self._kept.append(frame)
+        self._count += 1
+        if len(self._kept) >= MOST_FRAMES:
+            self._kept = self._kept[::2]
+            self._stride *= 2
+
+    @property
+    def frames(self) -> list[Frame]:
+        """The frames in the order of the steps."""
+        if self._last is None or self._last is self._kept[-1]:
+            return list(self._kept)
+        return [*self._kept, self._last]
+
+
+def animation(frames: Sequence[Frame]) -> bytes:
+    """The film as a GIF file. Raises NoRendering in three dimensions if PyVista cannot draw."""
+    if frames[0].body.dim == 2:
+        return gif(frames)
+    with tempfile.TemporaryDirectory(prefix="contact-locking-") as folder:
+        for number, frame in enumerate(frames):
+            snapshot_file.save(frame.body, Path(folder) / f"{number:04d}.npz", compressed=False)
+        images = offscreen.views(Path(folder))
+    return gif(frames, [images[name] for name in sorted(images)])
+
+
+def gif(frames: Sequence[Frame], images: Sequence[views.Image] = ()) -> bytes:
+    """The film as a GIF file, whose comment has the steps and the times as JSON.
+
+    In three dimensions ``images`` are the pictures of the bodies.
+    """
+    bodies, titles = [frame.body for frame in frames], [f"t = {frame.time:.4g}" for frame in frames]
+    look, dpi = look_of(bodies), _DPI
+    with matplotlib.rc_context(style.RC):
+        if bodies[0].dim == 2:
+            figures = plane.frames(bodies, look, titles)
+        else:
+            figures, dpi = space.frames(bodies, images, look, titles), FILM_DPI
+        pictures = [_picture(figure, dpi) for figure in figures]
+    pictures = _in_few_colours(pictures, look.shades[0].cmap)
+    comment = json.dumps(
+        {"steps": [frame.step for frame in frames], "times": [frame.time for frame in frames]}
+    )
+    durations = [_MILLISECONDS] * (len(pictures) - 1) + [_LAST]
+    stream = io.BytesIO()
+    pictures[0].save(
+        stream,
+        format="GIF",
+        save_all=True,
+        append_images=pictures[1:],
+        duration=durations,
+        loop=0,
+        comment=comment.encode(),
+        # Equal frames stay frames of their own, as each has its time.
+        optimize=False,
+        disposal=2,
+    )
+    return stream.getvalue()
+
+
+def _picture(figure: Figure, dpi: int) -> Image.Image:
+    figure.set_dpi(dpi)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+
+
+def _in_few_colours(pictures: Sequence[Image.Image], scale: Colormap) -> list[Image.Image]:
+    """The pictures with one palette for all, which has the colours of the scale."""
+    width, height = pictures[0].size
+    some = [*pictures[:: -(-len(pictures) // _SAMPLES)], pictures[-1]]
+    sheet = Image.new("RGB", (width, height * len(some)))
+    for number, picture in enumerate(some):
+        sheet.paste(picture, (0, number * height))
+    others = sheet.quantize(_OTHERS, Image.Quantize.MAXCOVERAGE).getpalette() or []
+    levels = scale(np.linspace(0.0, 1.0, _LEVELS), bytes=True)[:, :3]
+    greys = np.repeat(np.linspace(0, 255, _GREYS).astype(int), 3)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*levels.ravel().tolist(), *greys.tolist(), *others[: 3 * _OTHERS]])
+    return [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]

@@ -1,0 +1,192 @@
+"""The snapshot of a solution, gathered on rank 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import numpy as np
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from scipy.spatial import cKDTree
+
+from contact_locking import _compat
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, drawn_tool
+from contact_locking.laws.elasticity import strain
+from contact_locking.results.contact_points import contact_name
+from contact_locking.results.solution import StudySolution
+
+# Nodes of a cell of degree 2: first the corners, then the middles of the edges in the order of
+# DOLFINx.  The pieces at the corners come first, in the order of the corners.  The octahedron
+# between the corners of a tetrahedron is divided along a line between opposite edges, 4 and 9.
+_QUADRATIC = {
+    2: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)),
+    3: (
+        *((0, 9, 8, 7), (1, 9, 6, 5), (2, 8, 6, 4), (3, 7, 5, 4)),
+        *((4, 9, 5, 6), (4, 9, 6, 8), (4, 9, 8, 7), (4, 9, 7, 5)),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The pieces (p, d + 1) of a cell, by the numbers of the element's nodes in a cell."""
+
+    nodes: IntArray
+
+    @classmethod
+    def of(cls, dim: int, degree: int) -> Pieces:
+        """The pieces for displacements of degree 1 or 2 in d dimensions."""
+        whole = (tuple(range(dim + 1)),)
+        return cls(np.array(whole if degree == 1 else _QUADRATIC[dim], dtype=np.int64))
+
+    def facets_within(self, nodes: set[int]) -> tuple[list[int], list[IntArray]]:
+        """The facets of pieces whose nodes are all among ``nodes``: the pieces, and the facets."""
+        owners, facets = [], []
+        for number, piece in enumerate(self.nodes):
+            for left_out in range(self.nodes.shape[1]):
+                facet = np.delete(piece, left_out)
+                if nodes.issuperset(facet):
+                    owners.append(number)
+                    facets.append(facet)
+        return owners, facets
+
+    def strain_norm(self, solution: StudySolution) -> FloatArray:
+        """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
+
+        For an axisymmetric body these are the values of :meth:`at_points`.
+        """
+        if len(self.nodes) == 1 or solution.domain.axisymmetric:
+            return self.at_points(solution.strain_norm)
+        mesh, dim = solution.domain.mesh, solution.domain.dim
+        space = fem.functionspace(mesh, ("DG", 1, (dim, dim)))
+        eps = fem.Function(space)
+        expression = strain(solution.displacement)
+        eps.interpolate(_compat.interpolation_expression(expression, space))
+        at_corners = _in_cells(eps).reshape(-1, dim + 1, dim * dim)
+        at_midpoints = np.einsum("pc,kcm->kpm", self._midpoints(space), at_corners)
+        return np.asarray(np.linalg.norm(at_midpoints, axis=2).reshape(-1))
+
+    def at_points(self, function: fem.Function) -> FloatArray:
+        """The values (k,) of a scalar in the space of strains for the pieces of owned cells.
+
+        A piece at a corner of the cell has the value of the point beside the corner, a piece in the
+        middle the mean of all points.
+        """
+        values = _in_cells(function)[:, :, 0]
+        corners = self.nodes.shape[1]
+        if len(self.nodes) == 1:
+            return np.asarray(values[:, 0])
+        middle = np.repeat(values.mean(axis=1)[:, None], len(self.nodes) - corners, axis=1)
+        beside = np.broadcast_to(values, (len(values), corners))
+        return np.hstack([beside, middle]).reshape(-1)
+
+    def _midpoints(self, space: fem.FunctionSpace) -> FloatArray:
+        """The barycentric coordinates (p, d + 1) of the midpoints of the pieces."""
+        corners = np.eye(self.nodes.shape[1])
+        edges = basix.topology(space.element.basix_element.cell_type)[1]
+        nodes = np.vstack([corners, *(corners[edge].mean(axis=0)[None] for edge in edges)])
+        return np.asarray(nodes[self.nodes].mean(axis=1))
+
+
+def _in_cells(function: fem.Function) -> FloatArray:
+    """The values (k, points, components) of a function in owned cells."""
+    dofmap, mesh = function.function_space.dofmap, function.function_space.mesh
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    return np.asarray(function.x.array.reshape(-1, dofmap.bs)[dofmap.list[:owned]])
+
+
+def gather(solution: StudySolution) -> Snapshot | None:
+    """The snapshot on rank 0, None elsewhere; collective.
+
+    Each rank sends the nodes and the pieces of cells that it owns.  A global number is therefore a
+    place in the arrays that the ranks make up together.  A cell of degree 1 is one piece.  The
+    nodes of a cell of degree 2 divide the cell into pieces with straight sides.
+    """
+    domain, u = solution.domain, solution.displacement
+    dim, comm, dofmap = domain.dim, domain.comm, u.function_space.dofmap
+    node_map, cell_map = dofmap.index_map, domain.mesh.topology.index_map(dim)
+    nodes, cells = node_map.size_local, cell_map.size_local
+    pieces = Pieces.of(dim, solution.element.degree)
+    facet_cells, facet_pieces, facet_nodes = _boundary(u.function_space, pieces)
+
+    def whole(local: Any) -> Any:
+        parts = comm.gather(local)
+        return None if parts is None else np.concatenate(parts)
+
+    x = whole(u.function_space.tabulate_dof_coordinates()[:nodes, :dim])
+    displacement = whole(u.x.array.reshape(-1, dim)[:nodes])
+    nodal = [(whole(one.surface.points), whole(one.smoothed_stress)) for one in solution.contacts]
+    piece_nodes = dofmap.list[:cells][:, pieces.nodes].reshape(-1, dim + 1)
+    all_pieces = whole(_numbers(node_map, piece_nodes))
+    boundary = whole(_numbers(node_map, facet_nodes))
+    boundary_piece = whole(_numbers(cell_map, facet_cells) * len(pieces.nodes) + facet_pieces)
+    strain = whole(pieces.strain_norm(solution))
+    limit = whole(pieces.at_points(solution.locking_limit))
+    locked = whole(pieces.at_points(solution.locked))
+    points, facets = solution.contact_points, solution.contact_facets
+    if points is None or facets is None:
+        return None
+    vertex = _nearest(points.x, x)
+    # At a node of two contacts each has a smoothed stress of its own.
+    pairs = zip(points.parts(), nodal, strict=True)
+    smoothed = [values[_nearest(part.x, places)] for part, (places, values) in pairs]
+    numbers = np.unique(points.contact)
+    names = tuple(contact_name(solution.summary, int(number)) for number in numbers)
+    return Snapshot(
+        x=x,
+        displacement=displacement,
+        cells=all_pieces,
+        boundary=boundary,
+        boundary_cell=boundary_piece,
+        strain_norm=strain,
+        locking_limit=limit,
+        locked=locked >= 0.5,
+        contact=ContactMap(
+            points,
+            facets,
+            vertex,
+            np.concatenate([np.empty(0), *smoothed]),
+            names,
+            tuple(drawn_tool(solution.contacts[number].outline, x) for number in numbers),
+        ),
+        title=solution.parameters.title,
+        dofs=solution.summary["dofs"],
+        locked_fraction=solution.summary["locked_fraction"],
+        converged=solution.converged,
+    )
+
+
+def _boundary(space: fem.FunctionSpace, pieces: Pieces) -> tuple[IntArray, IntArray, IntArray]:
+    """The pieces of owned exterior facets: cells (m,), pieces of the cell (m,), nodes (m, d).
+
+    Cells and nodes have local numbers.
+    """
+    topology = space.mesh.topology
+    dim = topology.dim
+    topology.create_connectivity(dim - 1, dim)
+    topology.create_connectivity(dim, dim - 1)
+    facets = dmesh.exterior_facet_indices(topology)
+    to_cell = topology.connectivity(dim - 1, dim)
+    cells = to_cell.array[to_cell.offsets[facets]]
+    facets_of = topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)
+    place = np.argmax(facets_of[cells] == facets[:, None], axis=1)
+    layout = space.dofmap.dof_layout
+    closure = [set(layout.entity_closure_dofs(dim - 1, i)) for i in range(dim + 1)]
+    outer = [pieces.facets_within(nodes) for nodes in closure]
+    numbers, nodes = (np.array(found) for found in zip(*outer, strict=True))
+    local = space.dofmap.list[cells[:, None, None], nodes[place]]
+    return np.repeat(cells, nodes.shape[1]), numbers[place].reshape(-1), local.reshape(-1, dim)
+
+
+def _nearest(points: FloatArray, places: FloatArray) -> IntArray:
+    """For each point (k, d) the number of the nearest place (m, d)."""
+    return np.asarray(cKDTree(places).query(points)[1], dtype=np.int64)
+
+
+def _numbers(index_map: Any, local: Any) -> IntArray:
+    """The global numbers of local numbers, in an array of the same shape."""
+    flat = np.ascontiguousarray(local, dtype=np.int32).reshape(-1)
+    return index_map.local_to_global(flat).reshape(np.shape(local))

@@ -1,0 +1,171 @@
+"""All that a picture shows, as arrays of NumPy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.results.contact_points import ContactPoints, facets_within
+
+_LONGEST_NAMES = 40
+
+
+@dataclass(frozen=True)
+class ContactMap:
+    """Gamma_C, which has no points in a body without contact.
+
+    ``facets`` (m, d) are numbers of the points, ``vertices`` (k,) the points as vertices of the
+    body, ``smoothed`` (k,) is R sigma_nu, and ``names`` are those of the contacts.  ``tools`` has
+    for each contact the facets (t, d, d) of the surface of the tool at its place, by their corners,
+    and none for a foundation that is drawn as far as Gamma_C sees it.
+    """
+
+    points: ContactPoints
+    facets: IntArray
+    vertices: IntArray
+    smoothed: FloatArray
+    names: tuple[str, ...]
+    tools: tuple[FloatArray, ...] = ()
+
+    @classmethod
+    def none(cls, dim: int) -> ContactMap:
+        """The map of a body without contact."""
+        vertices, facets = np.empty(0, dtype=np.int64), np.empty((0, dim), dtype=np.int64)
+        return cls(ContactPoints.none(dim), facets, vertices, np.empty(0), ())
+
+    def parts(self) -> list[ContactMap]:
+        """The map of each contact, which has a name if there are several."""
+        rows = self.points.rows()
+        names = self.names if len(rows) > 1 else ("",) * len(rows)
+        dim = self.points.x.shape[1]
+        tools = self.tools or (np.empty((0, dim, dim)),) * len(rows)
+        return [
+            ContactMap(
+                self.points[own],
+                facets_within(self.facets, own),
+                self.vertices[own],
+                self.smoothed[own],
+                (name,),
+                (tool,),
+            )
+            for own, name, tool in zip(rows, names, tools, strict=True)
+        ]
+
+    def titled(self, title: str, before_names: str = ": ") -> str:
+        """A title that ends with the names of the contacts."""
+        names = ", ".join(name for name in self.names if name)
+        shown = names if len(names) <= _LONGEST_NAMES else f"{names[: _LONGEST_NAMES - 1]}\u2026"
+        # Matplotlib would begin a formula at a dollar sign.
+        return title + before_names + shown.replace("$", r"\$") if shown else title
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The body with v vertices, c cells and b boundary facets, numbered over all ranks.
+
+    ``x`` and ``displacement`` are (v, d), ``cells`` (c, d + 1), ``boundary`` (b, d) and
+    ``boundary_cell`` (b,); strain norm, locking limit and ``locked`` are (c,).
+    """
+
+    x: FloatArray
+    displacement: FloatArray
+    cells: IntArray
+    boundary: IntArray
+    boundary_cell: IntArray
+    strain_norm: FloatArray
+    locking_limit: FloatArray
+    locked: npt.NDArray[np.bool_]
+    contact: ContactMap
+    title: str
+    dofs: int
+    locked_fraction: float
+    converged: bool
+
+    @property
+    def dim(self) -> int:
+        return int(self.x.shape[1])
+
+    @property
+    def size(self) -> float:
+        """The longest edge of the body's bounding box."""
+        return float(np.ptp(self.x, axis=0).max())
+
+
+def seen_from_outside(body: Snapshot) -> Snapshot:
+    """A body that looks the same from outside: in 3D only the cells that touch the boundary."""
+    if body.dim == 2:
+        return body
+    outer = np.zeros(len(body.x), dtype=bool)
+    outer[body.boundary] = True
+    kept = outer[body.cells].any(axis=1)
+    vertices, cells = np.unique(body.cells[kept], return_inverse=True)
+    number = np.zeros(len(body.x), dtype=np.int64)
+    number[vertices] = np.arange(len(vertices))
+    contact = replace(body.contact, vertices=number[body.contact.vertices])
+    return replace(
+        body,
+        x=body.x[vertices],
+        displacement=body.displacement[vertices],
+        cells=cells.reshape(-1, 4),
+        boundary=number[body.boundary],
+        boundary_cell=(np.cumsum(kept) - 1)[body.boundary_cell],
+        strain_norm=body.strain_norm[kept],
+        locking_limit=body.locking_limit[kept],
+        locked=body.locked[kept],
+        contact=contact,
+    )
+
+
+# Reach of the drawn foundation beyond Gamma_C as a share of the body's size.
+_REACH = 0.12
+# A tool that reaches farther beyond the body, as a share of its size, and one of more facets, is
+# drawn as far as Gamma_C sees it.
+_FARTHEST, _MOST_FACETS = 1.5, 20_000
+# Points are in a plane if their distance from the plane is below this share of their extent.
+_PLANE = 1e-6
+
+
+def touched(contact: ContactMap, factor: float) -> FloatArray:
+    """The points (k, d) of the foundation below those of Gamma_C, at ``factor`` times the gap."""
+    points = contact.points
+    return points.x + factor * points.gap[:, None] * points.normal
+
+
+def drawn_tool(outline: FloatArray, x: FloatArray) -> FloatArray:
+    """The facets (t, d, d) of a tool if all of it is drawn beside the body x (v, d), else none."""
+    low, high = x.min(axis=0), x.max(axis=0)
+    reach = _FARTHEST * float((high - low).max())
+    beside = np.all(outline >= low - reach) and np.all(outline <= high + reach)
+    return outline if beside and len(outline) <= _MOST_FACETS else outline[:0]
+
+
+def tool(contact: ContactMap, factor: float) -> FloatArray:
+    """The facets (t, d, d) of the tool of one contact, if the picture has a true scale."""
+    (facets,) = contact.tools or (np.empty((0, 0, 0)),)
+    return facets if factor == 1.0 else facets[:0]
+
+
+def foundation(contact: ContactMap, factor: float, size: float) -> FloatArray:
+    """The facets of a tool, or the surface at Gamma_C + gap nu (m, 3 or 4, 3).
+
+    The surface is one rectangle if it is plane, else it has the facets of Gamma_C.
+    """
+    if len(facets := tool(contact, factor)):
+        return facets
+    surface = touched(contact, factor)
+    centre = surface.mean(axis=0)
+    _, spread, basis = np.linalg.svd(surface - centre, full_matrices=False)
+    if spread[2] > _PLANE * spread[0]:
+        return surface[contact.facets]
+    # Along the axes of coordinates where the plane allows it.
+    first = np.eye(3)[np.argmin(np.abs(basis[2]))]
+    first = first - (first @ basis[2]) * basis[2]
+    first /= np.linalg.norm(first)
+    frame = np.array([first, np.cross(basis[2], first)])
+    flat = (surface - centre) @ frame.T
+    low, high = flat.min(axis=0) - _REACH * size, flat.max(axis=0) + _REACH * size
+    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    return (centre + corners @ frame)[None]

@@ -1,0 +1,45 @@
+"""Reports: a page and charts from the files of a finished run or study, without DOLFINx."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from contact_locking.errors import explained
+
+from .files import BESIDE_RUN, CHARTS, PAGE, discard, print_page, replace
+
+__all__ = ["CHARTS", "PAGE", "discard", "print_page", "write", "write_all"]
+
+
+def write(directory: str | Path) -> Path:
+    """Write ``report.html``, which needs no other file, and the charts in ``report/``.
+
+    Returns the path of the page, that of the study in a folder with a run and a study.  A new
+    report replaces an earlier one when it is complete.  Raises InputError for a folder without
+    results, with damaged results or results of another version, with files of others in place of a
+    report, and for a folder that cannot be written to;
+    ContactLockingError where the disk is full.
+    """
+    return write_all(directory)[-1]
+
+
+def write_all(directory: str | Path) -> list[Path]:
+    """Write the pages of all results in a folder, as :func:`write`, and return their paths.
+
+    A folder with a run and a study gets ``report.html`` for the run, and ``report-study.html`` with
+    ``report-study/`` for the study.
+    """
+    from contact_locking.results.read import RunResults, read_all
+
+    from .run_page import run_page
+    from .study_page import study_page
+
+    folder, pages = Path(directory), []
+    with explained(f"no report can be written in {folder}", folder):
+        for results in read_all(folder):
+            if isinstance(results, RunResults):
+                pages.append(replace(folder, *run_page(results)))
+            else:
+                name = BESIDE_RUN if pages else CHARTS
+                pages.append(replace(folder, *study_page(results), name))
+    return pages

@@ -1,0 +1,151 @@
+"""The page of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
+from contact_locking.results.in_words import weakest
+from contact_locking.results.read import RunResults
+
+from .charts import Chart
+from .pictures import frames, picture
+from .quantities import MEANINGS, QUANTITIES, by_contact, reactions
+from .run_charts import adapt_charts, adapted, contact_charts, history_charts
+from .templates import render
+from .words import shown
+
+
+class Part(NamedTuple):
+    """``judged`` are entries with ``value`` and ``holds``, ``others`` all other values, by name."""
+
+    title: str
+    judged: dict[str, Any]
+    others: dict[str, Any]
+
+
+def certificate(summary: Mapping[str, Any]) -> list[Part]:
+    """The parts of a summary's certificate that hold anything, whatever their names."""
+    parts = summary.get("certificate")
+    if not isinstance(parts, dict):
+        parts = {"bounds": summary.get("bounds")}
+    found = []
+    for name, part in parts.items():
+        if isinstance(part, dict):
+            judged = {key: entry for key, entry in part.items() if _is_judged(entry)}
+            others = {key: entry for key, entry in part.items() if key not in judged}
+            title = name.replace("_", " ").capitalize()
+            found.append(Part(title, judged, dict(_flat(others))))
+    return [part for part in found if part.judged or part.others]
+
+
+def _is_judged(entry: Any) -> bool:
+    return isinstance(entry, dict) and "value" in entry and "holds" in entry
+
+
+def _flat(value: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of nested mappings under their dotted names."""
+    for last, item in value.items():
+        name = f"{above}{last}"
+        if isinstance(item, dict):
+            yield from _flat(item, f"{name}.")
+        else:
+            yield name, item
+
+
+_INFEASIBLE = "infeasible: "
+
+
+def run_page(run: RunResults) -> tuple[str, list[Chart]]:
+    """The HTML document of a run and its charts."""
+    summary = run.summary
+    charts, adapt = contact_charts(run), adapt_charts(run)
+    steps = history_charts(run.history)
+    contact_names, contact_quantities = by_contact(summary)
+    html = render(
+        "run.html.j2",
+        title=shown(summary.get("title") or "Run"),
+        warnings=_list(summary.get("warnings")),
+        quantities=_quantities(summary),
+        contact_names=contact_names,
+        contact_quantities=contact_quantities,
+        contact=run.contact,
+        states=_states(run.contact),
+        contact_charts=charts,
+        history_charts=steps,
+        frames=frames(run.animation),
+        steps=summary.get("steps"),
+        adapted=adapted(summary),
+        adapt=summary.get("adapt"),
+        adapt_charts=adapt,
+        certificate=certificate(summary),
+        meanings=MEANINGS,
+        restart=summary.get("restart"),
+        parameter_file=run.parameters,
+        made_by=summary.get("version"),
+        dolfinx=summary.get("dolfinx"),
+        ranks=summary.get("ranks"),
+        fingerprint=summary.get("fingerprint"),
+        weakness=weakest(summary),
+        **_verdict(summary),
+        **_picture(run),
+        **_iterations(summary),
+    )
+    return html, [*(chart for _, drawn in charts for chart in drawn), *adapt, *steps]
+
+
+def _verdict(summary: Mapping[str, Any]) -> dict[str, Any]:
+    converged, reason = summary["converged"], summary.get("reason")
+    text = shown(reason or ("" if converged else "no reason is given"))
+    return {
+        "converged": converged,
+        "infeasible": text.startswith(_INFEASIBLE),
+        "reason": text.removeprefix(_INFEASIBLE),
+        "way_out": summary.get("suggestion"),
+    }
+
+
+def _picture(run: RunResults) -> dict[str, str | None]:
+    """The picture as a data URI, or the reason why there is none."""
+    if run.picture is None:
+        reason = "None was drawn; output.picture is false, or the log has the reason."
+        return {"picture": None, "no_picture": reason}
+    reason = f"{run.picture.name} cannot be read as a picture."
+    return {"picture": picture(run.picture), "no_picture": reason}
+
+
+def _quantities(summary: Mapping[str, Any]) -> list[tuple[Any, Any]]:
+    """The quantities that the summary has, with their values."""
+    found = [(quantity, _look_up(summary, quantity.key)) for quantity in QUANTITIES]
+    return [(q, value) for q, value in found if value is not None] + reactions(summary)
+
+
+def _states(contact: ContactPoints) -> list[str]:
+    """How many points are open, stick and slip, in words."""
+    counts = np.bincount(contact.state, minlength=len(STATE_NAMES))
+    return [f"{n} {name}" for n, name in zip(counts, STATE_NAMES, strict=True) if n]
+
+
+def _iterations(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """The totals, and the stages with the names of their columns."""
+    totals = summary.get("iterations")
+    stages = [stage for stage in _list(summary.get("stages")) if isinstance(stage, dict)]
+    return {
+        "iterations": totals if isinstance(totals, dict) else {},
+        "stages": stages,
+        "stage_columns": list(dict.fromkeys(name for stage in stages for name in stage)),
+    }
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _look_up(summary: Mapping[str, Any], dotted: str) -> Any:
+    value: Any = summary
+    for name in dotted.split("."):
+        value = value.get(name) if isinstance(value, dict) else None
+    return value

@@ -1,0 +1,403 @@
+"""The results of a study over each key that varies, with their rates of convergence and charts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from pydantic import ValidationError
+
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.errors import InputError
+from contact_locking.extras.pictures import style
+from contact_locking.parameters.study import StudyParameters
+from contact_locking.parameters.telling_apart import told_apart
+from contact_locking.results.read import Row, number
+
+from .charts import Chart, chart
+from .quantities import QUANTITIES, Quantity
+from .words import shown
+
+
+class VariedTexts:
+    """The texts of all values of keys in the rows of a study; ``titles`` names these keys."""
+
+    def __init__(self, rows: Sequence[Row], titles: Mapping[str, str]) -> None:
+        self.titles = titles
+        self._texts: dict[str, dict[str, str]] = {}
+        for key in titles:
+            values = [row.get(key) for row in rows]
+            self._texts[key] = dict(zip(map(repr, values), told_apart(values, shown), strict=True))
+
+    def of(self, key: str, row: Row) -> str:
+        """The text of the value that a row has for a key that varies."""
+        return self._texts[key][repr(row.get(key))]
+
+    def all_of(self, key: str) -> list[str]:
+        """The texts of a key, each once, in the order of the rows."""
+        return list(dict.fromkeys(self._texts[key].values()))
+
+
+Compared = Literal["zero", "the value at infinity", "the next value"]
+
+# Values whose quotient is this large are shown on a logarithmic scale.
+_WIDE = 50.0
+_SAME_RATIO = 0.05
+# Smaller differences, relative to the largest value, may come from the tolerance of the solver.
+_TOLERANCE = 1e-8
+# Values that differ by less, relative to the largest one, are constant.
+_ROUNDING = 1e-7
+_FEWEST = 3
+_FALLS = 2.0
+# The largest standard deviation of the logarithms from a line that still defines a rate: some 35 %.
+_SCATTER = 0.3
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A key whose values are numbers; the ``others`` vary too, and distinguish the curves.
+
+    ``one_ratio`` says that all neighbouring values have the same quotient.
+    """
+
+    key: str
+    others: tuple[str, ...]
+    geometric: bool
+    one_ratio: bool
+    title: str
+    other_titles: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A quantity over an axis: x ascending and finite, ``limit`` is its value at x = inf.
+
+    ``label`` names the other keys with their values, ``values`` are these values alone.
+    """
+
+    label: str
+    x: FloatArray
+    y: FloatArray
+    limit: float | None = None
+    values: str = ""
+
+
+@dataclass(frozen=True)
+class Differences:
+    """Distances y > 0 to a limit or between neighbours; those below ``floor`` are not reliable."""
+
+    label: str
+    x: FloatArray
+    y: FloatArray
+    floor: float
+
+    @property
+    def reliable(self) -> BoolArray:
+        """The differences that the tolerance of the solver cannot explain."""
+        return self.y > self.floor
+
+    def power_law(self) -> tuple[float, float] | None:
+        """Rate and factor of y = factor x^rate.
+
+        None for fewer than three reliable points, and for points that are on no line.
+        """
+        x, y = self.x[self.reliable], self.y[self.reliable]
+        if len(x) < _FEWEST:
+            return None
+        rate, constant = np.polyfit(np.log(x), np.log(y), 1)
+        scatter = np.std(np.log(y) - rate * np.log(x) - constant)
+        return (float(rate), float(np.exp(constant))) if scatter < _SCATTER else None
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A quantity over an axis; ``differences`` are its distances from ``compared``."""
+
+    quantity: Quantity
+    axis: Axis
+    curves: list[Curve]
+    differences: list[Differences]
+    compared: Compared
+
+
+def varied(data: Any, name: str) -> StudyParameters:
+    """The study in saved parameters. Raises InputError if there is none."""
+    section = data.get("study") if isinstance(data, dict) else None
+    try:
+        return StudyParameters.model_validate(section)
+    except ValidationError as error:
+        first = error.errors()[0]["msg"]
+        raise InputError(f"{name}: is damaged: study: {first}") from None
+
+
+def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str]) -> list[Axis]:
+    """The keys of a study with at least two different numbers, geometric sequences first.
+
+    ``titles`` names the keys.
+    """
+    found = []
+    for key in (*study.zip, *study.vary):
+        values = [number(row.get(key)) for row in rows]
+        finite = sorted({value for value in values if value is not None and np.isfinite(value)})
+        if None in values or len(set(values)) < 2 or len(finite) < 2:
+            continue
+        # Lists that are zipped vary as one.
+        together = set(study.zip) if key in study.zip else {key}
+        others = tuple(other for other in (*study.zip, *study.vary) if other not in together)
+        enough = len(finite) >= _FEWEST and finite[0] > 0.0
+        one_ratio = enough and _has_one_ratio(finite)
+        geometric = enough and (one_ratio or finite[-1] / _WIDE >= finite[0])
+        other_titles = tuple(titles[other] for other in others)
+        found.append(Axis(key, others, geometric, one_ratio, titles[key], other_titles))
+    return sorted(found, key=lambda axis: not axis.geometric)
+
+
+def trends(axis: Axis, rows: Iterable[Row], texts: VariedTexts) -> list[Trend]:
+    """All quantities that change along an axis, from the converged cases."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        if row.get("converged") is True:
+            groups.setdefault(tuple(texts.of(key, row) for key in axis.others), []).append(row)
+    names = axis.other_titles
+    labels = {
+        group: ", ".join(f"{name} = {value}" for name, value in zip(names, group, strict=True))
+        for group in groups
+    }
+    found = []
+    for quantity in (quantity for quantity in QUANTITIES if quantity.kind != "hidden"):
+        curves = [
+            curve
+            for group, members in groups.items()
+            if len((curve := _curve(axis.key, quantity, members, labels[group], group)).x)
+        ]
+        if any(differ(curve.y) for curve in curves):
+            found.append(_trend(quantity, axis, curves))
+    return found
+
+
+def differ(values: Sequence[float] | FloatArray) -> bool:
+    """Whether numbers differ by more than rounding and the tolerance of the solver explain."""
+    given = np.asarray(values, dtype=float)
+    if not np.isfinite(given).all():
+        return len(np.unique(given)) > 1
+    return bool(np.ptp(given) > _ROUNDING * np.abs(given).max())
+
+
+def value(quantity: Quantity, row: Row) -> float | None:
+    """A quantity of a row; for a vector, which has a column for each component, its length."""
+    if quantity.key in row:
+        return number(row[quantity.key])
+    parts = [number(row.get(f"{quantity.key}.{index}")) for index in range(3)]
+    present = [part for part in parts if part is not None]
+    return float(np.linalg.norm(present)) if present else None
+
+
+def _curve(
+    key: str, quantity: Quantity, rows: Sequence[Row], label: str, group: Sequence[str]
+) -> Curve:
+    pairs = {}
+    for row in rows:
+        x, y = number(row.get(key)), value(quantity, row)
+        if x is not None and y is not None and np.isfinite(y):
+            pairs[x] = y
+    limit = pairs.get(np.inf)
+    finite = sorted((x, y) for x, y in pairs.items() if np.isfinite(x))
+    array = np.array(finite).reshape(-1, 2)
+    return Curve(label, array[:, 0], array[:, 1], limit, ", ".join(group))
+
+
+def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
+    limited = [(curve, curve.limit) for curve in curves if curve.limit is not None]
+    compared: Compared = "the value at infinity" if limited else "the next value"
+    differences: list[Differences] = []
+    settles = quantity.kind in ("settles", "vanishes")
+    if axis.geometric and quantity.kind == "vanishes" and any(map(_falls, curves)):
+        compared = "zero"
+        differences = [_differences(curve, curve.x, np.abs(curve.y)) for curve in curves]
+    elif axis.geometric and settles and limited:
+        # |q(x) - q(inf)|
+        differences = [_differences(c, c.x, np.abs(c.y - limit)) for c, limit in limited]
+    elif axis.one_ratio and settles:
+        # |q(x) - q(next x)| falls at the rate of the error in a geometric sequence.
+        differences = [_differences(c, c.x[:-1], np.abs(np.diff(c.y))) for c in curves]
+    told = [difference for difference in differences if len(difference.x) > 1]
+    return Trend(quantity, axis, curves, told, compared)
+
+
+def _falls(curve: Curve) -> bool:
+    """Whether an error changes enough along a curve to have a rate."""
+    return bool(np.abs(curve.y).max() >= _FALLS * np.abs(curve.y).min())
+
+
+def _differences(curve: Curve, x: FloatArray, y: FloatArray) -> Differences:
+    floor = _TOLERANCE * float(np.abs(curve.y).max(initial=0.0))
+    return Differences(curve.label, x[y > 0.0], y[y > 0.0], floor)
+
+
+def _has_one_ratio(values: Sequence[float]) -> bool:
+    """Whether all quotients of neighbours are equal, for positive ascending numbers."""
+    steps = np.diff(np.log(values))
+    return bool(np.abs(steps - steps.mean()).max() <= _SAME_RATIO * steps.mean())
+
+
+_COLOURS = (style.BLUE, style.VERMILION, "#009E73", "#CC79A7", style.ORANGE, style.SKY)
+_MARKS = "osD^vP"
+_MOST_NAMED = len(_COLOURS)
+_MOST_TICKS = 6
+# The largest number of values at a bar of colours.
+_MOST_AT_BAR = 12
+# A shorter range has few powers of ten for marks, and values of equal ratio.
+_SHORT = 50.0
+_PLOT, _ROW = 2.5, 0.19
+
+
+def trend_charts(trend: Trend) -> list[Chart]:
+    """The chart of the values, and if there are differences, a chart of their rates."""
+    stem = _file_name(f"{trend.quantity.key}-over-{trend.axis.key}")
+    if trend.differences and trend.compared == "zero":
+        return [_rate_chart(trend, stem)]
+    rows = 0 if _has_bar(trend) else 1 + sum(bool(curve.label) for curve in trend.curves)
+    description = f"{trend.quantity.name} over the {trend.axis.title}"
+    found = [chart(stem, description, _PLOT + rows * _ROW, lambda figure: _values(figure, trend))]
+    if trend.differences:
+        found.append(_rate_chart(trend, stem))
+    return found
+
+
+def _rate_chart(trend: Trend, stem: str) -> Chart:
+    over = trend.axis.title
+    description = f"{trend.quantity.name} over the {over}: distance from {trend.compared}"
+    rows = 1 if _has_bar(trend) else 1 + len(trend.differences)
+    height = _PLOT + _ROW * rows
+    return chart(f"{stem}-rate", description, height, lambda figure: _rates(figure, trend))
+
+
+def _values(figure: Figure, trend: Trend) -> None:
+    axes = _axes(figure, trend, _label(trend))
+    positive = all((curve.y > 0.0).all() for curve in trend.curves)
+    values = np.concatenate([curve.y for curve in trend.curves])
+    if positive and values.max() > 30.0 * values.min():
+        axes.set_yscale("log")
+    for curve in trend.curves:
+        drawing = _drawing(trend, curve.label)
+        axes.plot(curve.x, curve.y, label=_plain(curve.label), **drawing)
+        if curve.limit is not None:
+            axes.axhline(curve.limit, color=drawing["color"], lw=1.0, ls=(0, (5, 3)), zorder=0.5)
+    if any(curve.limit is not None for curve in trend.curves):
+        at = f"at {trend.axis.title} = ∞"
+        axes.plot([], [], color=style.GREY, lw=1.0, ls=(0, (5, 3)), label=_plain(at))
+    _name_curves(figure, trend)
+
+
+def _rates(figure: Figure, trend: Trend) -> None:
+    of = f"distance from {trend.compared.removeprefix('the ')}"
+    axes = _axes(figure, trend, _label(trend) if trend.compared == "zero" else of)
+    axes.set_yscale("log")
+    rates = []
+    for differences in trend.differences:
+        drawing = _drawing(trend, differences.label)
+        law = differences.power_law()
+        label = _plain(differences.label) or trend.quantity.name
+        if law is None:
+            axes.plot(differences.x, differences.y, label=label, **drawing)
+            continue
+        rate, factor = law
+        rates.append(rate)
+        label = f"{label}: rate {_signed(rate)}"
+        reliable = differences.reliable
+        axes.plot(
+            differences.x[reliable], differences.y[reliable], label=label, **drawing | {"ls": ""}
+        )
+        axes.plot(
+            differences.x[~reliable],
+            differences.y[~reliable],
+            **drawing | {"ls": "", "markerfacecolor": "none"},
+        )
+        ends = differences.x[reliable][[0, -1]]
+        axes.plot(ends, factor * ends**rate, color=drawing["color"], lw=1.2)
+    if rates and _has_bar(trend):
+        spread = f"rates {_signed(min(rates))} to {_signed(max(rates))}"
+        axes.set_title(f"{len(trend.differences)} curves, {spread}", loc="left", fontsize=8.5)
+    _name_curves(figure, trend)
+
+
+def _axes(figure: Figure, trend: Trend, label: str) -> Axes:
+    axes = figure.add_subplot()
+    x = np.unique(np.concatenate([curve.x for curve in trend.curves]))
+    if trend.axis.geometric:
+        axes.set_xscale("log")
+        if len(x) <= _MOST_TICKS and x[-1] < _SHORT * x[0]:
+            axes.set_xticks(x, labels=[shown(float(value)) for value in x])
+            axes.minorticks_off()
+    elif len(x) <= _MOST_TICKS:
+        axes.set_xticks(x)
+    axes.set_xlabel(_plain(trend.axis.title))
+    axes.set_ylabel(label)
+    axes.grid(color=style.PALE, lw=0.6)
+    axes.set_axisbelow(True)
+    return axes
+
+
+def _label(trend: Trend) -> str:
+    unit = trend.quantity.unit
+    return trend.quantity.name if unit == "1" else f"{trend.quantity.name} [{unit}]"
+
+
+def _has_bar(trend: Trend) -> bool:
+    """Whether a bar of colours names the curves, which are too many for a legend."""
+    return len(trend.curves) > _MOST_NAMED
+
+
+def _drawing(trend: Trend, label: str) -> dict[str, Any]:
+    """The colour and the mark of a curve, the same in all charts of a trend."""
+    labels = [curve.label for curve in trend.curves]
+    number, count = labels.index(label), len(labels)
+    colour: Any = _scale(count)(number) if _has_bar(trend) else _COLOURS[number]
+    mark = _MARKS[number % len(_MARKS)]
+    return {"color": colour, "lw": 1.4, "marker": mark, "ms": 4.0}
+
+
+def _scale(count: int) -> ListedColormap:
+    """As many colours as there are curves."""
+    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.93, count)))
+
+
+def _name_curves(figure: Figure, trend: Trend) -> None:
+    """Name every curve in a legend, or many curves by their values at a bar of colours."""
+    axes = figure.axes[0]
+    if not _has_bar(trend):
+        handles, labels = axes.get_legend_handles_labels()
+        named = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label]
+        if named:
+            figure.legend(*zip(*named, strict=True), loc="outside upper left")
+        return
+    count = len(trend.curves)
+    norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
+    bar = figure.colorbar(ScalarMappable(norm, _scale(count)), ax=axes, pad=0.02)
+    marked = range(0, count, -(-count // _MOST_AT_BAR))
+    values = [_plain(trend.curves[number].values) for number in marked]
+    bar.set_ticks(list(marked), labels=values)
+    bar.minorticks_off()
+    bar.set_label(_plain(", ".join(trend.axis.other_titles)))
+
+
+def _plain(text: str) -> str:
+    """A text without formulas for Matplotlib, short enough for a narrow chart."""
+    short = text if len(text) <= 60 else f"{text[:59]}…"
+    return short.replace("$", r"\$")
+
+
+def _signed(rate: float) -> str:
+    return f"{rate:.2f}".replace("-", "\N{MINUS SIGN}")
+
+
+def _file_name(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9._-]", "_", text)

@@ -1,0 +1,150 @@
+"""Values, keys and quantities as a person writes them: ``friction coefficient μ``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from contact_locking.arrays import AXES
+
+from .quantities import QUANTITIES
+
+
+def shown(value: Any) -> str:
+    """The text of a value: four digits, a power of ten as a superscript, infinity as a sign."""
+    match value:
+        case None:
+            return "\N{EN DASH}"
+        case bool():
+            return "yes" if value else "no"
+        case int() if abs(value) < 10**15:
+            digits = f"{value:,}".replace(",", "\N{THIN SPACE}")
+            return digits.replace("-", "\N{MINUS SIGN}")
+        case int() | float() if abs(value) < 1e308:
+            return _number(float(value))
+        case int() | float():
+            if value != value:
+                return "not a number"
+            return "\N{INFINITY}" if value > 0 else "\N{MINUS SIGN}\N{INFINITY}"
+        case "inf":
+            return "\N{INFINITY}"
+        case list():
+            return "(" + ", ".join(map(shown, _without_rounding(value))) + ")"
+        case dict():
+            return ", ".join(f"{key}: {shown(item)}" for key, item in value.items())
+    return str(value)
+
+
+def _without_rounding(vector: list[Any]) -> list[Any]:
+    """The vector with zero for components that rounding alone keeps from zero."""
+    if not vector or not all(isinstance(item, float) for item in vector):
+        return vector
+    largest = max(map(abs, vector))
+    return [0.0 if abs(item) < 1e-12 * largest else item for item in vector]
+
+
+def _number(value: float) -> str:
+    """Four digits, and a power of ten as a superscript: 1.2x10^-5 for 1.2e-05."""
+    mantissa, _, exponent = f"{value + 0.0:.4g}".replace("-", "\N{MINUS SIGN}").partition("e")
+    if not exponent:
+        return mantissa
+    power = exponent.lstrip("+").replace("\N{MINUS SIGN}", "-")
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{raised}" if mantissa == "1" else f"{mantissa}\N{MULTIPLICATION SIGN}10{raised}"
+
+
+_TITLES: Mapping[str, str] = {
+    "friction.coefficient": "friction coefficient μ",
+    "friction.regularisation": "regularisation δ",
+    "friction.smoothing.kernel": "smoothing kernel",
+    "friction.smoothing.radius": "smoothing radius r",
+    "material.elasticity.poisson": "Poisson's ratio ν",
+    "material.elasticity.young": "Young's modulus E",
+    "material.locking_limit": "strain limit M",
+    "mesh.h": "element size h",
+    "mesh.h_contact": "element size at the contact",
+    "penalty.epsilon": "compliance ε",
+    "penalty.n": "penalty n",
+    "solver.method": "solver",
+    "dofs": "unknowns",
+    "dolfinx": "DOLFINx",
+    **{quantity.key: quantity.name for quantity in QUANTITIES},
+}
+# What the entries of the lists of loads are.
+_LOADS: Mapping[str, str] = {
+    "tractions": "traction",
+    "pressures": "pressure",
+    "displacements": "displacement",
+    "supports": "support",
+}
+# The names of values of a certificate that are not their keys with blanks, and of the iterations.
+_WORDS: Mapping[str, str] = {
+    "alpha": "α",
+    "c_0": "c_0",
+    "c_0_reason": "why c_0 is not known",
+    "epsilon": "ε",
+    "linear": "linear solves",
+    "friction": "friction updates",
+}
+# Sections whose names say nothing beside that of the key below them.
+_UNSAID = ("mesh", "material", "loads", "solver", "certificate", "output", "friction_fixed_point")
+
+
+def title(key: str) -> str:
+    """The name of a dotted key of a study file or of a summary.
+
+    The last number of the key of a vector becomes the name of an axis.
+    """
+    if key in _TITLES:
+        return _TITLES[key]
+    above, _, last = key.rpartition(".")
+    if above in _TITLES and last.isdecimal() and int(last) < len(AXES):
+        return f"{_TITLES[above]}, {AXES[int(last)]}"
+    words = [part for part in key.split(".") if part not in _UNSAID] or [key]
+    return " ".join(words).replace("_", " ")
+
+
+def titles_in(keys: Sequence[str], data: Any) -> dict[str, str]:
+    """The names of keys by key, with the boundary parts that the data of a study file names.
+
+    Such as ``traction on top, y`` for ``loads.tractions.0.value.1``.
+    """
+    found = [_title_in(key.split("."), data) for key in keys]
+    return dict(zip(keys, found if len(set(found)) == len(found) else keys, strict=True))
+
+
+def _title_in(parts: list[str], data: Any) -> str:
+    *above, last = parts
+    entry = _at(data, above)
+    if last.isdecimal() and isinstance(entry, list) and not any(isinstance(e, dict) for e in entry):
+        axis = AXES[int(last)] if int(last) < len(AXES) else last
+        return f"{_title_in(above, data)}, {axis}"
+    match parts:
+        case ["loads", kind, index, *rest] if kind in _LOADS:
+            what = " ".join([_LOADS[kind], *(part for part in rest if part != "value")])
+            return f"{what} on {_on(data, parts[:2], index)}".replace("_", " ")
+        case ["contact", index, *rest] if index.isdecimal() and rest:
+            what = _title_in(["contact", *rest], data)
+            return f"{what} on {_on(data, parts[:1], index)}"
+    return title(".".join(parts))
+
+
+def _on(data: Any, place: list[str], index: str) -> str:
+    """The boundary parts of an entry of a list, its number if it names none."""
+    on = _at(data, [*place, index, "on"])
+    return ", ".join(map(str, on)) if isinstance(on, list) else str(on or index)
+
+
+def _at(data: Any, place: Sequence[str]) -> Any:
+    """The value at a place of a study file, None if there is none."""
+    for part in place:
+        if isinstance(data, list):
+            data = data[int(part)] if part.isdecimal() and int(part) < len(data) else None
+        else:
+            data = data.get(part) if isinstance(data, dict) else None
+    return data
+
+
+def words(name: str) -> str:
+    """The name of a value of a certificate, which may be dotted, or of a count of iterations."""
+    return _WORDS.get(name) or name.replace(".", ", ").replace("_", " ")
