@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 from mpi4py import MPI
 from problems import block
 
