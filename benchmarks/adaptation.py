@@ -28,6 +28,7 @@ from contact_locking import _compat, solving
 from contact_locking.adaptivity import solve_adaptively
 from contact_locking.arrays import FloatArray
 from contact_locking.convergence import fitted_rate
+from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import strain
 from contact_locking.parameters import Parameters
 from contact_locking.plotting.rates import Curve, Panel, rate_plot
@@ -62,7 +63,7 @@ class Strain:
         mesh = solution.domain.mesh
         space = fem.functionspace(mesh, ("DG", solution.element.degree - 1, (2, 2)))
         function = fem.Function(space)
-        expression = _compat.interpolation_expression(strain(solution.displacement), space)
+        expression = compiled.interpolation(strain(solution.displacement), space)
         function.interpolate(expression)
         return cls(function, geometry.bb_tree(mesh, 2))
 
