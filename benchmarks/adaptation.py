@@ -24,13 +24,15 @@ import basix
 import numpy as np
 from dolfinx import fem, geometry
 
-from contact_locking import _compat, solving
+from contact_locking import _compat
 from contact_locking.adaptivity import solve_adaptively
 from contact_locking.arrays import FloatArray
 from contact_locking.convergence import fitted_rate
 from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
+from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import strain
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
@@ -62,7 +64,7 @@ class Strain:
         mesh = solution.domain.mesh
         space = fem.functionspace(mesh, ("DG", solution.element.degree - 1, (2, 2)))
         function = fem.Function(space)
-        expression = _compat.interpolation_expression(strain(solution.displacement), space)
+        expression = compiled.interpolation(strain(solution.displacement), space)
         function.interpolate(expression)
         return cls(function, geometry.bb_tree(mesh, 2))
 

@@ -17,7 +17,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import ufl
 from mpi4py import MPI
 
 from contact_locking.certificate.elliptic import elasticity, elliptic_problem
@@ -26,7 +25,6 @@ from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.problem import forms
 from contact_locking.process.problem_solver import solver_of
 from contact_locking.study.assembly import assemble
 
@@ -61,8 +59,7 @@ def solved_state(divisions: int) -> SolvedState:
 def elastic_solve(state: SolvedState) -> None:
     """Assembly, factorisation and solution of linear elasticity on the mesh of the state."""
     with elliptic_problem(state, elasticity(state), state.problem.constraints) as solver:
-        v = ufl.TestFunction(state.problem.u.function_space)
-        solver.solve(forms.external_work(v, state.problem.data))
+        solver.solve(state.system.forms.loads())
 
 
 def least_seconds(work: Callable[[], Any], repeats: int = 5) -> float:

@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from contact_locking.parameters import Parameters
     from contact_locking.problem.elasticity import Elasticity
     from contact_locking.problem.limits import Deviator, Direction, StrainBall, Volume, Weighted
+    from contact_locking.process.solving import check, solve_assembled, solve_steps
     from contact_locking.results.solution import Solution, StudySolution
     from contact_locking.results.state import State
     from contact_locking.solver.settings import Settings
-    from contact_locking.solving import check, solve_assembled, solve_steps
     from contact_locking.study.assembly import assemble
     from contact_locking.study_file import from_mapping, load
     from contact_locking.supports.supports import Support
@@ -126,14 +126,14 @@ _HOME = {
     "Volume": "problem.limits",
     "Weighted": "problem.limits",
     "assemble": "study.assembly",
-    "check": "solving",
+    "check": "process.solving",
     "from_mapping": "study_file",
     "load": "study_file",
     "save": "writing",
     "solve": "adaptivity",
     "solve_adaptively": "adaptivity",
-    "solve_assembled": "solving",
-    "solve_steps": "solving",
+    "solve_assembled": "process.solving",
+    "solve_steps": "process.solving",
     "write": "writing",
 }
 

@@ -17,16 +17,16 @@ from dolfinx import mesh as dmesh
 from dolfinx.cpp.mesh import cell_num_vertices
 from petsc4py import PETSc
 
-from contact_locking.arrays import IndexArray
+from contact_locking.arrays import FloatArray, IndexArray
 
 # Open MPI's first tag of a nonblocking collective is -27, and the last tag in question is -51.
 _TAGS = 32
 
 
-def interpolation_expression(expr: Any, space: Any) -> fem.Expression:
-    """``expr`` in the form that DOLFINx interpolates into ``space``."""
+def interpolation_points(space: Any) -> FloatArray:
+    """The points (k, d) of the reference cell at which ``space`` interpolates."""
     points = space.element.interpolation_points
-    return fem.Expression(expr, points() if callable(points) else points, comm=space.mesh.comm)
+    return points() if callable(points) else points
 
 
 def cell_nodes(mesh: dmesh.Mesh) -> IndexArray:

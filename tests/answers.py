@@ -21,10 +21,10 @@ from scipy.spatial import cKDTree
 from sweep.case import Study
 from sweep.transforms import Transform
 
-from contact_locking import solving
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.fem import compiled
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 # A value below this share of its scale is zero with rounding.

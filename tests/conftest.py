@@ -15,8 +15,6 @@ from mpi4py import MPI
 from report_folder import run_folder
 from verification_table import Row, table_text
 
-from contact_locking.solver.interior_point.lorentz import Lorentz
-
 RANK, SIZE = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
 
 # For the programs that tests start: Open MPI's ranks wait by spinning, which is slow where they
@@ -53,12 +51,6 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 @pytest.fixture
 def comm() -> MPI.Intracomm:
     return MPI.COMM_WORLD
-
-
-@pytest.fixture(scope="session")
-def lorentz() -> Lorentz:
-    """The algebra of cones, which is compiled when first made."""
-    return Lorentz(MPI.COMM_SELF)
 
 
 @pytest.fixture(scope="session")

@@ -10,8 +10,8 @@ from mpi4py import MPI
 from problems import with_changes
 from test_elements import LIMIT, benchmark
 
-from contact_locking import solving
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 POINTS = pytest.mark.parametrize("limit_at", ["vertices", "gauss"])

@@ -13,13 +13,13 @@ import numpy as np
 from mpi4py import MPI
 from problems import with_changes
 
-from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.convergence import on_mesh_of
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
+from contact_locking.process import solving
 from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble

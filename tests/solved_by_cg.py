@@ -7,8 +7,8 @@ import math
 import pytest
 from problems import block
 
-from contact_locking import solving
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 

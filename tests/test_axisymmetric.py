@@ -12,10 +12,10 @@ import pytest
 from mpi4py import MPI
 from problems import with_changes
 
-from contact_locking import solving
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import P1, P1_REVOLUTION
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file import mesh_identity, problem_fingerprint
 

@@ -10,8 +10,9 @@ import pytest
 from changed_study import changed
 from mpi4py import MPI
 
-from contact_locking import solving, study_file
+from contact_locking import study_file
 from contact_locking.command import cli
+from contact_locking.process import solving
 
 pytestmark = pytest.mark.serial
 

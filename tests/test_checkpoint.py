@@ -17,11 +17,12 @@ import pytest
 from mpi4py import MPI
 from saved_block import on_rank_0, parameters
 
-from contact_locking import checkpoint, meshes, save, solving, study_file
+from contact_locking import checkpoint, meshes, save, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files import atomic, ownership
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.skipif(

@@ -10,9 +10,10 @@ import pytest
 from mpi4py import MPI
 from problems import UNDRAWN_BLOCK
 
-from contact_locking import meshes, solving, study_file
+from contact_locking import meshes, study_file
 from contact_locking.command import cli
 from contact_locking.errors import InputError
+from contact_locking.process import solving
 
 
 @pytest.fixture

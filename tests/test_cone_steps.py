@@ -14,7 +14,7 @@ from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Step
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.locking_cones import LockingCones
-from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
+from contact_locking.solver.interior_point.lorentz import Scaling
 
 
 def _points(**given: Any) -> Any:
@@ -23,13 +23,11 @@ def _points(**given: Any) -> Any:
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.3])
-def test_eliminated_steps_satisfy_the_full_newton_system(
-    lorentz: Lorentz, compliance: float
-) -> None:
+def test_eliminated_steps_satisfy_the_full_newton_system(compliance: float) -> None:
     random = np.random.default_rng(3)
     eps = 0.3 * random.standard_normal((3, 6))
     points = _points(weights=np.ones(6), rows=3, limit=np.full(6, 1.0))
-    locking = LockingCones(lorentz, points, compliance, 0)
+    locking = LockingCones(points, compliance, 0)
     locking.seen = eps
     locking.start(0.0, 0.0)
     locking.x[0] += 0.3
@@ -47,19 +45,17 @@ def test_eliminated_steps_satisfy_the_full_newton_system(
     np.testing.assert_allclose(moved.primal[0], 1.0 + compliance * moved.dual[0], atol=1e-10)
     np.testing.assert_allclose(moved.primal[1:], eps + 0.01 + d_eps, atol=1e-10)
     # ... and the linearised complementarity reaches its target.
-    scaling = Scaling.of(lorentz, locking.x, locking.z)
+    scaling = Scaling.of(locking.x, locking.z)
     change = scaled(scaling, step.primal, -1) + scaled(scaling, step.dual, 1)
     reached = product(scaling.point, scaling.point + change)
     np.testing.assert_allclose(reached, 0.2 * unit(4, 6), atol=1e-8)
 
 
 @pytest.mark.parametrize("epsilon", [0.0, 0.2])
-def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(
-    lorentz: Lorentz, epsilon: float
-) -> None:
+def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(epsilon: float) -> None:
     random = np.random.default_rng(5)
     slip = random.standard_normal((2, 4))
-    friction = FrictionCones(lorentz, _points(weights=np.ones(4), dim=2), epsilon, 1.0)
+    friction = FrictionCones(_points(weights=np.ones(4), dim=2), epsilon, 1.0)
     friction.seen = slip
     friction.start(0.0, 0.5)
     friction.set_bound(np.full(4, 2.0))
@@ -75,12 +71,10 @@ def test_friction_steps_leave_the_bound_alone_and_match_their_tangent(
 
 
 @pytest.mark.parametrize("share", [0.15, 0.75])
-def test_a_share_of_a_recentring_is_that_share_of_the_way_to_its_step(
-    lorentz: Lorentz, share: float
-) -> None:
+def test_a_share_of_a_recentring_is_that_share_of_the_way_to_its_step(share: float) -> None:
     random = np.random.default_rng(7)
     points = _points(weights=np.ones(6), rows=3, limit=np.full(6, 1.0))
-    locking = LockingCones(lorentz, points, 0.3, 0)
+    locking = LockingCones(points, 0.3, 0)
     locking.x, locking.z = inside(random, 4, 6), inside(random, 4, 6)
     locking.seen = 0.3 * random.standard_normal((3, 6))
     locking.linearise()

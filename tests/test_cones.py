@@ -1,4 +1,4 @@
-"""The compiled algebra of Lorentz cones, beside its definitions written out cone by cone."""
+"""The algebra of Lorentz cones, beside its definitions written out cone by cone."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lorentz import inside, product, scaled, unit
 
 from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.family import Step
-from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling
+from contact_locking.solver.interior_point.lorentz import Scaling, inverse, size, total
 
 
 class Case(NamedTuple):
@@ -28,8 +28,7 @@ class Case(NamedTuple):
 @st.composite
 def cases(draw: st.DrawFn) -> Case:
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    # Loops take 128 cones at a time.
-    shape = draw(st.integers(2, 7)), draw(st.sampled_from([0, 1, 5, 127, 128, 129, 300]))
+    shape = draw(st.integers(2, 7)), draw(st.sampled_from([0, 1, 5, 300]))
     steps = random.standard_normal((2, *shape))
     return Case(inside(random, *shape), inside(random, *shape), *steps)
 
@@ -41,28 +40,26 @@ def assert_close(a: FloatArray, b: FloatArray) -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(cases())
-def test_the_scaling_maps_both_points_to_the_same_one(lorentz: Lorentz, case: Case) -> None:
-    scaling = Scaling.of(lorentz, case.x, case.z)
+def test_the_scaling_maps_both_points_to_the_same_one(case: Case) -> None:
+    scaling = Scaling.of(case.x, case.z)
     assert_close(scaled(scaling, case.z, 1), scaling.point)
     assert_close(scaled(scaling, scaling.point, 1), case.x)
 
 
 @settings(max_examples=30, deadline=None)
 @given(cases())
-def test_the_inverse_gives_the_unit(lorentz: Lorentz, case: Case) -> None:
-    reached = product(case.x, lorentz.inverse(case.x))
+def test_the_inverse_gives_the_unit(case: Case) -> None:
+    reached = product(case.x, inverse(case.x))
     np.testing.assert_allclose(reached, unit(*case.x.shape), atol=1e-8)
 
 
 @settings(max_examples=30, deadline=None)
 @given(cases(), st.sampled_from([0.0, 0.7]), st.booleans())
-def test_what_is_aimed_at_is_reached(
-    lorentz: Lorentz, case: Case, target: float, corrects: bool
-) -> None:
+def test_what_is_aimed_at_is_reached(case: Case, target: float, corrects: bool) -> None:
     for point in (case.x, case.z):
         point[0] = 1.0 + np.linalg.norm(point[1:], axis=0)
     correction = case.dx if corrects else None
-    scaling = Scaling.of(lorentz, case.x, case.z)
+    scaling = Scaling.of(case.x, case.z)
     b = scaling.aim(target, correction)
     # dz = b where dx = 0: lambda o W dz = target e - lambda o lambda - correction.
     reached = product(scaling.point, scaling.point + scaled(scaling, b, 1))
@@ -72,24 +69,22 @@ def test_what_is_aimed_at_is_reached(
 
 @settings(max_examples=30, deadline=None)
 @given(cases())
-def test_correction_and_total_are_those_of_the_step(lorentz: Lorentz, case: Case) -> None:
+def test_correction_and_total_are_those_of_the_step(case: Case) -> None:
     x, z, dx, dz = case
-    scaling = Scaling.of(lorentz, x, z)
+    scaling = Scaling.of(x, z)
     expected = product(scaled(scaling, dx, -1), scaled(scaling, dz, 1))
     assert_close(scaling.correction(dx, dz), expected)
     weights = np.abs(dx[0])
-    total = np.sum(weights * (x + 0.3 * dx) * (z + 0.3 * dz))
-    assert lorentz.total(weights, (x, z), 0.3, (dx, dz)) == pytest.approx(total, abs=1e-9)
+    wanted = np.sum(weights * (x + 0.3 * dx) * (z + 0.3 * dz))
+    assert total(weights, (x, z), 0.3, (dx, dz)) == pytest.approx(wanted, abs=1e-9)
 
 
 @settings(max_examples=30, deadline=None)
 @given(cases())
-def test_recentring_clips_the_eigenvalues_of_the_products_into_the_band(
-    lorentz: Lorentz, case: Case
-) -> None:
+def test_recentring_clips_the_eigenvalues_of_the_products_into_the_band(case: Case) -> None:
     x, z, dx, dz = case
     low, high = 0.3, 1.5
-    scaling = Scaling.of(lorentz, x, z)
+    scaling = Scaling.of(x, z)
     v = product(scaled(scaling, x + 0.8 * dx, -1), scaled(scaling, z + 0.8 * dz, 1))
     after = v + scaling.recentring(0.8, dx, dz, (low, high))
     for sign in (-1.0, 1.0):
@@ -102,14 +97,12 @@ def test_recentring_clips_the_eigenvalues_of_the_products_into_the_band(
 
 @settings(max_examples=50, deadline=None)
 @given(cases(), st.sampled_from([0.0, 3.0]))
-def test_the_longest_step_ends_on_the_boundary_of_a_cone(
-    lorentz: Lorentz, case: Case, inwards: float
-) -> None:
+def test_the_longest_step_ends_on_the_boundary_of_a_cone(case: Case, inwards: float) -> None:
     points, steps = case[:2], np.array(case[2:])
     # The step has no limit if no point leaves its cone.
     steps[:, 0] += inwards
     pair = steps[0], steps[1]
-    t = Scaling.of(lorentz, *points).longest_step(pair, pair)
+    t = Scaling.of(*points).longest_step(pair, pair)
 
     def slack(t: float) -> float:
         ends = [point + t * step for point, step in zip(points, steps, strict=True)]
@@ -126,10 +119,10 @@ def test_the_longest_step_ends_on_the_boundary_of_a_cone(
 @settings(max_examples=50, deadline=None)
 @given(cases(), st.floats(0.0, 1.0))
 def test_the_longest_step_between_two_steps_is_that_of_the_step_between_them(
-    lorentz: Lorentz, case: Case, share: float
+    case: Case, share: float
 ) -> None:
     points, one, other = case[:2], Step(*case[2:]), Step(case[3], case[2])
-    scaling = Scaling.of(lorentz, *points)
+    scaling = Scaling.of(*points)
     between = one.between(other, share).pair
     expected = scaling.longest_step(between, between)
     assert scaling.longest_step(one.pair, other.pair, share) == pytest.approx(expected, rel=1e-9)
@@ -137,23 +130,21 @@ def test_the_longest_step_between_two_steps_is_that_of_the_step_between_them(
 
 @settings(max_examples=50, deadline=None)
 @given(cases())
-def test_the_speed_of_each_cone_is_one_over_its_own_longest_step(
-    lorentz: Lorentz, case: Case
-) -> None:
+def test_the_speed_of_each_cone_is_one_over_its_own_longest_step(case: Case) -> None:
     def of_cone(k: int) -> float:
-        x, z, dx, dz = (np.ascontiguousarray(values[:, k : k + 1]) for values in case)
-        return 1.0 / Scaling.of(lorentz, x, z).longest_step((dx, dz), (dx, dz))
+        x, z, dx, dz = (values[:, k : k + 1] for values in case)
+        return 1.0 / Scaling.of(x, z).longest_step((dx, dz), (dx, dz))
 
-    speeds = Scaling.of(lorentz, *case[:2]).speeds(case[2:])
+    speeds = Scaling.of(*case[:2]).speeds(case[2:])
     assert speeds == pytest.approx([of_cone(k) for k in range(len(speeds))], rel=1e-9)
 
 
 @pytest.mark.parametrize("place", [0, 130, 199])
-def test_a_direction_that_is_no_number_allows_no_step(lorentz: Lorentz, place: int) -> None:
+def test_a_direction_that_is_no_number_allows_no_step(place: int) -> None:
     x = np.repeat([[1.0], [0.0]], 200, axis=1)
     still, broken = np.zeros((2, 200)), np.zeros((2, 200))
     broken[1, place] = math.nan
-    scaling = Scaling.of(lorentz, x, x.copy())
+    scaling = Scaling.of(x, x.copy())
     lengths = [
         scaling.longest_step(pair, pair)
         for pair in ((still, still), (still, broken), (broken, still))
@@ -161,24 +152,9 @@ def test_a_direction_that_is_no_number_allows_no_step(lorentz: Lorentz, place: i
     assert lengths == [math.inf, 0.0, 0.0]
 
 
-def test_size_keeps_its_digits_near_the_boundary(lorentz: Lorentz) -> None:
+def test_size_keeps_its_digits_near_the_boundary() -> None:
     x_0 = np.linspace(1.1, 1.9, 50)
     x_1 = x_0 - 4.0 * np.spacing(x_0)
     # Both factors are exact, as none of the squares would be.
     exact = np.sqrt((x_0 - x_1) * (x_0 + x_1))
-    np.testing.assert_allclose(lorentz.size(np.array([x_0, x_1])), exact, rtol=1e-14)
-
-
-@pytest.mark.parametrize("bad", [np.zeros((3, 4)).T, np.zeros((3, 8))[:, ::2]])
-def test_arrays_that_are_not_contiguous_are_refused(lorentz: Lorentz, bad: FloatArray) -> None:
-    with pytest.raises(ValueError, match="contiguous"):
-        lorentz.size(bad)
-
-
-@pytest.mark.parametrize("bad", [np.zeros((3, 7)), np.zeros((3, 8), dtype=np.float32)])
-def test_arrays_that_c_would_read_beyond_are_refused(lorentz: Lorentz, bad: FloatArray) -> None:
-    x = np.repeat([[1.0], [0.0], [0.0]], 8, axis=1)
-    scaling = Scaling.of(lorentz, x, x.copy())
-    for steps in ((x, bad), (bad, x)):
-        with pytest.raises(ValueError, match="lorentz_product"):
-            scaling.correction(*steps)
+    np.testing.assert_allclose(size(np.array([x_0, x_1])), exact, rtol=1e-14)

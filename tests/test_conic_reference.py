@@ -12,8 +12,8 @@ from conic_quadratic import QuadraticBody
 from problems import block, with_changes
 from verification_table import Row
 
-from contact_locking import solving
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 pytest.importorskip("clarabel")

@@ -15,9 +15,10 @@ from problems import block
 
 import contact_locking as cl
 from contact_locking.mesh.domain import Domain
-from contact_locking.solving import solve_assembled
+from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 
+LIMITS = (cl.StrainBall(0.02),)
 PULL = {2: (0.03, -0.05), 3: (0.03, 0.0, -0.05)}
 Make = Callable[[Domain, fem.FunctionSpace], cl.ContactProblem]
 
@@ -56,7 +57,7 @@ def own(
     *,
     a: Callable[[fem.FunctionSpace], Any] = elastic,
     contact: Callable[[Any], cl.Contact] | None = None,
-    limits: Any = (cl.StrainBall(0.02),),
+    limits: Any = LIMITS,
     supports: Callable[[Domain], list[Any]] = lambda domain: [],
     **more: Any,
 ) -> Make:
@@ -133,10 +134,14 @@ SIDES: dict[str, tuple[Any, Make]] = {
             h=0.25,
             material={
                 "locking": [
-                {"norm": "deviator", "at_most": 0.03},
-                {"norm": "volume", "at_most": 0.01, "at_least": -0.02},
-                {"norm": "direction", "along": [1, 1], "at_most": 0.02},
-                {"norm": "weighted", "matrix": [[1, 0, 0], [0, 2, 0], [0, 0, 1]], "at_most": 0.05},
+                    {"norm": "deviator", "at_most": 0.03},
+                    {"norm": "volume", "at_most": 0.01, "at_least": -0.02},
+                    {"norm": "direction", "along": [1, 1], "at_most": 0.02},
+                    {
+                        "norm": "weighted",
+                        "matrix": [[1, 0, 0], [0, 2, 0], [0, 0, 1]],
+                        "at_most": 0.05,
+                    },
                 ]
             },
             friction__smoothing__radius=0.3,
@@ -173,8 +178,12 @@ SIDES: dict[str, tuple[Any, Make]] = {
         ),
     ),
     "revolution": (
-        block(h=0.25, mesh__axisymmetric=True, loads__displacements=[{"on": "right", "value": [0, 0]}]
-              , friction__smoothing__radius=0.3),
+        block(
+            h=0.25,
+            mesh__axisymmetric=True,
+            loads__displacements=[{"on": "right", "value": [0, 0]}],
+            friction__smoothing__radius=0.3,
+        ),
         own(
             a=lambda space: cl.Elasticity(young=1.0, poisson=0.3),
             supports=lambda domain: [
@@ -185,7 +194,7 @@ SIDES: dict[str, tuple[Any, Make]] = {
             n=1e3,
         ),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", SIDES)

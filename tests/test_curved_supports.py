@@ -15,7 +15,7 @@ from turned_supports import (
 )
 
 from contact_locking.parameters import Parameters
-from contact_locking.solving import solve_assembled
+from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 
 

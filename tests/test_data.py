@@ -16,9 +16,10 @@ from dolfinx import fem
 from problems import block, column, with_changes
 from verification_table import Row
 
-from contact_locking import solving, study_file
+from contact_locking import study_file
 from contact_locking.laws.elasticity import isotropic_stiffness, lame_from_young
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.contact_points import SLIP
 from contact_locking.results.solution import StudySolution
 

@@ -16,14 +16,15 @@ from mpi4py import MPI
 from problems import block
 from test_verification_manufactured import PLANE
 
-from contact_locking import _compat, checkpoint, convergence, writing
+from contact_locking import checkpoint, convergence, writing
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.errors import InputError
+from contact_locking.fem import compiled
 from contact_locking.fem.spaces import P1, P2, Element
 from contact_locking.laws.elasticity import strain
 from contact_locking.parameters import Parameters
+from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
-from contact_locking.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 
 LIMIT = 0.02
@@ -57,7 +58,7 @@ def largest_strain(solution: StudySolution) -> float:
     eps = strain(solution.displacement)
     space = fem.functionspace(solution.domain.mesh, ("DG", 4))
     size = fem.Function(space)
-    size.interpolate(_compat.interpolation_expression(ufl.sqrt(ufl.inner(eps, eps)), space))
+    size.interpolate(compiled.interpolation(ufl.sqrt(ufl.inner(eps, eps)), space))
     local = float(size.x.array.max(initial=0.0))
     return float(solution.domain.comm.allreduce(local, op=MPI.MAX))
 

@@ -17,10 +17,11 @@ from problems import block, column
 from random_errors import compared, random_block
 from test_verification_annulus import LAME_LAMBDA, LAME_MU, annulus, exact_displacement
 
-from contact_locking import solve_steps, solving
+from contact_locking import solve_steps
 from contact_locking.fem.spaces import P2
 from contact_locking.parameters import Parameters
 from contact_locking.plain_text import per_cent
+from contact_locking.process import solving
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
 

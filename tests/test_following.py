@@ -11,8 +11,8 @@ import pytest
 from petsc4py import PETSc
 from problems import block
 
-from contact_locking import solving
 from contact_locking.costs.factorised import FILTER_LIMIT
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point.bound_step import BoundStep
 from contact_locking.solver.interior_point.direction import Direction

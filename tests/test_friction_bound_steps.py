@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from problems import block
 
-from contact_locking import solving, study_file
+from contact_locking import study_file
 from contact_locking.errors import NotConverged
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point import method
 from contact_locking.solver.interior_point.bound_step import BoundStep

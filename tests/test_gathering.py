@@ -22,9 +22,10 @@ from mpi4py import MPI
 from problems import block
 
 import contact_locking
-from contact_locking import checkpoint, solving, writing
+from contact_locking import checkpoint, writing
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.mesh.whole_mesh import gather_mesh
+from contact_locking.process import solving
 from contact_locking.results.heap import give_back
 from contact_locking.results.solution import StudySolution
 

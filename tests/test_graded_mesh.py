@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from msh import Simplices, write_msh
 
-from contact_locking import solving
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point import method
 from contact_locking.solver.interior_point.tuning import Tuning

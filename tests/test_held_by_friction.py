@@ -15,9 +15,9 @@ from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.errors import InputError
 from contact_locking.parameters import Parameters
 from contact_locking.problem.motion_in_words import describe_motion, resultant_on_plane
+from contact_locking.process.solving import solve, solve_assembled
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
-from contact_locking.solving import solve, solve_assembled
 from contact_locking.study.assembly import assemble
 
 _BOX = {2: np.array([[0.0, 0.0], [2.0, 1.0]]), 3: np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]])}

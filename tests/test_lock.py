@@ -39,7 +39,7 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
     script = """
         import sys, time
         from pathlib import Path
-        from contact_locking import solving
+        from contact_locking.process import solving
         from contact_locking.command import cli
         from contact_locking.files.atomic import staging
 
@@ -120,7 +120,7 @@ def test_a_run_that_a_signal_ends_says_so_and_leaves_nothing(
 def test_a_run_under_nohup_goes_on_when_its_terminal_is_closed(study: Path) -> None:
     script = """
         import os, signal, sys
-        from contact_locking import solving
+        from contact_locking.process import solving
         from contact_locking.command import cli
         solve = solving.solve
 

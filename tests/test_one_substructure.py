@@ -2,22 +2,55 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 from grid_matrix import RIGHT, grid
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking.fem.compiled import installed
-from contact_locking.solver.linear.direct.substructure import Precision, Substructure, is_available
+from contact_locking.solver.linear.direct import native
+from contact_locking.solver.linear.direct.native import cholmod, is_available
+from contact_locking.solver.linear.direct.substructure import Precision, Substructure
 
 needs_cholmod = pytest.mark.skipif(
     not is_available(MPI.COMM_WORLD), reason="CHOLMOD is not installed, or has no header"
 )
 
 
-def test_where_cholmod_has_a_header_it_is_used(comm: MPI.Intracomm) -> None:
-    assert is_available(comm) == (installed("cholmod", "suitesparse/cholmod.h") is not None)
+def test_where_cholmod_has_a_header_it_is_used_unless_switched_off(
+    comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CONTACT_LOCKING_NATIVE", raising=False)
+    assert is_available(comm) == (cholmod() is not None)
+    monkeypatch.setenv("CONTACT_LOCKING_NATIVE", "0")
+    assert not is_available(comm)
+
+
+@pytest.mark.parametrize("bits", [64, 32])
+def test_other_indices_than_those_of_cholmod_are_refused(
+    bits: int, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CONTACT_LOCKING_NATIVE", raising=False)
+    monkeypatch.setattr(native, "INDEX", np.dtype(f"int{bits}"))
+    assert is_available(comm) == (bits == 32 and cholmod() is not None)
+
+
+@needs_cholmod
+@pytest.mark.parametrize("flags", [[], ["-DSINGLE"]])
+def test_the_file_compiles_by_itself_without_warnings(flags: list[str], tmp_path: Path) -> None:
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("there is no compiler by this name")
+    words = ["-std=c17", "-Wall", "-Wextra", "-Werror", "-fopenmp-simd", *flags]
+    include = f"-I{cholmod()}/include"
+    source = Path(native.__file__).with_name("substructure.c")
+    subprocess.run(
+        [compiler, *words, include, "-c", source, "-o", tmp_path / "substructure.o"], check=True
+    )
 
 
 @needs_cholmod

@@ -17,8 +17,8 @@ from sweep.case import Study
 
 from contact_locking.certificate.other_solutions import IF_CONVEX, OTHERS, OWN_ENERGY, UNIQUE
 from contact_locking.parameters import Parameters
+from contact_locking.process.solving import solve, solve_assembled, solve_steps
 from contact_locking.results.solution import StudySolution
-from contact_locking.solving import solve, solve_assembled, solve_steps
 from contact_locking.study.assembly import assemble
 
 _LEFT = {"on": "left", "value": [0.0, None]}

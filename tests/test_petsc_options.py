@@ -122,7 +122,9 @@ def test_what_prints_to_standard_output_is_accepted() -> None:
 
 
 def test_a_harmful_option_is_found_before_the_mesh_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contact_locking.solving.assemble", lambda *_: pytest.fail("too late"))
+    monkeypatch.setattr(
+        "contact_locking.process.solving.assemble", lambda *_: pytest.fail("too late")
+    )
     for work in (check, solve):
         with pytest.raises(InputError, match="runs code") as caught:
             work(block(solver__petsc={"pc_type": "python", "pc_python_type": "this"}))

@@ -18,8 +18,9 @@ from mpi4py import MPI
 from sweep.case import Case, Study, clamp, study
 from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
 
-from contact_locking import solving, study_file
+from contact_locking import study_file
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.serial

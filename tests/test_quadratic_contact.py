@@ -13,7 +13,8 @@ from mpi4py import MPI
 from problems import block
 from test_elements import solved
 
-from contact_locking import _compat, convergence
+from contact_locking import convergence
+from contact_locking.fem import compiled
 from contact_locking.fem.spaces import P2
 from contact_locking.fem.trace import Trace, make_nodal
 from contact_locking.parallel import maximum
@@ -119,7 +120,7 @@ def entered(solution: StudySolution) -> float:
     # The nodes of a higher degree are a lattice.
     fine = fem.Function(fem.functionspace(mesh, ("P", 12 if dim == 2 else 6)))
     depth = -u[dim - 1] - SLOPE * ufl.SpatialCoordinate(mesh)[0]
-    fine.interpolate(_compat.interpolation_expression(depth, fine.function_space))
+    fine.interpolate(compiled.interpolation(depth, fine.function_space))
     bottom = fem.locate_dofs_geometrical(fine.function_space, lambda x: np.isclose(x[dim - 1], 0.0))
     return maximum(mesh.comm, fine.x.array[bottom])
 

@@ -14,10 +14,11 @@ from mpi4py import MPI
 from quadratic_bodies import GAUSS, POINTS, quadratic, solved, solved_cube, square
 from test_elements import LIMIT, benchmark
 
-from contact_locking import checkpoint, solving, study_file, writing
+from contact_locking import checkpoint, study_file, writing
 from contact_locking.errors import InputError
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.extras.pictures.snapshot import Snapshot
+from contact_locking.process import solving
 from contact_locking.results import fields
 from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution

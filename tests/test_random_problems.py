@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from problems import with_changes
 from scipy.spatial import cKDTree
 
-from contact_locking import solving
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 

@@ -9,8 +9,9 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import checkpoint, save, solving
+from contact_locking import checkpoint, save
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 pytestmark = pytest.mark.skipif(

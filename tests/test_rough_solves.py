@@ -11,9 +11,9 @@ from mpi4py import MPI
 from problems import block
 from solved_by_cg import crushed_steel
 
-from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
+from contact_locking.process import solving
 from contact_locking.solver.interior_point import farkas, method
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.tuning import Tuning

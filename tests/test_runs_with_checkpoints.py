@@ -8,8 +8,9 @@ import pytest
 from mpi4py import MPI
 from saved_block import on_rank_0, parameters
 
-from contact_locking import _compat, checkpoint, solving, study_file, writing
+from contact_locking import _compat, checkpoint, study_file, writing
 from contact_locking.command import cli
+from contact_locking.process import solving
 
 pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.solver.linear.direct import substructuring
-from contact_locking.solver.linear.direct.substructure import is_available
+from contact_locking.solver.linear.direct.native import is_available
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import Gmres
 

@@ -14,11 +14,11 @@ from limits_of_strain import SEVERAL, material
 from mpi4py import MPI
 from problems import block, column
 
-from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate import certify
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 

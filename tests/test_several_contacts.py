@@ -118,8 +118,8 @@ def test_a_body_without_loads_rests_between_its_foundations() -> None:
 def test_the_certificate_judges_each_contact(
     tampered: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from contact_locking import solving
     from contact_locking.certificate.verdict import certify
+    from contact_locking.process import solving
 
     def tamper(state: Any) -> Any:
         fields = state.contacts[tampered]

@@ -18,8 +18,8 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.solver.linear.direct import Substructuring, substructuring
+from contact_locking.solver.linear.direct.native import is_available
 from contact_locking.solver.linear.direct.separator import Separator
-from contact_locking.solver.linear.direct.substructure import is_available
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
@@ -191,7 +191,8 @@ def test_a_singular_matrix_is_an_error(
 
 
 @pytest.mark.parametrize(
-    "reason", ["a large separator", "no header", "no such partitioner", "a part for one rank only"]
+    "reason",
+    ["a large separator", "switched off", "no such partitioner", "a part for one rank only"],
 )
 def test_mumps_takes_over_for(
     reason: str,
@@ -202,8 +203,8 @@ def test_mumps_takes_over_for(
 ) -> None:
     if reason == "a large separator":
         monkeypatch.setattr(substructuring, "_LARGEST", 10)
-    elif reason == "no header":
-        monkeypatch.setattr(substructuring, "is_available", lambda _: False)
+    elif reason == "switched off":
+        monkeypatch.setenv("CONTACT_LOCKING_NATIVE", "0")
     elif reason == "no such partitioner":
         named = {"mat_partitioning_type": "nonsense"}
         options = InsertedOptions(named, prefix=PREFIX + "separator_")

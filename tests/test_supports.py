@@ -25,8 +25,8 @@ from turned_supports import (
 )
 
 from contact_locking.arrays import FloatArray
+from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
-from contact_locking.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 
 

@@ -20,7 +20,7 @@ from turned_supports import (
 
 from contact_locking import InputError, checkpoint, save, solve_steps
 from contact_locking.parameters import Parameters
-from contact_locking.solving import solve_assembled
+from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 

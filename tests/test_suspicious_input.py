@@ -12,8 +12,9 @@ import pytest
 from changed_study import changed
 from mpi4py import MPI
 
-from contact_locking import solving, study_file
+from contact_locking import study_file
 from contact_locking.command import cli
+from contact_locking.process import solving
 from contact_locking.study.assembly import assemble
 
 pytestmark = pytest.mark.serial

@@ -31,7 +31,7 @@ from sweep.transforms import Transform
 
 from contact_locking import study_file
 from contact_locking.parameters import Parameters
-from contact_locking.solving import solve_assembled
+from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 
 pytest.importorskip("clarabel")

@@ -8,7 +8,6 @@ import ufl
 from dolfinx import fem
 from problems import block, column
 
-from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
@@ -16,6 +15,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.process import solving
 from contact_locking.study.assembly import StudyProblem, assemble
 
 

@@ -12,8 +12,8 @@ from petsc4py import PETSc
 from problems import block
 from solved_by_cg import agree, solved
 
-from contact_locking import solving
 from contact_locking.errors import InputError
+from contact_locking.process import solving
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.linear import multigrid_tangents

@@ -10,7 +10,6 @@ from mpi4py import MPI
 from problems import block, column
 from verification_table import Row
 
-from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.smoothing import (
     ConvolutionOperator,
@@ -24,6 +23,7 @@ from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.mesh.domain import Domain, from_geometry
 from contact_locking.meshes.block import Block
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)

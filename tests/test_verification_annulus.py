@@ -21,9 +21,9 @@ from problems import with_changes
 from scipy.integrate import solve_ivp
 from verification_table import Row
 
-from contact_locking import solving
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 INNER, OUTER, EDGE, LIMIT = 1.0, 2.0, 1.4, 0.02

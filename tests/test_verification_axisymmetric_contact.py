@@ -22,7 +22,7 @@ from test_verification_hertz import (
 )
 from verification_table import Row
 
-from contact_locking import solving
+from contact_locking.process import solving
 
 TEST = "test_verification_axisymmetric_contact.py"
 

@@ -11,7 +11,7 @@ import pytest
 from problems import with_changes
 from verification_table import Row
 
-from contact_locking import solving
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 TEST = "test_verification_benchmarks.py"

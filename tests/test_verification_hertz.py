@@ -10,7 +10,7 @@ import pytest
 from problems import with_changes
 from verification_table import Row
 
-from contact_locking import solving
+from contact_locking.process import solving
 
 pytestmark = pytest.mark.serial
 

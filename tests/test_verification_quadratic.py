@@ -21,9 +21,9 @@ from test_verification_manufactured import problem_of
 from test_verification_penalty import SIGNORINI
 from verification_table import Row
 
-from contact_locking import solving
 from contact_locking.fem.spaces import P1, P2, P2_GAUSS, Element
 from contact_locking.parameters import Parameters
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
 

@@ -10,8 +10,8 @@ import pytest
 from problems import column, with_changes
 from verification_table import Row
 
-from contact_locking import solving
 from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)

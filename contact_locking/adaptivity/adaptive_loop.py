@@ -17,7 +17,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking import checkpoint, solving
+from contact_locking import checkpoint
 from contact_locking.adaptivity import curvature
 from contact_locking.adaptivity.marking import marked_cells
 from contact_locking.adaptivity.measured_error import MEASURES, ErrorMeasure
@@ -31,6 +31,7 @@ from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import AdaptParameters, Parameters
+from contact_locking.process import solving
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import mesh_of
@@ -46,7 +47,7 @@ def solve(
     """Solve (25)/(26) for the given parameters; collective.
 
     With a section ``adapt`` this is the last solution of `solve_adaptively`.  For the arguments and
-    the errors see `contact_locking.solving.solve`.
+    the errors see `contact_locking.process.solving.solve`.
     """
     if parameters.adapt is None:
         return solving.solve(parameters, comm, monitor, petsc_options, restart)

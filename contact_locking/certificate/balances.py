@@ -75,8 +75,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     u, data, constraints = state.problem.u, state.problem.data, state.problem.constraints
     space = u.function_space
     v = ufl.TestFunction(space)
-    load = nodal_forces(forms.external_work(v, data))
-    elastic = nodal_forces(forms.elastic_form(u, v, data))
+    load, elastic = state.system.forms.loads(), state.system.forms.elastic_forces(u)
     stress = ufl.inner(state.body.locking_stress, data.strain(v)) * data.locking_dx
     internal = elastic + nodal_forces(stress)
     own = np.zeros_like(load)

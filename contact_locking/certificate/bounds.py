@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import (
     NotApplicable,
     elasticity,
@@ -19,9 +19,7 @@ from contact_locking.certificate.elliptic import (
 )
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.laws.convex import squared_norm
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.problem import forms
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.results.derived import integral
 
@@ -125,9 +123,7 @@ def _locking_work(state: SolvedState) -> float:
 
 def norm(state: SolvedState, u: fem.Function) -> float:
     """``|u|_V = |eps(u)|`` in L2 (10); collective."""
-    data = state.problem.data
-    square = squared_norm(data.strain(u)) * data.element.elastic_dx(data.dx)
-    return float(np.sqrt(integral(state.problem.domain, square)))
+    return state.system.forms.strain_norm(u)
 
 
 def _held_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
@@ -168,8 +164,7 @@ def _room_to_lock(state: SolvedState, w: fem.Function | None) -> float:
     """``1 - max |eps(w)|/M`` over all sets of strains, at least 0; 1 without w; collective."""
     if w is None:
         return 1.0
-    eps = state.problem.data.strain(w)
-    ratios = [item.reach(item.measured(eps)) / item.limit for item in state.points.sets]
+    ratios = [item.reach(item.measured(w)) / item.limit for item in state.points.sets]
     return max(1.0 - max(maximum(state.comm, ratio) for ratio in ratios), 0.0)
 
 
@@ -193,8 +188,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
     """
     if state.problem.sliding:
         raise NotApplicable("friction alone holds a rigid motion")
-    data, domain = state.problem.data, state.problem.domain
-    alpha = state.problem.material.ellipticity
+    domain, alpha = state.problem.domain, state.problem.material.ellipticity
     stiffness = alpha / state.target.length
     bilinear = elasticity(state) + springs(state, stiffness)
     with elliptic_problem(state, bilinear, state.problem.constraints) as problem:
@@ -210,7 +204,7 @@ def _pressed_bounds(state: SolvedState, w: fem.Function | None) -> _Bounds:
         room = fields.gap if w is None else fields.gap - fields.contact.split(w)[0]
         carried += float(fields.surface.integral(pressure * room))
         soft += 0.25 * state.target.penalty.epsilon * float(fields.surface.integral(pressure**2))
-    quarter = 0.25 * integral(domain, forms.elastic_form(z, z, data))
+    quarter = 0.5 * state.system.forms.energy(z)
     most = quarter + carried + soft
     lift = 0.0 if w is None else norm(state, w)
     return _Bounds(
@@ -232,8 +226,7 @@ def dual_norm(state: SolvedState, w: fem.Function | None = None) -> float:
         return norm(state, problem.solve(_load(state, w)))
 
 
-def _load(state: SolvedState, w: fem.Function | None) -> Any:
+def _load(state: SolvedState, w: fem.Function | None) -> FloatArray:
     """``(f, v) - a(w, v)``."""
-    data, v = state.problem.data, ufl.TestFunction(state.problem.u.function_space)
-    load = forms.external_work(v, data)
-    return load if w is None else load - forms.elastic_form(w, v, data)
+    forms = state.system.forms
+    return forms.loads() if w is None else forms.loads() - forms.elastic_forces(w)

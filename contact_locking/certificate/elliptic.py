@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
 import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
+from contact_locking.arrays import FloatArray
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import raise_callback_error
 from contact_locking.fem.joint_forms import JointForm, action
@@ -57,19 +59,23 @@ class EllipticProblem:
         self.ksp = create_ksp(comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
         self.ksp.setOperators(self.matrix)
 
-    def solve(self, right: Expr | None, values: fem.Function | None = None) -> fem.Function:
+    def solve(
+        self, right: FloatArray | None = None, values: fem.Function | None = None
+    ) -> fem.Function:
         """The z with ``b(z, v) = r(v)`` and the held part of ``values``; collective.
 
-        Without ``values`` the held part is zero.  Raises NotApplicable if the linear solver fails.
+        ``right`` are the nodal forces r.  Without ``values`` the held part is zero.  Raises
+        NotApplicable if the linear solver fails.
         """
         solution = fem.Function(self._space)
+        forces = np.zeros(self._owned) if right is None else right[: self._owned]
         if values is not None:
             solution.x.array[:] = self.constraints.held_part(values.x.array)
-        form = -action(self._bilinear, solution)
-        vector = la.vector(self._space.dofmap.index_map, self._space.dofmap.index_map_bs)
-        JointForm(form if right is None else right + form).assemble_vector(vector)
+            vector = la.vector(self._space.dofmap.index_map, self._space.dofmap.index_map_bs)
+            JointForm(action(self._bilinear, solution)).assemble_vector(vector)
+            forces = forces - vector.array[: self._owned]
         b, x = self.matrix.createVecLeft(), self.matrix.createVecRight()
-        b.array_w[:] = self.constraints.free_part(vector.array[: self._owned])
+        b.array_w[:] = self.constraints.free_part(forces)
         try:
             self.ksp.solve(b, x)
         except PETSc.Error as error:

@@ -176,11 +176,10 @@ class EnergyBalance:
 def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, Moment]:
     """The balance of the step from ``before`` to a solved state, and its moment; collective."""
     after = Moment.of(state)
-    u, data = state.problem.u, state.problem.data
-    step = fem.Function(u.function_space)
+    step = fem.Function(state.problem.u.function_space)
     step.x.array[:] = after.displacement - before.displacement
     moved = step.x.array[: len(after.forces)]
-    quadratic = integral(state.problem.domain, 0.5 * forms.elastic_form(step, step, data))
+    quadratic = state.system.forms.energy(step)
     dissipated = sum(_friction_work(state, fields) for fields in state.contacts)
     places = list(zip(state.contacts, before.contacts, after.contacts, strict=True))
     resisted = sum(
@@ -236,11 +235,10 @@ def _friction_work(state: SolvedState, fields: ContactFields) -> float:
 def _stored(state: SolvedState) -> float:
     """``E``, with a user's own energy; collective."""
     penalty, points = state.target.penalty, state.points
-    eps = state.problem.data.strain(state.problem.u)
     total = state.energy
     if np.isfinite(penalty.n):
         for item in points.sets:
-            excess = item.excess(item.measured(eps))
+            excess = item.excess(item.measured(state.problem.u))
             total += penalty.n * state.sum(points.weights * excess**2)
     if penalty.epsilon > 0.0:
         for fields in state.contacts:
@@ -256,16 +254,16 @@ def _external_forces(state: SolvedState) -> FloatArray:
     problem = state.problem
     u, data, owned = problem.u, problem.data, _owned(state)
     v = ufl.TestFunction(u.function_space)
-    load = nodal_forces(forms.external_work(v, data))
+    load = state.system.load
     stress = ufl.inner(state.body.locking_stress, data.strain(v)) * data.locking_dx
-    inner = nodal_forces(forms.elastic_form(u, v, data)) + nodal_forces(stress)
+    inner = state.system.forms.elastic_forces(u) + nodal_forces(stress)
     if data.own_energy is not None:
         inner += nodal_forces(forms.own_forces(u, v, data))
     for fields in state.contacts:
         forces = fields.pressure[:, None] * fields.normal - fields.traction
         inner += fields.surface.nodal_forces(forces)
     constraints = problem.constraints
-    return constraints.free_part(load[:owned]) + constraints.held_part(inner[:owned])
+    return constraints.free_part(load) + constraints.held_part(inner[:owned])
 
 
 def _owned(state: SolvedState) -> int:

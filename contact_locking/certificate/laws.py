@@ -125,7 +125,7 @@ def locking(state: SolvedState) -> tuple[float, float, float]:
     stress = min(state.mean_stress, 2.0 * n * state.mean_strain)
     products = violation = squares = 0.0
     for item in points.sets:
-        measured = item.measured(state.problem.data.strain(state.problem.u))
+        measured = item.measured(state.problem.u)
         norm, size = item.reach(measured), item.size
         locks = np.isfinite(item.limit)
         # A point without a limit must not turn M |Z| into inf times 0.

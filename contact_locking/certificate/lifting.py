@@ -102,9 +102,7 @@ class Lifting:
         state = self._state
         sets = state.points.sets
         excesses = [
-            item.reach(item.measured(state.problem.data.strain(lifted)))
-            - item.limit * (1.0 + _ROUNDING)
-            for item in sets
+            item.reach(item.measured(lifted)) - item.limit * (1.0 + _ROUNDING) for item in sets
         ]
         if not all([self._nowhere(excess) for excess in excesses]):
             raise NotApplicable(

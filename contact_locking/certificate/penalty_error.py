@@ -22,7 +22,6 @@ from contact_locking.laws.convex import squared_norm
 from contact_locking.parallel import maximum, minimum, on_every_rank
 from contact_locking.problem import forms
 from contact_locking.problem.forms import ProblemData
-from contact_locking.results.derived import integral
 
 # The rounding in w_nu - gap after the penetration is subtracted, relative to the body.
 _ROUNDING = 1e-10
@@ -102,14 +101,13 @@ def admissible_neighbour(state: SolvedState, lifting: Lifting) -> fem.Function:
     Collective.  Raises NotApplicable if there is no such field.
     """
     start, back = lifting.admissible, lifting.push_back()
-    strain = state.problem.data.strain
     w = fem.Function(back.function_space)
     w.x.array[:] = state.problem.u.x.array - back.x.array
     _check_entered(state, w)
     theta = 1.0
     for item in state.points.sets:
-        b = item.measured(strain(w))
-        a = np.zeros_like(b) if start is None else item.measured(strain(start))
+        b = item.measured(w)
+        a = np.zeros_like(b) if start is None else item.measured(start)
         theta = min(theta, _largest_step(a, b - a, item.limit))
     theta = minimum(state.comm, theta)
     w.x.array[:] *= theta
@@ -123,8 +121,7 @@ def energy_distance(state: SolvedState, w: fem.Function) -> float:
     u = state.problem.u
     step = fem.Function(u.function_space)
     step.x.array[:] = w.x.array - u.x.array
-    form = forms.elastic_form(step, step, state.problem.data)
-    return float(np.sqrt(integral(state.problem.domain, form)))
+    return float(np.sqrt(2.0 * state.system.forms.energy(step)))
 
 
 def _largest_step(a: FloatArray, b: FloatArray, limit: FloatArray) -> float:
@@ -161,7 +158,7 @@ def _gap(state: SolvedState, w: fem.Function) -> float:
     points = state.points
     total = 0.5 * energy_distance(state, w) ** 2
     for item in points.sets:
-        work = item.work(item.measured(state.problem.data.strain(w)))
+        work = item.work(item.measured(w))
         total += state.sum(points.weights * (item.support - work))
     for fields in state.contacts:
         normal, slip = fields.contact.split(w)[0], fields.contact.increment(w)

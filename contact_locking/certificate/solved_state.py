@@ -9,19 +9,16 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from ufl.core.expr import Expr
 
-from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.certificate.reactions import are_held
 from contact_locking.fem import compiled
 from contact_locking.parallel import maximum
-from contact_locking.problem import forms
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.strain_sets import StrainSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
-from contact_locking.results.derived import ContactFields, integral, penalised
+from contact_locking.results.derived import ContactFields, penalised
 from contact_locking.solver import Settings, SolverReport
 from contact_locking.solver.multipliers import Multipliers
 from contact_locking.solver.target import Target
@@ -75,8 +72,7 @@ class SolvedState:
     @cached_property
     def energy(self) -> float:
         """``a(u, u)/2``; collective."""
-        u = self.problem.u
-        return integral(self.problem.domain, 0.5 * forms.elastic_form(u, u, self.problem.data))
+        return self.system.energy()
 
     @cached_property
     def mean_strain(self) -> float:
@@ -154,9 +150,11 @@ class StrainPoints:
         self.volume = float(domain.comm.allreduce(float(self.weights.sum())))
         self.limit = self.scalars(state.problem.limits.limit.x.array, scalar)
         self.locking_stress = self.of(state.body.locking_stress)
-        self.strain = self.interpolated(element.strain(state.problem.u))
+        self._strained = fem.Function(state.problem.u.function_space)
+        self._strain = element.strain(self._strained)
         pairs = zip(state.problem.data.sets, state.body.locking_parts, strict=True)
         self.sets = [SetAtPoints(self, item, part) for item, part in pairs]
+        self.strain = self.sets[0].measured(state.problem.u)
         # The limit of the ball without the rounding of 1/(1/M).
         self.sets[0].limit = self.limit
 
@@ -173,12 +171,15 @@ class StrainPoints:
         dofs = function.function_space.dofmap.list[: self._owned].reshape(-1)
         return function.x.array.reshape(-1, *function.ufl_shape)[dofs]
 
-    def interpolated(self, expression: Expr) -> FloatArray:
-        """The values of a UFL tensor or scalar at the points."""
-        function = fem.Function(self._space if expression.ufl_shape else self._scalar)
-        space = function.function_space
-        function.interpolate(_compat.interpolation_expression(expression, space))
-        return self.of(function)
+    def expression_of(self, law: StrainSet) -> tuple[fem.Function, fem.Expression]:
+        """A function for ``L eps`` of a set at the points, and the expression."""
+        measured = law.measured(self._strain)
+        function = fem.Function(self._space if measured.ufl_shape else self._scalar)
+        return function, compiled.interpolation(measured, function.function_space)
+
+    def strain_of(self, w: fem.Function) -> None:
+        """Let the expressions of the sets be those of a displacement w."""
+        self._strained.x.array[:] = w.x.array
 
 
 class SetAtPoints:
@@ -189,7 +190,8 @@ class SetAtPoints:
     """
 
     def __init__(self, points: StrainPoints, law: StrainSet, multiplier: fem.Function) -> None:
-        self._points, self._law = points, law
+        self._points = points
+        self._measured, self._expression = points.expression_of(law)
         with np.errstate(divide="ignore"):
             self.limit = np.reciprocal(points.of(law.inverse_limit))
         self._multiplier = points.of(multiplier)
@@ -207,9 +209,11 @@ class SetAtPoints:
         """``M |y|`` (k,): the largest work of y at a strain of the set."""
         return self.largest * self.size
 
-    def measured(self, eps: Expr) -> FloatArray:
-        """``L eps`` of a UFL strain: (k, d, d), or (k,) for a half space."""
-        return self._points.interpolated(self._law.measured(eps))
+    def measured(self, w: fem.Function) -> FloatArray:
+        """``L eps(w)``: (k, d, d), or (k,) for a half space."""
+        self._points.strain_of(w)
+        self._measured.interpolate(self._expression)
+        return self._points.of(self._measured)
 
     def reach(self, measured: FloatArray) -> FloatArray:
         """``|L eps|``, or ``L eps`` for a half space: (k,) of what is measured."""

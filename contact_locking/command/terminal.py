@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import functools
 import os
 import pwd
 import shutil
@@ -13,6 +12,7 @@ import sys
 import time
 import traceback
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_locking.errors import ContactLockingError, InputError
@@ -134,6 +134,9 @@ def columns(rows: Sequence[Sequence[str]]) -> str:
 # PETSc's codes for an argument that is wrong, out of range, wrong input, of unknown type.
 _OPTION_ERRORS = (62, 63, 83, 86)
 
+# The options of DOLFINx and of FFCx, which both take from the current folder too.
+_OPTION_FILES = ("dolfinx_jit_options.json", "ffcx_options.json")
+
 
 def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
     """MPI's world, with PETSc initialised without the command line's words and petscrc files.
@@ -156,21 +159,34 @@ def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
             f"DOLFINx cannot be imported here: {error}\n"
             "It needs DOLFINx 0.9 or newer with PETSc; the README says how to get it."
         ) from error
-    from contact_locking.fem import compiled_forms
-
     # If the reader of the output leaves early, as head does, a program of one process ends in
     # silence, whether Python or a monitor of PETSc was printing.
     if arguments.program and MPI.COMM_WORLD.size == 1:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
         warn_of_separate_tasks()
-    for name in compiled_forms.ignore_current_folder():
+    for name in ignore_current_folder():
         complain(
             f"warning: {name} in this folder is ignored, as options of a compiler can run code; "
             "the folder of your configuration is the place for it: ~/.config/dolfinx or ffcx"
         )
-    if MPI.COMM_WORLD.rank == 0:
-        _clear_unfinished_forms()
     return MPI.COMM_WORLD
+
+
+def ignore_current_folder() -> list[str]:
+    """Let DOLFINx and FFCx take options from the user's configuration, not from this folder.
+
+    Options of the compiler can run code, and a folder with a study may come from anybody.  Returns
+    the names of the files that are ignored.  Call this function before anything is compiled.
+    """
+    import ffcx.options
+    from dolfinx import jit
+
+    ignored = [name for name in _OPTION_FILES if Path(name).exists()]
+    # Both read their files once.
+    with contextlib.chdir("/"):
+        jit.get_options()
+        ffcx.options.get_options()
+    return ignored
 
 
 def _prepare_environment() -> None:
@@ -182,14 +198,6 @@ def _prepare_environment() -> None:
         raise InputError(
             f"TMPDIR: {folder} is no folder that can be written to; make it, or unset TMPDIR"
         )
-
-
-@functools.cache
-def _clear_unfinished_forms() -> None:
-    """Once in a process: a worker of a study has hundreds of cases, and the cache many files."""
-    from contact_locking.fem import compiled_forms
-
-    compiled_forms.clear_unfinished()
 
 
 @contextlib.contextmanager

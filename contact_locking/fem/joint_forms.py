@@ -15,7 +15,7 @@ there: the rules of facets have forms of their own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -67,14 +67,12 @@ def action(bilinear: ufl.Form, u: fem.Function) -> ufl.Form:
 class JointForm:
     """A compiled form, in the parts of :func:`by_space`; local arrays have the displacement's dofs.
 
-    The integrals with displacements as arguments come first.  ``options`` are those of the form
-    compiler.
+    The integrals with displacements as arguments come first.
     """
 
-    def __init__(self, form: ufl.Form, options: Mapping[str, Any] | None = None) -> None:
-        options = compiled.options() if options is None else options
+    def __init__(self, form: ufl.Form) -> None:
         self._parts = by_space(form)
-        self._forms = [fem.form(part, jit_options=dict(options)) for part in self._parts]
+        self._forms = [compiled.form(part) for part in self._parts]
 
     def create_matrix(self, kind: str | None = None) -> PETSc.Mat:
         """A matrix with the sparsity of the first part, the cells' integrals; collective."""

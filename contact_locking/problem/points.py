@@ -9,9 +9,9 @@ import numpy as np
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import minimum
@@ -74,7 +74,7 @@ class Points:
             if value.ufl_shape != shape:
                 raise InputError(f"has the shape {value.ufl_shape}; it must be {shape}", key)
             function = self.function(shape)
-            expression = _compat.interpolation_expression(value, function.function_space)
+            expression = compiled.interpolation(value, function.function_space)
 
             def interpolated() -> FloatArray:
                 function.interpolate(expression)

@@ -8,17 +8,17 @@ from functools import cached_property
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.force_balance import Tools
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import NodalAverage
-from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
+from contact_locking.problem.body_forms import BodyForms
 from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.rounding import Rounding, largest_displacement
 from contact_locking.supports.affine_part import affine_part
@@ -49,27 +49,23 @@ class PenalisedSystem:
         loose: LooseMotion | None = None,
     ) -> None:
         space = u.function_space
-        v = ufl.TestFunction(space)
         self.data, self.u, self.contacts = data, u, data.contacts
         self.comm, self.dim = space.mesh.comm, space.mesh.topology.dim
         self.constraints = constraints
         constraints.apply(u)
         self.held_by_contact, self.held_by_friction = held_by_contact, held_by_friction
         self.rounding = Rounding(data, u, loose)
-        self._elastic = JointForm(forms.elastic_form(u, v, data))
-        self._elastic_energy = compiled.form(0.5 * forms.elastic_form(u, u, data))
+        self.forms = BodyForms(space, data)
         self._work = fem.Function(space)
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self.tools = Tools(data.tools, data.epsilon)
-        self._external = JointForm(forms.external_work(v, data))
         self.assemble_loads()
 
     def assemble_loads(self) -> None:
         """Assemble the loads of the present time; collective."""
-        self._external.assemble_vector(self._work.x)
         # (f, .) at the owned dofs, constrained dofs included.
-        self.load = self._work.x.array[: self._owned].copy()
-        self._load_norm = float(la.norm(self._work.x))
+        self.load = self.forms.loads()[: self._owned]
+        self._load_norm = self._norm(self.load)
 
     # The penalised forms are compiled at their first use.  The solver for n = inf never uses them.
 
@@ -86,8 +82,7 @@ class PenalisedSystem:
         if self.held_by_contact:
             factor = fem.Constant(space.mesh, self.CONTACT_FLOOR) / self.data.epsilon
             tangent += forms.contact_stiffness(v, du, self.contacts, factor)
-        # With the flags of compiled.form GCC takes a minute in 3D, and the code is not faster.
-        return JointForm(tangent, options={})
+        return JointForm(tangent)
 
     @cached_property
     def _penalty_pressures(self) -> list[NodalAverage]:
@@ -151,8 +146,7 @@ class PenalisedSystem:
 
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, above rounding; collective."""
-        self._elastic.assemble_vector(self._work.x)
-        acting = max(self._load_norm, float(la.norm(self._work.x)))
+        acting = max(self._load_norm, self._norm(self.forms.elastic_forces(self.u)))
         return self.rounding.raise_above(acting, tolerance)
 
     def largest_displacement(self) -> float:
@@ -161,7 +155,15 @@ class PenalisedSystem:
 
     def energy(self) -> float:
         """The elastic energy ``a(u, u)/2``; collective."""
-        return float(self.comm.allreduce(fem.assemble_scalar(self._elastic_energy)))
+        return self.forms.energy(self.u)
+
+    def compliance(self) -> float:
+        """The work ``(f, u)`` of the loads; collective."""
+        return float(self.comm.allreduce(self.load @ self.u.x.array[: self._owned]))
+
+    def _norm(self, forces: FloatArray) -> float:
+        square = float(np.sum(forces[: self._owned] ** 2))
+        return float(np.sqrt(self.comm.allreduce(square)))
 
     def set_displacement(self, x: PETSc.Vec) -> None:
         """``u = x`` at free dofs, and the prescribed values at constrained dofs; collective.

@@ -10,13 +10,14 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking import _compat
 from contact_locking.arrays import LARGEST
+from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum
 from contact_locking.problem import forms
 from contact_locking.problem.limits import LimitsOnMesh
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import integral
 from contact_locking.solver.multipliers import Multipliers
 
@@ -92,41 +93,38 @@ class BodyFields:
 
 
 def body_summary(
-    domain: Domain, u: fem.Function, data: forms.ProblemData, fields: BodyFields
+    domain: Domain, system: PenalisedSystem, fields: BodyFields, volume: float
 ) -> dict[str, Any]:
     """The keys of summary.json about the body: energies, strains and sizes; collective."""
-    dofmap = u.function_space.dofmap
+    data, dofmap = system.data, system.u.function_space.dofmap
     owned = fields.strain_norm.function_space.dofmap.index_map.size_local
-    one = fem.Constant(domain.mesh, 1.0)
     largest, overstrain = fields.peaks(domain)
-    volume = integral(domain, one * data.dx)
     return {
         "discretisation": data.element.facts(),
         "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
         "cells": domain.num_cells,
         "ranks": domain.comm.size,
         "dolfinx": dolfinx.__version__,
-        "compliance": integral(domain, forms.external_work(u, data)),
-        "elastic_energy": integral(domain, 0.5 * forms.elastic_form(u, u, data)),
+        "compliance": system.compliance(),
+        "elastic_energy": system.energy(),
         "strain_norm_max": maximum(domain.comm, fields.strain_norm.x.array[:owned]),
         "strain_norm_max_in_cells": largest,
         "overstrain_max": max(overstrain, 0.0),
         "locked_fraction": integral(domain, fields.locked * data.dx) / volume,
-        "strain_sets": [_about_set(domain, share, data) for share in fields.utilisations],
+        "strain_sets": [_about_set(domain, share, data, volume) for share in fields.utilisations],
     }
 
 
 def _about_set(
-    domain: Domain, utilisation: fem.Function, data: forms.ProblemData
+    domain: Domain, utilisation: fem.Function, data: forms.ProblemData, volume: float
 ) -> dict[str, Any]:
     """The entry of summary.json about one set of strains beside the ball; collective."""
     used_up = utilisation.copy()
     used_up.x.array[:] = utilisation.x.array >= 1.0 - _LOCKED_MARGIN
-    one = fem.Constant(domain.mesh, 1.0)
     return {
         "name": utilisation.name,
         "utilisation_max": _largest(domain, utilisation),
-        "locked_fraction": integral(domain, used_up * data.dx) / integral(domain, one * data.dx),
+        "locked_fraction": integral(domain, used_up * data.dx) / volume,
     }
 
 
@@ -139,6 +137,6 @@ def _largest(domain: Domain, values: fem.Function, over: fem.Function | None = N
 def _at_points(element: Element, domain: Domain, expr: Expr, name: str) -> fem.Function:
     space = element.strain_space(domain.mesh, expr.ufl_shape)
     function = fem.Function(space, name=name)
-    function.interpolate(_compat.interpolation_expression(expr, space))
+    function.interpolate(compiled.interpolation(expr, space))
     function.x.scatter_forward()
     return function

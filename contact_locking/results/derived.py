@@ -132,7 +132,7 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
     found = Multipliers.none(data, domain.mesh, tuple(forces))
     for item, part in zip(data.sets, found.parts, strict=True):
         law = item.multiplier(data.strain(u), data.n)
-        part.interpolate(_compat.interpolation_expression(law, part.function_space))
+        part.interpolate(compiled.interpolation(law, part.function_space))
         part.x.scatter_forward()
     found.add_up(data)
     return found

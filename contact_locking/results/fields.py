@@ -16,8 +16,8 @@ import ufl
 from dolfinx import fem, io
 from mpi4py import MPI
 
-from contact_locking import _compat
 from contact_locking.arrays import FloatArray
+from contact_locking.fem import compiled
 from contact_locking.results.solution import Solution
 
 FIELD_NAMES = (
@@ -79,7 +79,7 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
     if name == "strain_norm" and solution.element.degree > 1 and not kinematics.axisymmetric:
         eps = kinematics.strain(solution.displacement)
         norm = ufl.sqrt(ufl.inner(eps, eps))
-        copy.interpolate(_compat.interpolation_expression(norm, space))
+        copy.interpolate(compiled.interpolation(norm, space))
     elif values.shape[1] in (1, number):
         # A constant has one value in a cell, which every node receives.
         copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values

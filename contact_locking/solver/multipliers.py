@@ -8,8 +8,8 @@ import dolfinx
 import numpy as np
 from dolfinx import fem
 
-from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.fem import compiled
 from contact_locking.problem.forms import ProblemData
 
 
@@ -59,6 +59,6 @@ class Multipliers:
             return
         space = self.locking_stress.function_space
         shares = (item.stress(y) for item, y in zip(data.sets, self.parts, strict=True))
-        expression = _compat.interpolation_expression(sum(shares), space)
+        expression = compiled.interpolation(sum(shares), space)
         self.locking_stress.interpolate(expression)
         self.locking_stress.x.scatter_forward()

@@ -9,8 +9,8 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parameters import Parameters
+from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
-from contact_locking.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 
 from . import judge, reference

@@ -15,8 +15,8 @@ from pydantic import ValidationError
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.parameters import Parameters
 from contact_locking.process.loop import Steps
+from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
-from contact_locking.solving import solve_assembled
 from contact_locking.study.assembly import StudyProblem, assemble
 
 from . import comparisons, judge, reference, stepwise

@@ -8,7 +8,6 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from contact_locking import _compat
 from contact_locking.arrays import FloatArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads
@@ -25,6 +24,7 @@ from contact_locking.certificate.guaranteed.stiffening import (
 )
 from contact_locking.certificate.guaranteed.triangles import Triangles
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import (
     MANDEL_PAIRS,
     mandel_factor,
@@ -156,7 +156,7 @@ class Body:
         domain, material = self._state.problem.domain, self._state.problem.element
         space = material.strain_space(domain.mesh, (3, 3))
         function = fem.Function(space)
-        function.interpolate(_compat.interpolation_expression(tensor, space))
+        function.interpolate(compiled.interpolation(tensor, space))
         return np.asarray(function.x.array.reshape(-1, 3, 3)[space.dofmap.list[:size]])
 
     def _constant(self, values: FloatArray) -> FloatArray:

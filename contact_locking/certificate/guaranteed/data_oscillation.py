@@ -222,7 +222,7 @@ def _beyond_rounding(rest: FloatArray, whole: FloatArray) -> FloatArray:
 def _values(load: Any, triangles: Triangles, points: FloatArray, cells: IndexArray) -> FloatArray:
     """The load (m, q, 2) at points (q, 2) of the reference triangle in cells (m,); collective."""
     try:
-        expression = fem.Expression(load, points, jit_options=compiled.options())
+        expression = compiled.expression(load, points)
     except (ValueError, RuntimeError, TypeError) as error:
         raise NotApplicable("a load cannot be evaluated at points") from error
     if not len(cells):

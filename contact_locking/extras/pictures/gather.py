@@ -11,9 +11,9 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
-from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, drawn_tool
+from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import strain
 from contact_locking.results.contact_points import contact_name
 from contact_locking.results.solution import StudySolution
@@ -64,7 +64,7 @@ class Pieces:
         space = fem.functionspace(mesh, ("DG", 1, (dim, dim)))
         eps = fem.Function(space)
         expression = strain(solution.displacement)
-        eps.interpolate(_compat.interpolation_expression(expression, space))
+        eps.interpolate(compiled.interpolation(expression, space))
         at_corners = _in_cells(eps).reshape(-1, dim + 1, dim * dim)
         at_midpoints = np.einsum("pc,kcm->kpm", self._midpoints(space), at_corners)
         return np.asarray(np.linalg.norm(at_midpoints, axis=2).reshape(-1))

@@ -11,7 +11,6 @@ from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.locking_cones import LockingCones
-from contact_locking.solver.interior_point.lorentz import Lorentz
 from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.strain_half_lines import StrainHalfLines
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
@@ -46,13 +45,13 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
     of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
     largest friction bound that no bound is smaller than.  Collective.
     """
-    lorentz, penalty = Lorentz(system.comm), target.penalty
+    penalty = target.penalty
     data, space = system.data, system.u.function_space
     strains = [StrainOperator(space, data, item) for item in data.sets]
     families: list[Family] = []
     for number, operator in enumerate(strains):
         if isinstance(operator.law, NormSet):
-            families.append(LockingCones(lorentz, operator, penalty.compliance, number))
+            families.append(LockingCones(operator, penalty.compliance, number))
         else:
             families.append(StrainHalfLines(operator, penalty.compliance, number))
     bounds, touching = [], []
@@ -66,7 +65,7 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
         families.append(pressing)
         if not contact.friction.frictionless:
             regularisation = penalty.regularisations[number]
-            rubbing = FrictionCones(lorentz, nodes, regularisation, target.length)
+            rubbing = FrictionCones(nodes, regularisation, target.length)
             families.append(rubbing)
             bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound))
     return Families(families, bounds, strains, touching)

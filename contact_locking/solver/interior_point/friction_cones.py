@@ -10,7 +10,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.family import Step
-from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, dot
+from contact_locking.solver.interior_point.lorentz import Scaling, dot
 from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
 from contact_locking.solver.multipliers import Multipliers
 
@@ -30,10 +30,8 @@ class FrictionCones(LorentzCones):
 
     limits_displacement = False
 
-    def __init__(
-        self, lorentz: Lorentz, nodes: ContactNodes, regularisation: float, length: float
-    ) -> None:
-        self._lorentz, self.nodes = lorentz, nodes
+    def __init__(self, nodes: ContactNodes, regularisation: float, length: float) -> None:
+        self.nodes = nodes
         self.regularisation, self.scale = regularisation, length
         self.comm, self.weights = nodes.comm, nodes.weights
         rows = 1 + nodes.dim + (regularisation > 0.0)
@@ -103,7 +101,7 @@ class FrictionCones(LorentzCones):
     def linearise(self) -> None:
         self.bound_step = np.zeros(len(self.weights))
         self._gap = self._fixed_rows() - self.x[1:]
-        scaling = self._scaling = Scaling.of(self._lorentz, self.x, self.z)
+        scaling = self._scaling = Scaling.of(self.x, self.z)
         square, w_0 = scaling.eta**2, scaling.w[0]
         self.a = np.reciprocal(square)
         self.b = -2.0 * np.reciprocal((2.0 * w_0**2 - 1.0) * square)

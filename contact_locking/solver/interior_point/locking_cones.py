@@ -12,7 +12,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.parallel import minimum
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.family import Step
-from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, norm
+from contact_locking.solver.interior_point.lorentz import Scaling, dot, inverse, norm
 from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
@@ -31,10 +31,8 @@ class LockingCones(LorentzCones):
     stops_rigid_motions = False
     scale = 1.0
 
-    def __init__(
-        self, lorentz: Lorentz, strains: StrainOperator, compliance: float, number: int
-    ) -> None:
-        self._lorentz, self._strains, self._number = lorentz, strains, number
+    def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
+        self._strains, self._number = strains, number
         self.comm, self.weights = strains.comm, strains.weights
         self.limit, self.compliance = strains.limit, compliance
         self.x, self.z = np.zeros((2, 1 + strains.rows, len(self.limit)))
@@ -55,7 +53,7 @@ class LockingCones(LorentzCones):
     def start(self, level: float, least: float) -> None:
         radius = np.maximum(self.limit, 1.5 * norm(self.seen))
         self.x = np.vstack([radius, self.seen])
-        self.z = level * self._lorentz.inverse(self.x)
+        self.z = level * inverse(self.x)
 
     def primal_residual(self, deformation: float) -> float:
         return relative_rms(self.comm, self.weights, self._primal_gap(), self.x)
@@ -71,7 +69,7 @@ class LockingCones(LorentzCones):
 
     def linearise(self) -> None:
         self._gap = self._primal_gap()
-        scaling = self._scaling = Scaling.of(self._lorentz, self.x, self.z)
+        scaling = self._scaling = Scaling.of(self.x, self.z)
         kappa = self._yielding = max(self.compliance, self.softness)
         square, w_0 = scaling.eta**2, scaling.w[0]
         self.a = np.reciprocal(square)
@@ -81,20 +79,25 @@ class LockingCones(LorentzCones):
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         self._aim = self._scaling.aim(target, correction)
-        reactions = np.empty_like(self.z[1:])
-        self._eliminated("locking_reactions", self.z, reactions)
-        return reactions
+        return -(self.z + self._dual_step(self._gap[1:]))[1:]
 
     def step(self, seen: FloatArray) -> Step:
-        dx, dz = np.empty_like(self.x), np.empty_like(self.x)
-        self._eliminated("locking_step", seen, dx, dz)
-        return Step(dx, dz)
+        d_rest = self._gap[1:] + seen
+        dz = self._dual_step(d_rest)
+        return Step(np.vstack([self._gap[0] + self._yielding * dz[0], d_rest]), dz)
 
-    def _eliminated(self, function: str, *arguments: FloatArray) -> None:
-        """``dz = b - W^-2 dx`` with ``dx_0 = yielding dz_0 + gap_0`` eliminated, in C."""
-        scaling, known = self._scaling, (self._aim, self._gap)
-        how = self._yielding, scaling.eta, scaling.w
-        self._lorentz.call(function, *self.x.shape, *how, *known, *arguments)
+    def _dual_step(self, d_rest: FloatArray) -> FloatArray:
+        """``dz = b - W^-2 dx`` with ``dx_0 = yielding dz_0 + gap_0`` eliminated."""
+        w, a, kappa = self._scaling.w, self._scaling.eta**-2, self._yielding
+        w_0, w_rest, gap_0 = w[0], dot(w[1:], d_rest), self._gap[0]
+        h_00 = (2.0 * w_0**2 - 1.0) * a
+        dz_0 = (self._aim[0] - h_00 * gap_0 + 2.0 * a * w_0 * w_rest) / (1.0 + kappa * h_00)
+        dz = (2.0 * (w_0 * (gap_0 + kappa * dz_0) - w_rest)) * w
+        dz[1:] -= d_rest
+        dz *= a
+        dz += self._aim
+        dz[0] = dz_0
+        return dz
 
     # The tangent.
 

@@ -4,21 +4,16 @@ Arrays are (1 + m, k): k cones side by side, the first row x_0, so that every op
 contiguous rows.  ``J = diag(1, -1, ..., -1)``, ``det x = x^T J x``, and
 ``x o z = (x . z, x_0 z_1 + z_0 x_1)`` is the Jordan product with unit ``e = (1, 0)``.  Formulae of
 the scaling: Nesterov and Todd (1997), doi:10.1287/moor.22.1.1.
-
-What is needed several times per iteration is compiled from lorentz.c: one pass over the data
-instead of one for each operation of NumPy, which took a seventh of a solve in 2D.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.fem import compiled
 
 # A point and its multiplier, or a step of both.
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
@@ -34,45 +29,24 @@ def norm(a: FloatArray) -> FloatArray:
     return np.sqrt(dot(a, a))
 
 
-class Lorentz:
-    """The compiled algebra; collective to make."""
+def size(x: FloatArray) -> FloatArray:
+    """``sqrt(det x)`` (k,) of points inside the cone."""
+    length = norm(x[1:])
+    # As a product det x keeps its digits near the boundary of the cone.
+    return np.sqrt((x[0] - length) * (x[0] + length))
 
-    def __init__(self, comm: MPI.Intracomm) -> None:
-        self._library, self._ffi = compiled.library_of(__package__, "lorentz", comm)
 
-    def size(self, x: FloatArray) -> FloatArray:
-        """``sqrt(det x)`` (k,) of points inside the cone."""
-        size = np.empty(x.shape[1])
-        self.call("lorentz_size", *x.shape, x, size)
-        return size
+def inverse(x: FloatArray) -> FloatArray:
+    """``x^-1 = J x/det x``, so that ``x o x^-1 = e``."""
+    result = x / -(size(x) ** 2)
+    result[0] *= -1.0
+    return result
 
-    def inverse(self, x: FloatArray) -> FloatArray:
-        """``x^-1 = J x/det x``, so that ``x o x^-1 = e``."""
-        result = x / -(self.size(x) ** 2)
-        result[0] *= -1.0
-        return result
 
-    def total(self, weights: FloatArray, pair: Pair, t: float, step: Pair) -> float:
-        """``sum weights (x + t dx) . (z + t dz)``."""
-        return float(self.call("lorentz_total", *pair[0].shape, t, weights, *pair, *step))
-
-    def call(self, name: str, rows: int, count: int, *arguments: FloatArray | float | None) -> Any:
-        """A function of lorentz.c for points (rows, count); None is NULL.
-
-        Raises ValueError for an array that is none of such points, since C would read beyond it.
-        """
-        sizes = {count, (rows - 1) * count, rows * count}
-
-        def given(value: FloatArray | float | None) -> Any:
-            if value is None:
-                return self._ffi.NULL
-            if not isinstance(value, np.ndarray):
-                return value
-            if value.dtype != np.float64 or value.size not in sizes:
-                raise ValueError(f"{name}: {value.dtype} {value.shape} for points {rows, count}")
-            return self._ffi.from_buffer("double[]", value)
-
-        return getattr(self._library, name)(rows, count, *map(given, arguments))
+def total(weights: FloatArray, pair: Pair, t: float, step: Pair) -> float:
+    """``sum weights (x + t dx) . (z + t dz)``."""
+    (x, z), (dx, dz) = pair, step
+    return float(weights @ dot(x + t * dx, z + t * dz))
 
 
 @dataclass(frozen=True)
@@ -83,7 +57,6 @@ class Scaling:
     ``v = (w + e)/sqrt(2 (w_0 + 1))``; ``point`` is lambda.  It ends where x or z change.
     """
 
-    lorentz: Lorentz
     x: FloatArray
     z: FloatArray
     size_x: FloatArray
@@ -93,11 +66,17 @@ class Scaling:
     point: FloatArray
 
     @classmethod
-    def of(cls, lorentz: Lorentz, x: FloatArray, z: FloatArray) -> Scaling:
-        size_x, size_z = lorentz.size(x), lorentz.size(z)
-        eta, w, point = np.empty_like(size_x), np.empty_like(x), np.empty_like(x)
-        lorentz.call("lorentz_scaling", *x.shape, x, z, size_x, size_z, eta, w, point)
-        return cls(lorentz, x, z, size_x, size_z, eta, w, point)
+    def of(cls, x: FloatArray, z: FloatArray) -> Scaling:
+        size_x, size_z = size(x), size(z)
+        both = np.sqrt(size_x * size_z)
+        gamma = np.sqrt(0.5 * (1.0 + dot(x, z) / (size_x * size_z)))
+        x_0, z_0 = x[0] / size_x, z[0] / size_z
+        w = (0.5 / (gamma * size_x)) * x - (0.5 / (gamma * size_z)) * z
+        w[0] = 0.5 * (x_0 + z_0) / gamma
+        share = both / (x_0 + z_0 + 2.0 * gamma)
+        point = (share * (gamma + z_0) / size_x) * x + (share * (gamma + x_0) / size_z) * z
+        point[0] = gamma * both
+        return cls(x, z, size_x, size_z, np.sqrt(size_x / size_z), w, point)
 
     def aim(self, target: float, correction: FloatArray | None) -> FloatArray:
         """The b of ``dz = b - W^-2 dx`` that drives the scaled products to ``target e``.
@@ -105,15 +84,26 @@ class Scaling:
         ``lambda o (W^-1 dx + W dz) = target e - lambda o lambda - correction`` leads to it, where
         ``W^-1 lambda = z`` and ``W^-1 lambda^-1 = x^-1``.
         """
-        b = np.empty_like(self.x)
-        sizes = self.size_x, self.size_z
-        how = self.eta, self.w, self.point, correction
-        self.lorentz.call("lorentz_aim", *b.shape, target, self.x, self.z, *sizes, *how, b)
+        share = target / self.size_x**2
+        b = -share * self.x
+        b[0] *= -1.0
+        b -= self.z
+        if correction is not None:
+            point, det = self.point, self.size_x * self.size_z
+            first = (point[0] * correction[0] - dot(point[1:], correction[1:])) / det
+            y = correction - first * point
+            y *= 1.0 / point[0]
+            y[0] = first
+            b -= self._scaled_back(y)
         return b
 
     def correction(self, dx: FloatArray, dz: FloatArray) -> FloatArray:
         """The second-order term of a step, ``W^-1 dx o W dz``."""
-        return self._product(0.0, dx, dz, dx, dz)
+        a, b = self._scaled_back(dx), self._scaled(dz)
+        product = a[0] * b
+        product[1:] += b[0] * a[1:]
+        product[0] = dot(a, b)
+        return product
 
     def recentring(
         self, t: float, dx: FloatArray, dz: FloatArray, band: tuple[float, float]
@@ -124,35 +114,59 @@ class Scaling:
         (Gondzio, doi:10.1007/BF00249643), by the upper end of the band at most where they are
         large; the difference is what a correction has to aim at beside it.
         """
-        products = self._product(t, self.x, self.z, dx, dz)
-        change = np.empty_like(products)
-        self.lorentz.call("lorentz_into_band", *change.shape, *band, products, change)
-        return change
+        product = self.correction(self.x + t * dx, self.z + t * dz)
+        length = norm(product[1:])
+        low, high = band
+        least, most = (
+            np.maximum(np.clip(v, low, high) - v, -high)
+            for v in (product[0] - length, product[0] + length)
+        )
+        along = np.divide(most - least, length, out=np.zeros_like(length), where=length > 0.0)
+        product[0] = most + least
+        product[1:] *= along
+        product *= 0.5
+        return product
 
     def longest_step(self, step: Pair, other: Pair, share: float = 0.0) -> float:
         """The largest t with ``(x, z) + t (step + share (other - step))`` in every cone.
 
         Infinite without a limit.
         """
-        sides = (self.x, self.size_x), (self.z, self.size_z)
-        speeds = [
-            self.lorentz.call("lorentz_speed", *one.shape, share, *side, one, another, None)
-            for side, one, another in zip(sides, step, other, strict=True)
-        ]
-        speed = np.max(speeds)
+        if share != 0.0:
+            (dx, dz), (other_dx, other_dz) = step, other
+            step = dx + share * (other_dx - dx), dz + share * (other_dz - dz)
+        speed = np.max(self._speeds(step), initial=-np.inf)
         # NaN is no direction to go in.
         return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
 
     def speeds(self, step: Pair) -> FloatArray:
         """The reciprocal (k,) of the longest step in each cone; none is negative."""
-        found = np.zeros(self.x.shape[1])
-        for y, size, dy in zip((self.x, self.z), (self.size_x, self.size_z), step, strict=True):
-            self.lorentz.call("lorentz_speed", *dy.shape, 0.0, y, size, dy, dy, found)
-        return found
+        return np.maximum(0.0, np.fmax(*self._speeds(step)))
 
-    def _product(
-        self, t: float, x: FloatArray, z: FloatArray, dx: FloatArray, dz: FloatArray
-    ) -> FloatArray:
-        result = np.empty_like(dx)
-        self.lorentz.call("lorentz_product", *dx.shape, t, x, z, dx, dz, self.eta, self.w, result)
+    def _speeds(self, step: Pair) -> FloatArray:
+        """``1/t`` (2, k) with ``x + t dx`` or ``z + t dz`` on the boundary; none: not positive."""
+        found = []
+        for y, size_y, d in zip((self.x, self.z), (self.size_x, self.size_z), step, strict=True):
+            along = (y[0] * d[0] - dot(y[1:], d[1:])) / size_y
+            across = ((along + d[0]) / (y[0] + size_y)) * y[1:]
+            across -= d[1:]
+            found.append((norm(across) - along) / size_y)
+        return np.array(found)
+
+    def _scaled(self, y: FloatArray) -> FloatArray:
+        """``W y``: its first row over eta is ``w . y``."""
+        w, rest = self.w, dot(self.w[1:], y[1:])
+        result = (y[0] + rest / (w[0] + 1.0)) * w
+        result += y
+        result[0] = w[0] * y[0] + rest
+        result *= self.eta
+        return result
+
+    def _scaled_back(self, y: FloatArray) -> FloatArray:
+        """``W^-1 y``: as ``W y`` with ``J w`` in the place of w, and 1/eta."""
+        w, rest = self.w, dot(self.w[1:], y[1:])
+        result = (rest / (w[0] + 1.0) - y[0]) * w
+        result += y
+        result[0] = w[0] * y[0] - rest
+        result *= 1.0 / self.eta
         return result

@@ -6,7 +6,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.solver.interior_point.family import Family, Step
-from contact_locking.solver.interior_point.lorentz import Lorentz, Scaling, dot
+from contact_locking.solver.interior_point.lorentz import Scaling, dot, total
 
 
 class LorentzCones(Family):
@@ -18,14 +18,13 @@ class LorentzCones(Family):
     a: FloatArray
     b: FloatArray
     w: FloatArray
-    _lorentz: Lorentz
     _scaling: Scaling
     _aim: FloatArray
 
     def total(self, t: float = 0.0, step: Step | None = None) -> float:
         pair = self.x, self.z
         taken = pair if step is None else (step.primal, step.dual)
-        return self._lorentz.total(self.weights, pair, t, taken)
+        return total(self.weights, pair, t, taken)
 
     def correction(self, step: Step) -> FloatArray:
         return self._scaling.correction(step.primal, step.dual)

@@ -1,6 +1,14 @@
+#include "substructure.h"
+
 #include <stdlib.h>
 #include <string.h>
 #include <suitesparse/cholmod.h>
+
+#ifdef SINGLE
+typedef float real;
+#else
+typedef double real;
+#endif
 
 /* Solves take so many columns of a panel together, and pass once over the rows below them. */
 #define TOGETHER 4
@@ -114,8 +122,9 @@ substructure *substructure_new(int n, const int *starts, const int *columns, int
   return s;
 }
 
-int substructure_factorise(substructure *s, const real *values, real *corner)
+int substructure_factorise(substructure *s, const void *values, void *corner)
 {
+  real *lower_right = corner;
   s->matrix.x = (void *)values;
   s->matrix.xtype = CHOLMOD_REAL;
   cholmod_factor *factor = s->factor;
@@ -124,13 +133,13 @@ int substructure_factorise(substructure *s, const real *values, real *corner)
   const int n = s->n, interior = s->interior;
   const size_t m = n - interior;
   const int *super = factor->super, *starts = factor->pi, *at = factor->px, *rows = factor->s;
-  memset(corner, 0, m * m * sizeof *corner);
+  memset(lower_right, 0, m * m * sizeof *lower_right);
   for (size_t k = 0; k < factor->nsuper; k++) {
     const int first = super[k], height = starts[k + 1] - starts[k];
     for (int j = first < interior ? interior : first; j < super[k + 1]; j++) {
       const real *column = (const real *)factor->x + at[k] + (size_t)(j - first) * height;
       for (int i = j - first; i < height; i++)
-        corner[(n - 1 - j) * m + (n - 1 - rows[starts[k] + i])] = column[i];
+        lower_right[(n - 1 - j) * m + (n - 1 - rows[starts[k] + i])] = column[i];
     }
   }
   return 0;
@@ -159,8 +168,9 @@ static int together(int left)
 
 /* The solves with L_I are loops of our own: those of CHOLMOD solve with L_G as well, which would have
    to be undone, and take longer for one right-hand side. */
-void substructure_forward(substructure *s, real *b)
+void substructure_forward(substructure *s, void *vector)
 {
+  real *b = vector;
   for (size_t k = 0; k < s->factor->nsuper && !is_of_corner(s, k); k++) {
     const panel p = panel_of(s, k);
     const size_t height = p.height;
@@ -193,8 +203,9 @@ void substructure_forward(substructure *s, real *b)
   }
 }
 
-void substructure_backward(substructure *s, real *b)
+void substructure_backward(substructure *s, void *vector)
 {
+  real *b = vector;
   for (size_t k = s->factor->nsuper; k-- > 0;) {
     if (is_of_corner(s, k))
       continue;

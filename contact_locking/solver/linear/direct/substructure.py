@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from petsc4py import PETSc
 from scipy.linalg import get_lapack_funcs
 
 from contact_locking.arrays import FloatArray
-from contact_locking.fem import compiled
+from contact_locking.solver.linear.direct import native
 
 Numbers = npt.NDArray[np.integer]
 #: In which the factor is stored, and its solves are done.
@@ -36,7 +35,7 @@ class Substructure:
         comm: MPI.Intracomm,
         precision: Precision = np.float64,
     ) -> None:
-        self._library, self._ffi = _library(comm, precision)
+        self._library, self._ffi = native.library(comm, precision is np.float32)
         starts, columns, _ = matrix.getValuesCSR()
         self.order = np.concatenate([interior, corner]).astype(np.int32)
         # CHOLMOD keeps no copy of the pattern.
@@ -79,27 +78,4 @@ class Substructure:
         return self._ffi.from_buffer("int[]", np.ascontiguousarray(array, dtype=np.int32))
 
     def _numbers(self, array: Reals) -> Any:
-        return self._ffi.from_buffer("real[]", array)
-
-
-def is_available(comm: MPI.Intracomm) -> bool:
-    """Whether all ranks have CHOLMOD and its header, of one version; collective."""
-    if not comm.allreduce(_cholmod() is not None, op=MPI.LAND):
-        return False
-    try:
-        library, _ = _library(comm, np.float64)
-    except RuntimeError:
-        # It did not compile, which DOLFINx tells all ranks.
-        return False
-    return bool(comm.allreduce(library.substructure_has_its_library(), op=MPI.LAND))
-
-
-@functools.cache
-def _cholmod() -> compiled.Installed | None:
-    return compiled.installed("cholmod", "suitesparse/cholmod.h")
-
-
-def _library(comm: MPI.Intracomm, precision: Precision) -> tuple[Any, Any]:
-    real = "float" if precision is np.float32 else "double"
-    types = f"typedef {real} real;\n"
-    return compiled.library_of(__package__, "substructure", comm, _cholmod(), types)
+        return self._ffi.from_buffer(array)

@@ -32,8 +32,9 @@ from petsc4py import PETSc
 from scipy.linalg import get_blas_funcs, lapack
 
 from contact_locking.arrays import IndexArray
+from contact_locking.solver.linear.direct.native import is_available
 from contact_locking.solver.linear.direct.separator import Separator
-from contact_locking.solver.linear.direct.substructure import Precision, Substructure, is_available
+from contact_locking.solver.linear.direct.substructure import Precision, Substructure
 
 # A dense matrix on every rank: no more unknowns than these, and no larger share of all.  With it
 # two ranks are 1.2 to 1.6 times as fast as with MUMPS, in 2D, and from 2000 unknowns on in 3D; four

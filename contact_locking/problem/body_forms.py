@@ -1,0 +1,62 @@
+"""The forms of the elastic body for any displacement, which a problem compiles once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from contact_locking.arrays import FloatArray
+from contact_locking.fem import compiled
+from contact_locking.fem.joint_forms import JointForm
+from contact_locking.laws.convex import squared_norm
+from contact_locking.problem import forms
+
+
+class BodyForms:
+    """``a(w, w)/2``, ``a(w, .)``, ``|eps(w)|`` and ``(f, .)`` of displacements w; collective.
+
+    Nodal forces are local arrays of the displacement space, ghosts included.
+    """
+
+    def __init__(self, space: fem.FunctionSpace, data: forms.ProblemData) -> None:
+        v, self._data = ufl.TestFunction(space), data
+        self._w, self._forces = fem.Function(space), fem.Function(space)
+        self._energy = compiled.form(0.5 * forms.elastic_form(self._w, self._w, data))
+        self._elastic = JointForm(forms.elastic_form(self._w, v, data))
+        self._external = JointForm(forms.external_work(v, data))
+        self._comm = space.mesh.comm
+
+    def energy(self, w: fem.Function) -> float:
+        """``a(w, w)/2``."""
+        return self._value(self._energy, w)
+
+    def strain_norm(self, w: fem.Function) -> float:
+        """``|w|_V = |eps(w)|`` in L2 (10)."""
+        return float(np.sqrt(self._value(self._square, w)))
+
+    def elastic_forces(self, w: fem.Function) -> FloatArray:
+        """``a(w, .)``."""
+        self._w.x.array[:] = w.x.array
+        return self._nodal(self._elastic)
+
+    def loads(self) -> FloatArray:
+        """``(f, .)`` at the present time."""
+        return self._nodal(self._external)
+
+    @cached_property
+    def _square(self) -> fem.Form:
+        data = self._data
+        eps = data.strain(self._w)
+        return compiled.form(squared_norm(eps) * data.element.elastic_dx(data.dx))
+
+    def _value(self, form: fem.Form, w: fem.Function) -> float:
+        self._w.x.array[:] = w.x.array
+        return float(self._comm.allreduce(fem.assemble_scalar(form)))
+
+    def _nodal(self, form: JointForm) -> FloatArray:
+        form.assemble_vector(self._forces.x)
+        self._forces.x.scatter_forward()
+        return self._forces.x.array.copy()
