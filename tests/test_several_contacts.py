@@ -121,10 +121,10 @@ def test_the_certificate_judges_each_contact(
     from contact_locking import solving
     from contact_locking.certificate.verdict import certify
 
-    def tamper(state: Any) -> Any:
+    def tamper(state: Any, *more: Any) -> Any:
         fields = state.contacts[tampered]
         fields.pressure = 1.1 * fields.pressure
-        return certify(state)
+        return certify(state, *more)
 
     monkeypatch.setattr(solving, "certify", tamper)
     entries = [{"on": "bottom"}, {"on": "top", "gap": -0.003}]

@@ -231,8 +231,10 @@ def _distance(shape: dict[str, Any], x: Array) -> tuple[Array, Array]:
 def _polyline(corners: Array, x: Array) -> tuple[Array, Array]:
     """The distance to the nearest segment, positive on the right of the way."""
     best, normal = np.full(len(x), np.inf), np.zeros_like(x)
-    for a, b in zip(corners[:-1, :], corners[1:, :], strict=True):
-        way: Array = (b - a) / np.linalg.norm(b - a)
+    for start in range(len(corners) - 1):
+        a: Array = corners[start]
+        b: Array = corners[start + 1]
+        way = (b - a) / np.linalg.norm(b - a)
         right = np.array([way[1], -way[0]])
         along = np.clip((x - a) @ way, 0.0, np.linalg.norm(b - a))
         away = x - (a + along[:, None] * way)
