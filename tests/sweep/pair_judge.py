@@ -54,7 +54,7 @@ class Judge:
         """The largest violation of each law over the steps: a right solution has at most 1."""
         worst: Found = {}
         before, now = np.zeros_like(self.mesh.x), 0.0
-        slips = [np.zeros(len(contact.nodes)) for contact in self.contacts]
+        slips: list[Array] = [np.zeros(len(contact.nodes)) for contact in self.contacts]
         travels = [0.0] * len(self.contacts)
         for moment in moments:
             step = _Step(self, moment, before, now, slips, travels)
@@ -120,7 +120,7 @@ class _Step:
         self.stress = math.sqrt(2.0 * self.energy * modulus / float(weights.sum()))
         self._balance()
         self._locking()
-        self.slips = []
+        self.slips: list[Array] = []
         for i, contact in enumerate(judge.contacts):
             travel = (travels[i], self.travels[i])
             self._contact(contact, moment.contacts[i], tools[i], before, then, travel, slips[i])
