@@ -24,7 +24,7 @@ from contact_locking.solver.task import Task
 from contact_locking.study.assembly import assemble
 
 TOLERANCE = 1e-9
-TARGET = Target(Penalty(10.0, 0.1, (0.1,)), 1.0, 1.0, 1.0, 1.0, 1.0)
+TARGET = Target(Penalty(10.0, 0.1, (0.1,)), 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 @pytest.fixture
@@ -128,7 +128,7 @@ def test_the_last_steps_need_no_symbolic_factorisation_of_their_own(
 
 
 def test_the_path_of_penalties_ends_at_the_target_and_starts_no_stiffer() -> None:
-    target = Target(Penalty(1e4, 1e-4, (1e-3, 10.0)), 1.0, 1.0, 1.0, 1.0, 1.0)
+    target = Target(Penalty(1e4, 1e-4, (1e-3, 10.0)), 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
     path = PenaltyPath.towards(target)
     assert path.at(1.0) == target.penalty
     # The second contact is softer than where the others start.

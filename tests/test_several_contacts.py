@@ -121,10 +121,10 @@ def test_the_certificate_judges_each_contact(
     from contact_locking.certificate.verdict import certify
     from contact_locking.process import solving
 
-    def tamper(state: Any) -> Any:
+    def tamper(state: Any, *more: Any) -> Any:
         fields = state.contacts[tampered]
         fields.pressure = 1.1 * fields.pressure
-        return certify(state)
+        return certify(state, *more)
 
     monkeypatch.setattr(solving, "certify", tamper)
     entries = [{"on": "bottom"}, {"on": "top", "gap": -0.003}]
@@ -162,3 +162,30 @@ def test_own_bounds_of_friction_are_one_for_each_contact() -> None:
     for fields, strength in zip(solution.contacts, (1e-4, 3e-4), strict=True):
         size = np.linalg.norm(fields.traction, axis=1)
         assert (size <= strength * (1.0 + Settings().tolerance * 1e3)).all()
+
+
+@pytest.mark.parametrize("length", [1.0, 100.0])
+def test_what_rounding_leaves_on_an_idle_contact_is_nothing_beside_the_other(length: float) -> None:
+    """The body presses the nearer of two foundations, in any unit, and locks."""
+    given = {
+        "mesh": {
+            "builder": "l_shape",
+            "dim": 2,
+            "size": [length, length],
+            "h": 0.15 * length,
+            "axisymmetric": True,
+        },
+        "material": {"locking": [{"norm": "volume", "at_most": 6e-4, "at_least": -3e-4}]},
+        "loads": {
+            "displacements": [{"on": "top", "value": [0.0, -1e-5 * length]}],
+            "tractions": [{"on": "inner_horizontal", "value": [0.0, -0.002]}],
+        },
+        "contact": [
+            {"on": "bottom"},
+            {"on": "bottom", "gap": 2e-6 * length, "friction": {"coefficient": 0.3}},
+        ],
+        "friction": {"coefficient": 2.0, "smoothing": NONE, "regularisation": 2e-7 * length},
+    }
+    solution = solved(Parameters.model_validate(given))
+    near, far = (entry["contact_force"][1] for entry in solution.summary["contacts"])
+    assert far < 1e-6 * near

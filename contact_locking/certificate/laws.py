@@ -17,6 +17,7 @@ import numpy as np
 
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.parallel import maximum
 from contact_locking.results.derived import ContactFields
 
@@ -93,7 +94,7 @@ def _friction_criteria(
 ) -> dict[str, Criterion]:
     products, cones, signs = np.transpose([friction(state, fields) for fields in rubbing])
     settled = margin * max(state.settings.friction_tolerance, _TOLERANCE)
-    change = max(bound_change(state, fields) for fields in rubbing)
+    change = bound_change(state, rubbing)
     constants = max(smoothing_constants(state, fields) for fields in rubbing)
     return {
         "friction_complementarity": Criterion(
@@ -194,15 +195,19 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
     )
 
 
-def bound_change(state: SolvedState, fields: ContactFields) -> float:
-    """``|G - mu(s) |R sigma_nu||/|mu |R sigma_nu||`` in L2, with the bound G of the solver.
+def bound_change(state: SolvedState, rubbing: list[ContactFields]) -> float:
+    """The largest ``|G - mu(s) |R sigma_nu||/|mu |R sigma_nu||``, with the bound G of the solver.
 
-    Collective.
+    Both are norms in L2: above on one contact, below over all contacts.  What rounding leaves on a
+    contact that does not press is nothing beside the friction elsewhere.  Collective.
     """
-    contact = fields.contact
-    wanted = contact.friction_bound(state.problem.u, fields.pressure)
-    size = max(contact.norm(wanted), state.target.least_bound(state.mean_strain, state.dim))
-    change = contact.norm(np.where(state.held(fields), 0.0, fields.bound - wanted))
+    contacts, u = [fields.contact for fields in rubbing], state.problem.u
+    wanted = [fields.contact.friction_bound(u, fields.pressure) for fields in rubbing]
+    size = max(joint_norm(contacts, wanted), state.target.least_bound(state.mean_strain))
+    change = max(
+        fields.contact.norm(np.where(state.held(fields), 0.0, fields.bound - values))
+        for fields, values in zip(rubbing, wanted, strict=True)
+    )
     return change / size if size > 0.0 else change
 
 
@@ -230,4 +235,4 @@ def smoothing_constants(state: SolvedState, fields: ContactFields) -> float:
 def _least_bound(state: SolvedState, fields: ContactFields) -> float:
     """The integral of a friction bound so small that it is not told from zero; collective."""
     area = state.sum(fields.surface.weights)
-    return state.target.least_bound(state.mean_strain, state.dim) * float(np.sqrt(area))
+    return state.target.least_bound(state.mean_strain) * float(np.sqrt(area))

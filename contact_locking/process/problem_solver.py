@@ -50,6 +50,8 @@ class ProblemSolver:
         )
         domain = problem.domain
         self._length = domain.extent()
+        # The face of a body of revolution is a surface in space.
+        self._face = self._length ** (domain.kinematics.tensor_size(domain.dim) - 1)
         one = fem.Constant(domain.mesh, 1.0)
         self._volume = integral(domain, one * problem.data.dx)
 
@@ -64,6 +66,7 @@ class ProblemSolver:
             young=material.young,
             length=self._length,
             volume=self._volume,
+            face=self._face,
         )
 
     def begin(self) -> None:

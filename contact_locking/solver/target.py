@@ -15,7 +15,8 @@ class Target:
     """The penalty parameters, and the scales of the problem that starting values are made from.
 
     ``stiffness`` and ``ellipticity`` are the largest and the smallest eigenvalue of A,
-    ``young`` its Young's modulus, ``length`` the extent of the body and ``volume`` its measure.
+    ``young`` its Young's modulus, ``length`` the extent of the body, ``volume`` its measure and
+    ``face`` the measure of a face as long as the body.
     """
 
     penalty: Penalty
@@ -24,6 +25,7 @@ class Target:
     young: float
     length: float
     volume: float
+    face: float
 
     def with_penalty(self, penalty: Penalty) -> Target:
         """The same problem with other penalty parameters."""
@@ -43,7 +45,7 @@ class Target:
         mean = math.sqrt(2.0 * max(energy, 0.0) / (self.ellipticity * self.volume))
         return max(mean, ROUNDING * displacement / (self.length * tolerance))
 
-    def least_bound(self, mean_strain: float, dim: int) -> float:
+    def least_bound(self, mean_strain: float) -> float:
         """The L2 norm on Gamma_C below which changes of the friction bound are judged absolutely.
 
         It is a thousandth of the stress of :meth:`mean_strain` over a face of the body: where
@@ -51,4 +53,4 @@ class Target:
         itself is next to nothing beside the displacement, they are rounding.
         """
         stress = math.sqrt(self.stiffness * self.ellipticity) * mean_strain
-        return 1e-3 * stress * self.length ** (0.5 * (dim - 1))
+        return 1e-3 * stress * math.sqrt(self.face)

@@ -43,7 +43,7 @@ class Task:
         system, tolerance = self.system, self.settings.tolerance
         displacement = system.largest_displacement()
         strain = self.target.mean_strain(system.energy(), displacement, tolerance)
-        return self.target.least_bound(strain, system.dim)
+        return self.target.least_bound(strain)
 
     def add_stage(self, penalty: Penalty, tangents: int) -> None:
         """Report a stage of the solve that took so many tangents."""

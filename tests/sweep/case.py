@@ -46,13 +46,14 @@ class Case:
 
     With ``verge`` the prescribed displacements are multiplied, before the solve, by this share of
     the largest factor that the mesh admits.  ``twin`` is the same process in other units, with a
-    modulus of 1.
+    modulus of 1.  A problem of pairs has its features in ``row``, and is judged by another judge.
     """
 
     study: Study
     truth: Truth = field(default_factory=Truth)
     verge: float | None = None
     twin: Study | None = None
+    row: str = ""
 
 
 Family = Callable[[Random], Case]

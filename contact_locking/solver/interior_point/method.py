@@ -290,7 +290,7 @@ class InteriorPoint:
         wanted = [item.wanted() for item in moving]
         used = [item.used(values) for item, values in zip(moving, wanted, strict=True)]
         left = [a - b for a, b in zip(wanted, used, strict=True)]
-        least = self._task.target.least_bound(self._mean_strain(tolerance), self._task.system.dim)
+        least = self._task.target.least_bound(self._mean_strain(tolerance))
         size = max(joint_norm(contacts, wanted), least)
         before = self._friction_change
         self._friction_change = joint_norm(contacts, left) / size if size > 0.0 else 0.0

@@ -1,0 +1,246 @@
+"""One contact of a study in NumPy alone: weights, control values, foundation, R and friction."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from .own_body import Array, Body, Index, edges_of, shapes, simplex_rule, value
+
+# The cosines of the angles between two sides of a contact, and to the normals of the body.
+_TURNED, _FACING = math.cos(math.radians(40.0)), math.cos(math.radians(60.0))
+# Angles of the rule around a circle.
+_ANGLES = 2000
+
+
+class Contact:
+    """The contact ``section`` of a study on a body."""
+
+    def __init__(self, body: Body, section: dict[str, Any], common: dict[str, Any]) -> None:
+        self.body, self.section = body, section
+        self.friction = common | section.get("friction", {})
+        mesh, dim = body.mesh, body.dim
+        facets = body.facets(section["on"])
+        self.nodes = np.unique(facets)
+        self.facets = np.searchsorted(self.nodes, facets)
+        self.x = mesh.x[self.nodes]
+        self.areas = body.normals(facets)
+        bary, shares = simplex_rule(dim - 1)
+        sizes = np.linalg.norm(self.areas, axis=1)[:, None] * shares
+        if mesh.axisymmetric:
+            radii = np.einsum("qc,kc->kq", bary, self.x[self.facets[:, :dim], 0])
+            sizes = sizes * 2.0 * math.pi * radii
+        self._bary, self._sizes = bary, sizes
+        self.weights = np.zeros(len(self.nodes))
+        np.add.at(self.weights, self.facets, sizes @ self._bernstein(bary)[0])
+
+    def _bernstein(self, bary: Array) -> tuple[Array, Array]:
+        """Functions (q, s) of the values that contact limits, and derivatives (q, s, c)."""
+        values, slopes = shapes(bary, self.body.quadratic)
+        if not self.body.quadratic:
+            return values, slopes
+        c = bary.shape[1]
+        # The nodal functions by Bernstein's: u_m = (c_1 + c_2)/4 + c_m/2 at the middles.
+        change = np.eye(values.shape[1])
+        for n, (i, j) in enumerate(edges_of(c), start=c):
+            change[n, [i, j, n]] = 0.25, 0.25, 0.5
+        return values @ change, np.einsum("qsc,st->qtc", slopes, change)
+
+    @cached_property
+    def controls(self) -> sp.csr_matrix:
+        """Nodal values to the values that contact limits: 2 u_m - (u_1 + u_2)/2 at middles."""
+        matrix, dim = sp.lil_matrix(sp.eye(len(self.nodes))), self.body.dim
+        if self.body.quadratic:
+            for n, (i, j) in enumerate(edges_of(dim), start=dim):
+                for facet in self.facets:
+                    matrix[facet[n], [facet[i], facet[j], facet[n]]] = -0.5, -0.5, 2.0
+        return matrix.tocsr()
+
+    @cached_property
+    def outward(self) -> Array:
+        """(k, d) the normals of the body, averaged over facets."""
+        found = np.zeros_like(self.x)
+        np.add.at(found, self.facets, self.areas[:, None, :])
+        if self.body.mesh.axisymmetric:
+            found[self.x[:, 0] <= 1e-12 * np.ptp(self.body.mesh.x[:, 0]), 0] = 0.0
+        return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+
+    @property
+    def is_bent(self) -> bool:
+        """Whether the middles of edges are off the curved boundary."""
+        units = self.areas / np.linalg.norm(self.areas, axis=1)[:, None]
+        return bool(self.body.quadratic and np.ptp(units, axis=0).max() > 1e-6)
+
+    def _place(self, time: float) -> tuple[Array, Array]:
+        """Rotation and translation x = R X + t of the tool; at the time 0 it is at rest."""
+        dim = self.body.dim
+        given = self.section.get("foundation", {}).get("motion")
+        if given is None or time == 0.0:
+            return np.eye(dim), np.zeros(dim)
+        motion: dict[str, Any] = {"translation": given} if isinstance(given, list) else given
+        origin = np.zeros((1, dim))
+        shift = np.array([value(part, origin, t=time)[0] for part in motion["translation"]])
+        if "rotation" not in motion:
+            return np.eye(dim), shift
+        about, turn = np.array(motion["about"]), motion["rotation"]
+        angle = value(turn if dim == 2 else turn[1], origin, t=time)[0]
+        c, s = math.cos(angle), math.sin(angle)
+        R = np.array([[c, -s], [s, c]])
+        if dim == 3:
+            R = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        return R, about + shift - R @ about
+
+    def drag(self, before: float, now: float) -> Array:
+        """(k, d) how far the points of the tool that were at the nodes before have moved."""
+        R, t = self._place(before)
+        rest = (self.x - t) @ R
+        R, t = self._place(now)
+        return np.asarray(rest @ R.T + t - self.x)
+
+    def normals_and_gap(self, time: float) -> tuple[Array, Array]:
+        """Normals (k, d) towards the foundation, and gap (k,) at the nodes."""
+        shape = self.section.get("foundation")
+        if shape is None:
+            return self.outward, value(self.section.get("gap", 0.0), self.x, t=time)
+        R, t = self._place(time)
+        distance, slope = _distance(shape, (self.x - t) @ R)
+        return -slope @ R.T, distance
+
+    def limited_gap(self, gap: Array) -> Array:
+        """The values of a gap that contact limits, at most the largest of an edge, at least the
+        least."""
+        found = self.controls @ gap
+        for n, (i, j) in enumerate(edges_of(self.body.dim), start=self.body.dim):
+            if self.body.quadratic:
+                edge = gap[self.facets[:, [i, j, n]]]
+                middle = self.facets[:, n]
+                found[middle] = np.clip(found[middle], edge.min(axis=1), edge.max(axis=1))
+        return np.asarray(found)
+
+    def sides(self, normals: Array) -> Array:
+        """(f,) whether a facet joins its nodes: the normals turn little and face the body."""
+        corners = self.facets[:, : self.body.dim]
+        facing = np.einsum("kd,kd->k", normals, self.outward) > _FACING
+        turns = np.einsum("fid,fjd->fij", normals[corners], normals[corners])
+        return np.asarray(facing[corners].all(axis=1) & (turns > _TURNED).all(axis=(1, 2)))
+
+    def smoothing(self, normals: Array, free: Array) -> Array:
+        """R (k, k); nodes that are not ``free`` have no part in it."""
+        given = self.friction["smoothing"]
+        if given["kernel"] == "none":
+            return np.eye(len(self.nodes))
+        weights = np.where(free, self.weights, 0.0)
+        joins = self.sides(normals)
+        if given["kernel"] == "helmholtz":
+            return self._filter(joins, weights, given["radius"])
+        return self._convolution(joins, weights, given["radius"])
+
+    def _convolution(self, joins: Array, weights: Array, radius: float) -> Array:
+        graph = self._graph(joins)
+        if self.body.dim == 2:
+            apart = dijkstra(graph, directed=False)
+        else:
+            apart = np.linalg.norm(self.x[:, None] - self.x[None], axis=2)
+            for node, row in enumerate(apart):
+                ball = np.flatnonzero(row <= radius)
+                _, piece = connected_components(graph[ball][:, ball], directed=False)
+                joined = ball[piece == piece[np.searchsorted(ball, node)]]
+                row[np.setdiff1d(np.arange(len(row)), joined)] = np.inf
+        share = apart / radius
+        if self.body.mesh.axisymmetric:
+            radii = np.maximum(self.x[:, 0], 0.0)
+            chord = 2.0 * np.sqrt(np.outer(radii, radii)) / radius
+            angles = (np.arange(_ANGLES) + 0.5) * math.pi / _ANGLES
+            kernel = np.mean([_kernel(np.hypot(share, chord * math.sin(0.5 * a))) for a in angles],
+                             axis=0)  # fmt: skip
+        else:
+            kernel = _kernel(share)
+        kernel = kernel * weights
+        total = kernel.sum(axis=1, keepdims=True)
+        return np.divide(kernel, total, out=np.zeros_like(kernel), where=total > 0.0)
+
+    def _graph(self, joins: Array) -> sp.csr_matrix:
+        """The lengths between neighbours on the pieces into which the nodes divide facets."""
+        dim, count = self.body.dim, len(self.nodes)
+        pieces = self.facets[joins]
+        pairs = [pieces[:, [i, j]] for i, j in edges_of(dim)]
+        if self.body.quadratic:
+            middles = list(enumerate(edges_of(dim), start=dim))
+            pairs = [pieces[:, [i, n]] for n, (i, j) in middles]
+            pairs += [pieces[:, [j, n]] for n, (i, j) in middles]
+            pairs += [pieces[:, [n, m]] for n, _ in middles for m, _ in middles if n < m]
+        ends: Index = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
+        lengths = np.linalg.norm(self.x[ends[:, 0]] - self.x[ends[:, 1]], axis=1)
+        upper = sp.csr_matrix((lengths, ends.T), (count, count))
+        return (upper + upper.T).tocsr()
+
+    def _filter(self, joins: Array, weights: Array, radius: float) -> Array:
+        """``(m + r^2 K)^-1 m`` with the surface Laplacian K."""
+        dim, count = self.body.dim, len(self.nodes)
+        corners = self.x[self.facets[:, :dim]]
+        edges = corners[:, 1:] - corners[:, :1]
+        # Gradients of barycentric coordinates in the facet, from its metric.
+        inverse = np.linalg.inv(np.einsum("fid,fjd->fij", edges, edges))
+        others = np.einsum("fij,fjd->fid", inverse, edges)
+        slopes = np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
+        grads = np.einsum("qsc,fcd->fqsd", self._bernstein(self._bary)[1], slopes)
+        parts = np.einsum("fqsd,fqtd,fq->fst", grads, grads, self._sizes * joins[:, None])
+        K = np.zeros((count, count))
+        np.add.at(K, (self.facets[:, :, None], self.facets[:, None, :]), parts)
+        # A part without free nodes has no pressure, whatever its mass.
+        _, part = connected_components(sp.csr_matrix(np.abs(K) > 0.0), directed=False)
+        dead = np.bincount(part, weights)[part] == 0.0
+        mass = np.diag(np.where(dead, 1.0, weights))
+        return np.asarray(np.linalg.solve(mass + radius**2 * K, mass))
+
+
+def _kernel(share: Array) -> Array:
+    inside = share < 1.0 - 1e-12
+    return np.where(inside, np.exp(-1.0 / (1.0 - np.where(inside, share, 0.0) ** 2)), 0.0)
+
+
+def _distance(shape: dict[str, Any], x: Array) -> tuple[Array, Array]:
+    """Signed distance (k,), positive outside, and its gradient (k, d)."""
+    if "half_space" in shape:
+        normal = np.array(shape["half_space"]["normal"])
+        normal = normal / np.linalg.norm(normal)
+        return (x - np.array(shape["half_space"]["point"])) @ normal, np.tile(normal, (len(x), 1))
+    if "expression" in shape:
+        size = 1e-6 * float(np.ptp(x, axis=0).max())
+        middle = value(shape["expression"], x)
+        steps = size * np.eye(x.shape[1])
+        ends = [[value(shape["expression"], x + s * step) for s in (1, -1)] for step in steps]
+        slope = np.array([(a - b) / (2.0 * size) for a, b in ends]).T
+        length = np.linalg.norm(slope, axis=1)
+        return middle / length, slope / length[:, None]
+    if "polyline" in shape:
+        return _polyline(np.array(shape["polyline"]), x)
+    given = shape.get("sphere") or shape["cylinder"]
+    radial = x - np.array(given["centre"])
+    if "cylinder" in shape and x.shape[1] == 3:
+        radial[:, 1] = 0.0
+    length = np.linalg.norm(radial, axis=1)
+    return length - given["radius"], radial / length[:, None]
+
+
+def _polyline(corners: Array, x: Array) -> tuple[Array, Array]:
+    """The distance to the nearest segment, positive on the right of the way."""
+    best, normal = np.full(len(x), np.inf), np.zeros_like(x)
+    for start in range(len(corners) - 1):
+        a: Array = corners[start]
+        b: Array = corners[start + 1]
+        way = (b - a) / np.linalg.norm(b - a)
+        right = np.array([way[1], -way[0]])
+        along = np.clip((x - a) @ way, 0.0, np.linalg.norm(b - a))
+        away = x - (a + along[:, None] * way)
+        size, sign = np.linalg.norm(away, axis=1), np.where(away @ right < 0.0, -1.0, 1.0)
+        nearer = size < np.abs(best)
+        direct = np.where((size < 1e-9 * np.abs(corners).max())[:, None], right,
+                          sign[:, None] * away / np.maximum(size, 1e-300)[:, None])  # fmt: skip
+        best[nearer], normal[nearer] = (sign * size)[nearer], direct[nearer]
+    return best, normal

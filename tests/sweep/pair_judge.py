@@ -1,0 +1,348 @@
+"""The judge of the family of pairs: NumPy and SciPy, and nothing of the package.
+
+From nodes, cells, displacements and the reported fields it writes strains, nodal forces and laws by
+itself, and compares what the package reports.  What has no check of its own:
+
+| feature                     | what is left                                                      |
+| --------------------------- | ----------------------------------------------------------------- |
+| gap and normals where a     | laws and balance, with the reported gap and normals               |
+| bent boundary is quadratic  |                                                                   |
+| friction where a condition  | bound and balance                                                 |
+| holds a node along Gamma_C  |                                                                   |
+| moments around an axis      | the force along the axis                                          |
+| claims of no equilibrium    | whether the body at rest is admissible, for the claim infeasible  |
+| linear solver and method    | the solution alone is judged                                      |
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.optimize import nnls
+
+from .observed import Moment, Touch
+from .own_body import Array, Body, Mesh, value
+from .own_contact import Contact
+
+# Forces relative to the largest, works relative to the energy, and excess of limits.
+FORCE, WORK, EXCESS = 1e-6, 1e-6, 1e-6
+# Agreement with what is reported.
+ALIKE = 1e-7
+_EPS = float(np.finfo(float).eps)
+
+Found = dict[str, float]
+
+
+class Judge:
+    """Violations of the laws in units of their tolerances, step by step."""
+
+    def __init__(self, study: dict[str, Any], mesh: Mesh) -> None:
+        self.study, self.mesh = study, mesh
+        self.body = Body(mesh, study)
+        given = study["contact"]
+        sections = given if isinstance(given, list) else [given]
+        self.contacts = [Contact(self.body, part, study["friction"]) for part in sections]
+        self.n = float(study["penalty"]["n"])
+        self.epsilon = float(study["penalty"].get("epsilon", 1.0 / self.n))
+        self.delta = float(study["friction"].get("regularisation", 0.0))
+        self.extent = float(np.ptp(mesh.x, axis=0).max())
+
+    def violations(self, moments: Sequence[Moment]) -> Found:
+        """The largest violation of each law over the steps: a right solution has at most 1."""
+        worst: Found = {}
+        before, now = np.zeros_like(self.mesh.x), 0.0
+        slips: list[Array] = [np.zeros(len(contact.nodes)) for contact in self.contacts]
+        travels = [0.0] * len(self.contacts)
+        for moment in moments:
+            step = _Step(self, moment, before, now, slips, travels)
+            for name, ratio in step.found.items():
+                worst[name] = max(worst.get(name, 0.0), ratio)
+            before, now, slips, travels = moment.u, moment.time, step.slips, step.travels
+        return worst
+
+    def rest_is_admissible(self, times: Sequence[float]) -> bool:
+        """Whether the body at rest follows all conditions and is outside of all foundations."""
+        for time in times:
+            if any(np.any(values != 0.0) for _, _, values in self.body.held(time)):
+                return False
+            for contact in self.contacts:
+                if contact.is_bent or contact.section.get("foundation", {}).get("force"):
+                    continue
+                if contact.normals_and_gap(time)[1].min() < 0.0:
+                    return False
+        return not any(contact.is_bent for contact in self.contacts)
+
+
+class _Step:
+    """The violations of one step, ``found``; ``slips`` and ``travels`` at its end."""
+
+    def __init__(
+        self,
+        judge: Judge,
+        moment: Moment,
+        before: Array,
+        then: float,
+        slips: Sequence[Array],
+        travels: Sequence[float],
+    ) -> None:
+        self.judge, self.moment, self.found = judge, moment, dict[str, float]()
+        body, u = judge.body, moment.u
+        self.size = float(np.abs(u).max(initial=0.0))
+        # What rounding in u is in a strain.
+        edges = np.ptp(judge.mesh.x[body.cells], axis=1).max(axis=1)
+        self.rounding = (20.0 * _EPS * self.size / edges)[:, None]
+        self.strain = body.strain(u)
+        self.loads = body.loads(moment.time)
+        self.inner, self.terms, self.elastic_energy = body.elastic_forces(u)
+        self.surface = np.zeros_like(u)
+        self.resultants: list[tuple[Array, Array]] = []
+        tools = [entry.get("tool") for entry in moment.summary["contacts"]]
+        self.travels = [tool["travel"] if tool else 0.0 for tool in tools]
+        for contact, touch in zip(judge.contacts, moment.contacts, strict=True):
+            normal = contact.weights[:, None] * -touch.pressure[:, None] * touch.normal
+            along = contact.weights[:, None] * touch.traction
+            self.surface[contact.nodes] += contact.controls.T @ (normal + along)
+            sizes = contact.weights * (
+                np.abs(touch.pressure) + np.linalg.norm(touch.traction, axis=1)
+            )
+            self.terms[contact.nodes] += (abs(contact.controls).T @ sizes)[:, None]
+            self.resultants.append((normal.sum(axis=0), along.sum(axis=0)))
+        self.locking = body.forces(moment.locking)
+        weights = body.law.weights
+        work = float(np.sum(weights * np.abs(np.sum(moment.locking * self.strain, axis=2))))
+        self.energy = max(2.0 * self.elastic_energy, abs(float(np.sum(self.loads * u))), work)
+        self.floor = 200.0 * _EPS * float(np.sum(np.abs(u) * self.terms))
+        modulus = float(np.median(body.stiffness[..., -1, -1]))
+        #: The stress in the body: a scale where a contact only grazes.
+        self.stress = math.sqrt(2.0 * self.energy * modulus / float(weights.sum()))
+        self._balance()
+        self._locking()
+        self.slips: list[Array] = []
+        for i, contact in enumerate(judge.contacts):
+            travel = (travels[i], self.travels[i])
+            self._contact(contact, moment.contacts[i], tools[i], before, then, travel, slips[i])
+
+    def _tell(self, name: str, wrong: Any, tolerated: Any) -> None:
+        """The largest of the ratios, where both may be zero; NaN is wrong."""
+        wrong = np.asarray(wrong, dtype=float)
+        if wrong.size == 0:
+            return
+        ratio = np.where(wrong <= 0.0, 0.0, wrong / np.maximum(tolerated, 1e-300))
+        worst = math.inf if np.isnan(ratio).any() else float(ratio.max())
+        self.found[name] = max(self.found.get(name, 0.0), worst)
+
+    def _balance(self) -> None:
+        judge, moment, body = self.judge, self.moment, self.judge.body
+        rest = self.loads + self.surface - self.inner - self.locking
+        free = np.einsum("kij,kj->ki", body.free, rest)
+        parts = (self.loads, self.surface, self.inner, self.locking)
+        largest = max(float(np.abs(part).max()) for part in parts)
+        rounding = 200.0 * _EPS * self.terms
+        self._tell("equilibrium", np.abs(free), FORCE * largest + rounding)
+        for nodes, ways, wanted in body.held(moment.time):
+            off = np.abs(np.einsum("kd,kd->k", moment.u[nodes], ways) - wanted)
+            # Iterates that are larger than the solution leave their rounding in it.
+            allowed = 1e-9 * max(np.abs(wanted).max(initial=0.0), self.size)
+            self._tell("prescribed", off, allowed)
+        # Resultants: of the loads, and of contacts and supports as they are reported.
+        summary, axis = moment.summary, int(judge.mesh.axisymmetric)
+        told = summary["certificate"]["resultants"]
+        total = self.loads.sum(axis=0) + np.add(summary["contact_force"], summary["friction_force"])
+        total = total + told["reactions"]
+        around = sum(float(np.abs(part).sum()) for part in (self.loads, self.surface, rest))
+        tolerated = FORCE * around + float(rounding.sum())
+        self._tell("balance of forces", np.abs(total[axis:]), tolerated)
+        reactions = -(rest - free)
+        self._tell(
+            "reported reactions",
+            np.abs(reactions.sum(axis=0) - told["reactions"])[axis:],
+            tolerated,
+        )
+        for entry, (normal, along) in zip(summary["contacts"], self.resultants, strict=True):
+            for name, own in (("contact_force", normal), ("friction_force", along)):
+                self._tell(f"reported {name}", np.abs(own - entry[name])[axis:], tolerated)
+        if not axis:
+            x = judge.mesh.x - judge.mesh.x.mean(axis=0)
+            forces = self.loads + self.surface + reactions
+            flat = ((0, 0), (0, 3 - x.shape[1]))
+            moments = np.cross(np.pad(x, flat), np.pad(forces, flat)).sum(axis=0)
+            self._tell("balance of moments", np.abs(moments), tolerated * judge.extent)
+        stress = body.stress(self.strain)
+        rigid = np.abs(body.stiffness).sum(axis=3).max(axis=2)[..., None]
+        self._tell(
+            "reported stress",
+            np.abs(stress - moment.elastic),
+            ALIKE * np.abs(stress).max() + rigid * self.rounding[..., None],
+        )
+        energy = summary["elastic_energy"]
+        self._tell(
+            "reported energy",
+            abs(energy - self.elastic_energy),
+            ALIKE * self.elastic_energy + self.floor,
+        )
+
+    def _locking(self) -> None:
+        judge, Z, weights = self.judge, self.moment.locking, self.judge.body.law.weights
+        sets = strain_sets(judge.body)
+        slopes, rooms = [], []
+        for maps, limit in sets:
+            mapped = self.strain @ maps.T
+            # A half space has one row, and no norm.
+            size = mapped[..., 0] if len(maps) == 1 else np.linalg.norm(mapped, axis=2)
+            slope = mapped @ maps / np.where(size == 0.0, 1.0, size)[..., None]
+            slopes.append(np.broadcast_to(maps[0], slope.shape) if len(maps) == 1 else slope)
+            rooms.append(limit - size)
+        peak = float(np.abs(Z).max(initial=0.0))
+        if not sets:
+            self._tell("stress without a limit", peak, 0.0)
+            return
+        if math.isfinite(judge.n):
+            wanted = sum(
+                2.0 * judge.n * np.maximum(-room, 0.0)[..., None] * slope
+                for slope, room in zip(slopes, rooms, strict=True)
+            )
+            tolerated = EXCESS * max(peak, self.stress) + 4.0 * judge.n * self.rounding[..., None]
+            self._tell("locking penalty", np.abs(Z - wanted), tolerated)
+            return
+        for room, (_, limit) in zip(rooms, sets, strict=True):
+            self._tell("strain beyond its limit", -room, EXCESS * limit + self.rounding)
+        # The normal cone: shares of the slopes of the sets, and none where there is room.
+        sizes = np.linalg.norm(Z, axis=2)
+        apart = work = 0.0
+        for place in zip(*np.nonzero(sizes > 1e-9 * peak), strict=True):
+            frame = np.array([slope[place] for slope in slopes]).T
+            shares, rest = nnls(frame, Z[place])
+            room = np.array([room[place] for room in rooms])
+            limit = min(limit[place] for _, limit in sets)
+            work += float(weights[place] * shares @ np.abs(room))
+            # Of second order, as the work of Fenchel is.
+            apart += float(weights[place] * limit * rest**2 / sizes[place])
+        reach = float(np.sum(weights * sizes * self.rounding)) + self.floor
+        self._tell("locking law", work, WORK * self.energy + reach)
+        self._tell("direction of the locking stress", apart, WORK * self.energy + reach)
+
+    def _contact(
+        self,
+        contact: Contact,
+        touch: Touch,
+        tool: dict[str, Any] | None,
+        before: Array,
+        then: float,
+        travels: tuple[float, float],
+        slips: Array,
+    ) -> None:
+        judge, moment, now = self.judge, self.moment, self.moment.time
+        normals, gap = contact.normals_and_gap(now)
+        way = np.zeros(self.judge.body.dim)
+        if tool is not None:
+            way = np.array(tool["direction"])
+            force = sum(self.resultants[judge.contacts.index(contact)])
+            origin = np.zeros((1, len(way)))
+            given = contact.section["foundation"]["force"]
+            wanted = np.array([value(part, origin, t=now)[0] for part in given])
+            off = abs(float(force @ way) - float(np.linalg.norm(wanted)))
+            tolerated = FORCE * float(np.abs(self.surface).sum())
+            self._tell("force of a tool", off, tolerated + 1e-12 * float(np.linalg.norm(wanted)))
+        if contact.is_bent:
+            normals, gap = touch.normal, touch.gap
+        else:
+            gap = contact.limited_gap(gap) + travels[1] * normals @ way
+            allowed = 1e-10 * judge.extent + 1e-9 * np.abs(gap)
+            self._tell("reported gap", np.abs(gap - touch.gap), allowed)
+            self._tell("reported normal", np.abs(normals - touch.normal), 1e-7)
+        free = np.einsum("kij,kj->ki", judge.body.free[contact.nodes], normals)
+        open_ = np.linalg.norm(free, axis=1) > 1e-6
+        p, T, w = touch.pressure, touch.traction, contact.weights
+        reach = float(np.abs(p).max(initial=0.0))
+        size = np.linalg.norm(T, axis=1)
+        self._tell("force on a held node", (np.abs(p) + size)[~open_], 1e-12 * reach)
+        u = contact.controls @ moment.u[contact.nodes]
+        depth = np.einsum("kd,kd->k", u, normals) - gap
+        rounding = 20.0 * _EPS * (self.size + judge.extent)
+        self._tell("pulling pressure", -p, EXCESS * reach)
+        work = -p * depth
+        floor = float(w @ np.abs(p)) * rounding + self.floor
+        if judge.epsilon == 0.0:
+            self._tell("penetration", depth[open_], EXCESS * self.size + rounding)
+        else:
+            inside = np.maximum(depth, 0.0)
+            work = work + 0.5 * inside**2 / judge.epsilon + 0.5 * judge.epsilon * p**2
+            floor += float(w @ inside) * rounding / judge.epsilon
+        law = float(w[open_] @ np.abs(work[open_]))
+        self._tell("contact law", law, WORK * self.energy + floor)
+        # Friction, on the slip relative to the foundation since the step before.
+        slip = contact.controls @ (moment.u - before)[contact.nodes]
+        slip = slip - contact.drag(then, now) - (travels[1] - travels[0]) * way
+        slip = slip - np.einsum("kd,kd->k", slip, normals)[:, None] * normals
+        far = np.linalg.norm(slip, axis=1)
+        self.slips.append(slips + far)
+        smoothed = contact.smoothing(normals, open_) @ p
+        grain = ALIKE * reach + 1e-7 * self.stress
+        self._tell("reported R sigma", np.abs(smoothed + touch.smoothed)[open_], grain)
+        mu = value(contact.friction["coefficient"], contact.x, s=slips + far)
+        bound = mu * np.abs(smoothed) * open_
+        grain = EXCESS * max(reach, float(bound.max(initial=0.0))) + 1e-7 * self.stress
+        self._tell("reported bound", np.abs(bound - touch.bound)[open_], grain)
+        self._tell("friction above its bound", (size - bound)[open_], grain)
+        across = np.abs(np.einsum("kd,kd->k", T, normals))
+        self._tell("friction along the normal", across, grain)
+        loose = np.abs(judge.body.free[contact.nodes] - np.eye(len(way))).max(axis=(1, 2)) < 1e-9
+        # The bound may be off within its own tolerance.
+        delta, bound = judge.delta, touch.bound
+        inner = np.sqrt(np.maximum(bound**2 - size**2, 0.0))
+        work = bound * np.hypot(far, delta) - delta * inner + np.einsum("kd,kd->k", T, slip)
+        energy = max(self.energy, float(w @ (bound * far)))
+        floor = float(w @ (bound + size)) * (rounding + EXCESS * delta) + self.floor
+        total = float(w[loose] @ np.abs(work[loose]))
+        self._tell("friction law", total, WORK * energy + floor)
+
+
+def strain_sets(body: Body) -> list[tuple[Array, Array]]:
+    """The sets |L eps| <= M, or L eps <= M for a single row, as L (r, m) and M (c, p)."""
+    material, places = body.study["material"], body.law.places
+    shape, x = places.shape[:2], places.reshape(-1, body.dim)
+    m = body.law.B.shape[2]
+    normal = body.dim + int(body.mesh.axisymmetric)
+    trace = np.where(np.arange(m) < normal, 1.0, 0.0)
+    limits = material.get("locking") or [
+        {"norm": "strain", "at_most": material.get("locking_limit", math.inf)}
+    ]
+    found: list[tuple[Array, Array]] = []
+
+    def add(maps: Array, limit: float | str, factor: float = 1.0) -> None:
+        M = factor * value(limit, x).reshape(shape)
+        if np.isfinite(M).any():
+            found.append((np.atleast_2d(maps), M))
+
+    for entry in limits:
+        upper, lower = entry.get("at_most", math.inf), entry.get("at_least", -math.inf)
+        if entry["norm"] == "strain":
+            add(np.eye(m), upper)
+        elif entry["norm"] == "deviator":
+            sizes, frame = np.linalg.eigh(np.eye(m) - np.outer(trace, trace) / 3.0)
+            add(np.sqrt(np.maximum(sizes, 0.0))[:, None] * frame.T, upper)
+        elif entry["norm"] == "weighted":
+            matrix = np.array(entry["matrix"])
+            largest = np.linalg.svd(matrix, compute_uv=False)[0]
+            add(matrix / largest, upper, 1.0 / largest)
+        else:
+            unit, factor = trace / math.sqrt(normal), 1.0 / math.sqrt(normal)
+            if entry["norm"] == "direction":
+                a = np.zeros(3)
+                a[: body.dim] = np.array(entry["along"][: body.dim])
+                a /= np.linalg.norm(a)
+                pairs = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)]}[body.dim]
+                shear = [math.sqrt(2.0) * a[i] * a[j] for i, j in pairs]
+                unit, factor = np.array([*(a[:normal] ** 2), *shear]), 1.0
+            add(unit, upper, factor)
+            add(-unit, lower, -factor)
+    return found
+
+
+def complaint(found: Found) -> str:
+    """The violated laws, the worst first; "" if no law is violated."""
+    worst = sorted(((v, k) for k, v in found.items() if not v <= 1.0), reverse=True)
+    return ", ".join(f"{name} {ratio:.2g}" for ratio, name in worst)
