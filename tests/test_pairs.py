@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from contact_locking.solving import solve_steps
 from mpi4py import MPI
 from sweep import pair_judge, run
 from sweep.covering import design, pairs_in, pairs_of
@@ -22,7 +23,6 @@ from sweep.pair_judge import Judge, complaint
 from sweep.solve import CLAIM, NOT_SOLVED, SOLVED, WRONG, Outcome, outcome_of
 
 from contact_locking.parameters import Parameters
-from contact_locking.solving import solve_steps
 
 pytestmark = pytest.mark.serial
 
