@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from contact_locking.solving import solve_steps
 from mpi4py import MPI
 from sweep import pair_judge, run
 from sweep.covering import design, pairs_in, pairs_of
@@ -23,6 +22,7 @@ from sweep.pair_judge import Judge, complaint
 from sweep.solve import CLAIM, NOT_SOLVED, SOLVED, WRONG, Outcome, outcome_of
 
 from contact_locking.parameters import Parameters
+from contact_locking.process.solving import solve_steps
 
 pytestmark = pytest.mark.serial
 
@@ -217,9 +217,11 @@ def test_the_judge_knows_the_strain_beyond_its_limit_and_the_penalty() -> None:
 def test_the_sets_of_the_judge_have_maps_of_norm_one(norm: str) -> None:
     study, mesh, _ = _solved(math.inf, 1)
     entry: Study = {"norm": norm, "at_most": 0.01}
-    entry |= {"direction": {"along": [2.0, 1.0]}, "weighted": {"matrix": np.eye(3) * 5.0}}.get(
-        norm, {}
-    )
+    more: dict[str, Study] = {
+        "direction": {"along": [2.0, 1.0]},
+        "weighted": {"matrix": np.eye(3) * 5.0},
+    }
+    entry |= more.get(norm, {})
     judge = Judge(study | {"material": study["material"] | {"locking": [entry]}}, mesh)
     ((maps, limit),) = pair_judge.strain_sets(judge.body)
     assert np.linalg.svd(maps, compute_uv=False)[0] == pytest.approx(1.0)
