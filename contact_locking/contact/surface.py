@@ -92,12 +92,19 @@ class ContactSurface:
         return np.asarray(dofs[self.blocks * self.domain.dim])
 
     def body_normals(self) -> FloatArray:
-        """The outward unit normals (k, d) of the body, averaged over the facets; collective."""
+        """The outward unit normals (k, d) of the body, averaged over the facets.
+
+        The first call is collective.
+        """
+        return self._body_normals.copy()
+
+    @cached_property
+    def _body_normals(self) -> FloatArray:
         normals = self.average(ufl.FacetNormal(self.domain.mesh))()
         if self.domain.axisymmetric:
             # The facets around a point of the axis are those of a whole circle.
             normals[self.points[:, 0] == 0.0, 0] = 0.0
-        return normals / np.linalg.norm(normals, axis=1)[:, None]
+        return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
     @cached_property
     def places(self) -> FloatArray:

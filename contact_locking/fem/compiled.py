@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Hashable, Iterator
+from typing import Any, TypeVar
 
 import dolfinx
 import ffcx
@@ -14,6 +14,8 @@ from dolfinx import fem, jit
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError
+
+T = TypeVar("T")
 
 # How long to wait for a form that another process compiles: the longest compilation, of the
 # tangent of Newton's method in 3D, takes some ten seconds on a busy machine.
@@ -50,6 +52,20 @@ def options() -> dict[str, Any]:
     versions = f"dolfinx-{dolfinx.__version__}-ffcx-{ffcx.__version__}"
     folder = given["cache_dir"] / f"contact-locking-{versions}"
     return {"cache_dir": folder, "timeout": max(_TIMEOUT, given["timeout"])}
+
+
+class Kept:
+    """What has been compiled or evaluated for one problem, by names, for its next solve."""
+
+    def __init__(self) -> None:
+        self._found: dict[Hashable, Any] = {}
+
+    def __call__(self, name: Hashable, make: Callable[[], T]) -> T:
+        """What :func:`make` returned at the first call with the name; collective as it is."""
+        if name not in self._found:
+            self._found[name] = make()
+        found: T = self._found[name]
+        return found
 
 
 @contextlib.contextmanager

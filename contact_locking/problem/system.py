@@ -15,6 +15,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.contact.force_balance import Tools
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import NodalAverage
+from contact_locking.fem.compiled import Kept
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
@@ -50,6 +51,7 @@ class PenalisedSystem:
     ) -> None:
         space = u.function_space
         self.data, self.u, self.contacts = data, u, data.contacts
+        self.kept = Kept()
         self.comm, self.dim = space.mesh.comm, space.mesh.topology.dim
         self.constraints = constraints
         constraints.apply(u)

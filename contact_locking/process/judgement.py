@@ -145,7 +145,7 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
         slide = describe_slide(domain, u.function_space, data, problem.constraints)
     if slide is None and data.tools and problem.free and not report.converged:
         slide = describe_loose(domain, u.function_space, data, problem.constraints)
-    numbers = body_summary(domain, state.system, state.body, target.volume)
+    numbers = body_summary(domain, state.system, state.body)
     touching = contact_summary(state.contacts, data.tools, domain.dim)
     warnings = [*problem.warnings, *report.warnings]
     if report.converged:

@@ -10,7 +10,7 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import LARGEST
+from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
 from contact_locking.mesh.domain import Domain
@@ -18,7 +18,6 @@ from contact_locking.parallel import maximum
 from contact_locking.problem import forms
 from contact_locking.problem.limits import LimitsOnMesh
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.derived import integral
 from contact_locking.solver.multipliers import Multipliers
 
 # A cell is locked if |eps| >= M (1 - 1e-6).
@@ -34,23 +33,20 @@ class BodyFields:
     """
 
     def __init__(
-        self,
-        domain: Domain,
-        u: fem.Function,
-        data: forms.ProblemData,
-        limits: LimitsOnMesh,
-        found: Multipliers,
+        self, domain: Domain, system: PenalisedSystem, limits: LimitsOnMesh, found: Multipliers
     ) -> None:
-        eps = data.strain(u)
+        data, self._kept = system.data, system.kept
+        self._element, self._dx = data.element, data.dx
+        eps = data.strain(system.u)
         stress = data.elastic_stress(eps)
         norm = ufl.sqrt(ufl.inner(eps, eps))
-        self.strain_norm = _at_points(data.element, domain, norm, "strain_norm")
-        self.elastic_stress = _at_points(data.element, domain, stress, "elastic_stress")
+        self.strain_norm = self._at_points(data.element, domain, norm, "strain_norm")
+        self.elastic_stress = self._at_points(data.element, domain, stress, "elastic_stress")
         self.locking_stress, self.locking_parts = found.locking_stress, found.parts
         shares = [(item, item.utilisation(eps)) for item in data.limits]
         #: The utilisation of each set of strains but the ball.
         self.utilisations = [
-            _at_points(data.element, domain, share, item.name) for item, share in shares
+            self._at_points(data.element, domain, share, item.name) for item, share in shares
         ]
         self.locking_limit = limits.limit
         if not data.only_ball:
@@ -61,11 +57,31 @@ class BodyFields:
         at_peaks = data.element.at_peaks
         self._peaks = self.strain_norm
         if at_peaks is not data.element:
-            self._peaks = _at_points(at_peaks, domain, norm, "strain_norm")
+            self._peaks = self._at_points(at_peaks, domain, norm, "strain_norm")
         self._limit_at_peaks = limits.limit_at_peaks
         self._utilisations_at_peaks = [
-            _at_points(at_peaks, domain, share, item.name) for item, share in shares
+            self._at_points(at_peaks, domain, share, item.name) for item, share in shares
         ]
+
+    def _at_points(self, element: Element, domain: Domain, expr: Expr, name: str) -> fem.Function:
+        space = element.strain_space(domain.mesh, expr.ufl_shape)
+        function = fem.Function(space, name=name)
+        at = "peaks" if element is not self._element else "points"
+        function.interpolate(self._kept((name, at), lambda: compiled.interpolation(expr, space)))
+        function.x.scatter_forward()
+        return function
+
+    def share(self, domain: Domain, marks: FloatArray) -> float:
+        """The share of the body where ``marks`` (k,) of the space of strains are 1; collective."""
+        weights = self._kept("weights", lambda: self._weights(domain))
+        sums = np.array([weights @ marks, weights.sum()])
+        marked, whole = domain.comm.allreduce(sums)
+        return float(marked / whole)
+
+    def _weights(self, domain: Domain) -> FloatArray:
+        """The integrals (k,) of the functions of the space of strains over owned cells."""
+        test = ufl.TestFunction(self.locked.function_space)
+        return fem.assemble_vector(compiled.form(test * self._dx)).array
 
     def _limit_along_strain(self, data: forms.ProblemData, ball: fem.Function) -> fem.Function:
         """The largest ``|eps|`` in K along the present strain.
@@ -92,9 +108,7 @@ class BodyFields:
         return _largest(domain, self._peaks), max(used) - 1.0
 
 
-def body_summary(
-    domain: Domain, system: PenalisedSystem, fields: BodyFields, volume: float
-) -> dict[str, Any]:
+def body_summary(domain: Domain, system: PenalisedSystem, fields: BodyFields) -> dict[str, Any]:
     """The keys of summary.json about the body: energies, strains and sizes; collective."""
     data, dofmap = system.data, system.u.function_space.dofmap
     owned = fields.strain_norm.function_space.dofmap.index_map.size_local
@@ -110,21 +124,18 @@ def body_summary(
         "strain_norm_max": maximum(domain.comm, fields.strain_norm.x.array[:owned]),
         "strain_norm_max_in_cells": largest,
         "overstrain_max": max(overstrain, 0.0),
-        "locked_fraction": integral(domain, fields.locked * data.dx) / volume,
-        "strain_sets": [_about_set(domain, share, data, volume) for share in fields.utilisations],
+        "locked_fraction": fields.share(domain, fields.locked.x.array),
+        "strain_sets": [_about_set(domain, fields, share) for share in fields.utilisations],
     }
 
 
-def _about_set(
-    domain: Domain, utilisation: fem.Function, data: forms.ProblemData, volume: float
-) -> dict[str, Any]:
+def _about_set(domain: Domain, fields: BodyFields, utilisation: fem.Function) -> dict[str, Any]:
     """The entry of summary.json about one set of strains beside the ball; collective."""
-    used_up = utilisation.copy()
-    used_up.x.array[:] = utilisation.x.array >= 1.0 - _LOCKED_MARGIN
+    used_up = (utilisation.x.array >= 1.0 - _LOCKED_MARGIN).astype(float)
     return {
         "name": utilisation.name,
         "utilisation_max": _largest(domain, utilisation),
-        "locked_fraction": integral(domain, used_up * data.dx) / volume,
+        "locked_fraction": fields.share(domain, used_up),
     }
 
 
@@ -132,11 +143,3 @@ def _largest(domain: Domain, values: fem.Function, over: fem.Function | None = N
     """The largest value at the points of the strains, as a multiple of ``over``; collective."""
     ratio = values.x.array if over is None else values.x.array / over.x.array
     return maximum(domain.comm, ratio)
-
-
-def _at_points(element: Element, domain: Domain, expr: Expr, name: str) -> fem.Function:
-    space = element.strain_space(domain.mesh, expr.ufl_shape)
-    function = fem.Function(space, name=name)
-    function.interpolate(compiled.interpolation(expr, space))
-    function.x.scatter_forward()
-    return function

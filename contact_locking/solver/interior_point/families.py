@@ -47,7 +47,7 @@ def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> 
     """
     penalty = target.penalty
     data, space = system.data, system.u.function_space
-    strains = [StrainOperator(space, data, item) for item in data.sets]
+    strains = [StrainOperator(space, data, item, system.kept) for item in data.sets]
     families: list[Family] = []
     for number, operator in enumerate(strains):
         if isinstance(operator.law, NormSet):

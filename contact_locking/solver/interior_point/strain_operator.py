@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.fem import compiled
+from contact_locking.fem.compiled import Kept
 from contact_locking.laws.elasticity import mandel_factor, mandel_vector
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.strain_sets import StrainSet
@@ -24,10 +25,12 @@ class StrainOperator:
     this rank that the set limits.  The points are the degrees of freedom ``dofs`` (k,) of the
     spaces of strains ``scalars`` and ``tensors``, and lie in the cells ``cells`` (k,).  ``weights``
     (k,) are the weights of the locking rule at the points, ``dx`` is the measure with this rule,
-    and ``limit`` (k,) is M.
+    and ``limit`` (k,) is M.  ``kept`` is that of the system.
     """
 
-    def __init__(self, space: fem.FunctionSpace, data: ProblemData, law: StrainSet) -> None:
+    def __init__(
+        self, space: fem.FunctionSpace, data: ProblemData, law: StrainSet, kept: Kept
+    ) -> None:
         mesh, element, dx = space.mesh, data.element, data.locking_dx
         self.comm, self.dim = mesh.comm, mesh.topology.dim
         self.space, self.dx, self.law, self.strain = space, dx, law, element.strain
@@ -42,7 +45,10 @@ class StrainOperator:
         )
         self.rows = vector.ufl_shape[0]
         vectors = element.strain_space(mesh, (self.rows,))
-        form = compiled.form(ufl.inner(vector, ufl.TestFunction(vectors)) * dx)
+        form = kept(
+            ("strains", law),
+            lambda: compiled.form(ufl.inner(vector, ufl.TestFunction(vectors)) * dx),
+        )
         by_cell = petsc.create_matrix(form)
         # Half of the entries, at least, are zero: a normal strain knows one component only.
         by_cell.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)
@@ -52,9 +58,11 @@ class StrainOperator:
         by_cell.destroy()
         self.scalars = element.strain_space(mesh)
         self.tensors = element.tensor_space(mesh)
-        self.weights: FloatArray = fem.assemble_vector(
-            compiled.form(ufl.TestFunction(self.scalars) * dx)
-        ).array[self.dofs]
+        weights: FloatArray = kept(
+            "locking weights",
+            lambda: fem.assemble_vector(compiled.form(ufl.TestFunction(self.scalars) * dx)).array,
+        )
+        self.weights = weights[self.dofs]
         self._displacement, self._integrals = self._matrix.createVecs()
 
     def strains(self, displacement: FloatArray) -> FloatArray:

@@ -56,7 +56,8 @@ class Tangent:
             self.matrix = self._form.create_matrix(IN_BLOCKS)
         self._near_nullspace = system.near_nullspace()
         self.matrix.setNearNullSpace(self._near_nullspace)
-        self.elasticity = petsc.assemble_matrix(compiled.form(elastic))
+        form = system.kept("elasticity", lambda: compiled.form(elastic))
+        self.elasticity = petsc.assemble_matrix(form)
         self.elasticity.assemble()
         self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
         self._vectors = [self.matrix.createVecRight() for _ in range(7)]
