@@ -133,16 +133,12 @@ class Manufactured:
         made = assemble(with_changes(data, **changes), comm, element=self.element)
         mesh = made.domain.mesh
         metadata = {"quadrature_degree": 4}
-        made.data = dataclasses.replace(
-            made.data,
-            loads=[
-                (_ufl(self.body_force(), mesh), ufl.Measure("dx", mesh, metadata=metadata)),
-                (
-                    _ufl(self.contact_load(), mesh),
-                    made.domain.ds(("bottom",), "contact.on", quadrature_degree=4),
-                ),
-            ],
-        )
+        v = ufl.TestFunction(made.u.function_space)
+        inside = ufl.Measure("dx", mesh, metadata=metadata)
+        bottom = made.domain.ds(("bottom",), "contact.on", quadrature_degree=4)
+        loads = ufl.inner(_ufl(self.body_force(), mesh), v) * inside
+        loads += ufl.inner(_ufl(self.contact_load(), mesh), v) * bottom
+        made.data = dataclasses.replace(made.data, loads=loads)
         return made
 
     def solved(self, h: float, **changes: Any) -> StudySolution:

@@ -26,7 +26,7 @@ import ufl
 from dolfinx import fem, jit
 from dolfinx.mesh import create_unit_square
 from mpi4py import MPI
-from contact_locking.command.world import ignore_current_folder
+from contact_locking.command.terminal import ignore_current_folder
 print(ignore_current_folder())
 from contact_locking.fem import compiled
 mesh = create_unit_square(MPI.COMM_SELF, 2, 2)

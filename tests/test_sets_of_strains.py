@@ -254,9 +254,9 @@ def test_displacements_that_no_limit_allows_are_proved_to_be_infeasible(
 def test_a_half_space_that_pulls_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fibres bear no pressure: a multiplier below zero breaks the law of each kind of point."""
 
-    def tampered(state: SolvedState) -> Any:
+    def tampered(state: SolvedState, *more: Any) -> Any:
         state.body.locking_parts[1].x.array[:] -= 0.01
-        return certify(state)
+        return certify(state, *more)
 
     monkeypatch.setattr(solving, "certify", tampered)
     limit = {"norm": "direction", "along": [1, 0], "at_most": 0.005}

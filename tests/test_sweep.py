@@ -235,7 +235,8 @@ def test_the_table_counts_outcomes_by_family() -> None:
     kinds = [SOLVED, SOLVED, INFEASIBLE, WRONG, WEDGED]
     outcomes = [Outcome("a", i, kind, tangents=10 + i) for i, kind in enumerate(kinds)]
     lines = run.table(outcomes).splitlines()
-    assert lines[1].split() == ["a", "5", "2", "1", ".", "1", ".", "1", ".", "11", "12", "0.0"]
+    counts = ["2", "1", ".", "1", ".", ".", "1", "."]
+    assert lines[1].split() == ["a", "5", *counts, "11", "12", "0.0"]
     assert lines[-2] == "right: 4 of 5, 80.00 %"
     assert lines[-1].endswith("known: 1")
 
