@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 from mpi4py import MPI
 from problems import block
 
@@ -211,3 +211,216 @@ def test_python_and_the_study_file_have_the_same_solution(case: str) -> None:
     assert set(found.summary["certificate"]["criteria"]) == set(
         expected.summary["certificate"]["criteria"]
     )
+
+
+def square(divisions: int = 8) -> fem.FunctionSpace:
+    body = mesh.create_unit_square(MPI.COMM_WORLD, divisions, divisions)
+    return fem.functionspace(body, ("Lagrange", 1, (2,)))
+
+
+def side(body: mesh.Mesh, axis: int, value: float) -> Any:
+    return mesh.locate_entities_boundary(body, 1, lambda x: np.isclose(x[axis], value))
+
+
+def tagged(body: mesh.Mesh) -> mesh.MeshTags:
+    """The bottom has the tag 1, the left side 2 and the top 3."""
+    sides = [side(body, 1, 0.0), side(body, 0, 0.0), side(body, 1, 1.0)]
+    values = np.repeat(np.arange(1, 4, dtype=np.int32), [len(one) for one in sides])
+    facets = np.concatenate(sides)
+    order = np.argsort(facets)
+    return mesh.meshtags(body, 1, facets[order], values[order])
+
+
+def pressed(space: fem.FunctionSpace, load: Any, **more: Any) -> cl.ContactProblem:
+    """A block between its foundation and a load on its top, guided on the left."""
+    body = space.mesh
+    tags = tagged(body)
+    ds = ufl.Measure("ds", body, subdomain_data=tags)
+    given: dict[str, Any] = {
+        "a": elastic(space),
+        "L": ufl.inner(load, ufl.TestFunction(space)) * ds(3),
+        "bcs": [cl.Support("wall")],
+        "limits": [cl.StrainBall(0.02)],
+        "contacts": [cl.Contact("sole", friction=cl.Coulomb(0.2, cl.Convolution(0.3)))],
+        "tags": tags,
+        "names": {"sole": 1, "wall": 2},
+    }
+    return cl.ContactProblem(**(given | more))
+
+
+def test_loads_that_change_between_solves_need_no_new_problem() -> None:
+    space = square()
+    load = fem.Constant(space.mesh, (0.0, -0.01))
+    problem = pressed(space, load)
+    forces = []
+    for size in (0.01, 0.02, 0.01):
+        load.value = (0.0, -size)
+        forces.append(problem.solve().summary["contact_force"][1])
+    assert forces == pytest.approx([0.01, 0.02, 0.01], rel=1e-6)
+    problem.close()
+
+
+def test_each_solution_keeps_its_own_displacement_and_state() -> None:
+    space = square()
+    load = fem.Constant(space.mesh, (0.0, -0.01))
+    problem = pressed(space, load)
+    first = problem.solve()
+    before = first.displacement.x.array.copy()
+    load.value = (0.0, -0.02)
+    second = problem.solve(after=first)
+    assert np.array_equal(first.displacement.x.array, before)
+    assert np.array_equal(first.state.saved.displacement, before)
+    assert not np.allclose(second.displacement.x.array, before)
+    problem.close()
+
+
+def test_friction_remembers_the_solution_that_a_step_is_after() -> None:
+    """A shear that is taken back leaves the body where friction holds it, as in a study."""
+    data = block(
+        h=0.25,
+        loads__tractions=[{"on": "top", "value": ["0.03*sin(pi*t/2)", -0.05]}],
+        penalty__n=math.inf,
+        friction__coefficient=0.1,
+        friction__smoothing__radius=0.3,
+        steps={"times": [1.0, 2.0]},
+    )
+    *_, last = cl.solve_steps(data)
+    study = assemble(data, MPI.COMM_WORLD)
+    domain, space = study.domain, study.u.function_space
+    load = fem.Constant(domain.mesh, (0.03, -0.05))
+    problem = cl.ContactProblem(
+        elastic(space),
+        pulled(domain, space, load),
+        [clamped(domain, space)],
+        LIMITS,
+        [cl.Contact(domain.facets(("bottom",)), friction=cl.Coulomb(0.1, cl.Convolution(0.3)))],
+    )
+    first = problem.solve()
+    load.value = (0.0, -0.05)
+    after, fresh = problem.solve(after=first), problem.solve()
+    assert last.converged and after.converged and fresh.converged
+    u = last.displacement.x.array
+    size = MPI.COMM_WORLD.allreduce(np.abs(u).max(initial=0.0), op=MPI.MAX)
+    assert np.allclose(after.displacement.x.array, u, rtol=0.0, atol=1e-6 * size)
+    apart = np.abs(fresh.displacement.x.array - u).max(initial=0.0)
+    assert MPI.COMM_WORLD.allreduce(apart, op=MPI.MAX) > 1e-3 * size
+    for made in (problem, study):
+        made.close()
+
+
+def test_a_foundation_that_moves_drags_the_body_from_step_to_step() -> None:
+    space = square()
+    tool = cl.Motion([0.0, 0.0])
+    plane = cl.Contact("sole", cl.HalfSpace((0, 0), (0, 1)), rubbing(cl.Local()), motion=tool)
+    clamp = fem.dirichletbc(
+        np.zeros(2), fem.locate_dofs_topological(space, 1, side(space.mesh, 1, 1.0)), space
+    )
+    load = fem.Constant(space.mesh, (0.0, 0.0))
+    problem = pressed(space, load, bcs=[clamp], contacts=[plane], limits=[])
+    solution = None
+    for x, y in ((0.0, 0.02), (0.002, 0.02), (0.004, 0.02)):
+        tool.translation = (x, y)
+        solution = problem.solve(after=solution)
+    assert solution is not None and solution.converged
+    dragged = solution.summary["friction_force"][0]
+    assert 0.0 < dragged == pytest.approx(-solution.summary["reactions"]["bcs.0"][0], rel=1e-6)
+    problem.close()
+
+
+def test_an_affine_stress_expands_the_body_without_a_load() -> None:
+    """``sigma = C(eps - a T I)``: a body that nothing holds back has the strain ``a T I``."""
+    space = square(4)
+    heat = fem.Constant(space.mesh, 0.004)
+    thermal = cl.Elasticity(
+        stress=lambda eps: stress(eps) - heat * stress(ufl.Identity(2)), key="thermal"
+    )
+    rollers = [cl.Support(side(space.mesh, 0, 0.0)), cl.Support(side(space.mesh, 1, 0.0))]
+    problem = cl.ContactProblem(thermal, bcs=rollers, space=space, limits=[cl.StrainBall(1.0)])
+    for warm in (0.004, 0.008):
+        heat.value = warm
+        found = problem.solve()
+        x = space.tabulate_dof_coordinates()[:, :2]
+        assert found.converged
+        assert np.allclose(found.displacement.x.array.reshape(-1, 2), warm * x, atol=1e-8)
+        assert np.abs(found.elastic_stress.x.array).max(initial=0.0) < 1e-8
+    problem.close()
+
+
+def test_a_form_on_subdomains_is_the_elasticity_of_all_of_them() -> None:
+    space = square(4)
+    body = space.mesh
+    count = body.topology.index_map(2)
+    cells = np.arange(count.size_local + count.num_ghosts, dtype=np.int32)
+    stiff = mesh.compute_midpoints(body, 2, cells)[:, 0] > 0.5
+    marks = mesh.meshtags(body, 2, cells, np.where(stiff, 2, 1).astype(np.int32))
+    dx = ufl.Measure("dx", body, subdomain_data=marks)
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a = ufl.inner(stress(strain(u)), strain(v)) * dx(1)
+    a += ufl.inner(stress(strain(u), young=3.0), strain(v)) * dx(2)
+    young = fem.Function(fem.functionspace(body, ("DG", 0)))
+    young.x.array[:] = np.where(stiff, 3.0, 1.0)
+    load = fem.Constant(body, (0.0, -0.02))
+    found = []
+    for given in (a, cl.Elasticity(young=young, poisson=0.3)):
+        problem = pressed(space, load, a=given)
+        found.append(problem.solve())
+        problem.close()
+    assert found[0].converged
+    one, other = (solution.displacement.x.array for solution in found)
+    assert np.allclose(one, other, rtol=0.0, atol=1e-9)
+    energies = [solution.summary["certificate"]["constants"]["alpha"] for solution in found]
+    assert energies == pytest.approx([1.0 / 1.3] * 2)
+
+
+@pytest.mark.parametrize("certificate", [True, False])
+def test_a_certificate_is_made_unless_it_is_not_wanted(certificate: bool) -> None:
+    space = square(4)
+    problem = pressed(space, fem.Constant(space.mesh, (0.0, -0.01)))
+    solution = problem.solve(certificate=certificate)
+    assert solution.converged
+    assert ("certificate" in solution.summary) is certificate
+    problem.close()
+
+
+def wrong_name(space: fem.FunctionSpace) -> dict[str, Any]:
+    return {"contacts": [cl.Contact("soul")]}
+
+
+def inside(space: fem.FunctionSpace) -> dict[str, Any]:
+    every = np.arange(space.mesh.topology.index_map(1).size_local, dtype=np.int32)
+    return {"contacts": [cl.Contact(every)]}
+
+
+def two_balls(space: fem.FunctionSpace) -> dict[str, Any]:
+    return {"limits": [cl.StrainBall(0.1), cl.StrainBall(0.2)]}
+
+
+def no_limit(space: fem.FunctionSpace) -> dict[str, Any]:
+    return {"limits": [cl.StrainBall(-0.1)]}
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (
+            wrong_name,
+            "no boundary part is named 'soul' (did you mean 'sole'?); names has: sole, wall",
+        ),
+        (inside, "not on the boundary"),
+        (two_balls, "more than one StrainBall"),
+        (no_limit, "must be positive"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_its_name(change: Any, text: str) -> None:
+    space = square(4)
+    space.mesh.topology.create_entities(1)
+    with pytest.raises(cl.InputError) as caught:
+        pressed(space, fem.Constant(space.mesh, (0.0, -0.01)), **change(space))
+    assert text in str(caught.value)
+
+
+def test_a_form_that_sees_rotations_is_refused() -> None:
+    space = square(4)
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    with pytest.raises(cl.InputError, match="rotations"):
+        cl.ContactProblem(ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)

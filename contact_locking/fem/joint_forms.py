@@ -34,17 +34,25 @@ def by_space(form: ufl.Form) -> list[ufl.Form]:
     """The integrals of a form, in forms that can be compiled together, those of cells first.
 
     These are one form for each space of the arguments, for the cells and for each quadrature rule
-    of the facets, or two if some integrals evaluate the coordinates in one point.
+    of the facets, or two if some integrals evaluate the coordinates in one point; and one for each
+    object of mesh tags, of which DOLFINx takes one for all integrals of a form.
     """
     groups: dict[Any, list[Any]] = {}
     for integral in form.integrals():
         arguments = ufl.algorithms.extract_arguments(integral.integrand())
         kind, rule = integral.integral_type(), integral.metadata().get("quadrature_rule")
         of_facets = None if kind == "cell" else rule
-        key = arguments[0].ufl_element(), kind, of_facets, _is_at_one_point(integral)
+        tags = id(integral.subdomain_data())
+        key = arguments[0].ufl_element(), kind, of_facets, _is_at_one_point(integral), tags
         groups.setdefault(key, []).append(integral)
-    every = sorted(groups.values(), key=lambda group: group[0].integral_type() != "cell")
+    every = sorted(groups.values(), key=_rank)
     return [ufl.Form(integrals) for integrals in every]
+
+
+def _rank(integrals: list[Any]) -> tuple[bool, bool]:
+    """The order of forms: those over all cells first, as they have all entries of a matrix."""
+    is_everywhere = any(item.subdomain_id() == "everywhere" for item in integrals)
+    return integrals[0].integral_type() != "cell", not is_everywhere
 
 
 def _is_at_one_point(integral: Any) -> bool:

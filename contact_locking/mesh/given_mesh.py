@@ -11,7 +11,7 @@ from dolfinx import mesh as dmesh
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from contact_locking.arrays import BoolArray, IndexArray
+from contact_locking.arrays import BoolArray, IndexArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, on_any_rank
@@ -70,12 +70,14 @@ class NamedFacets:
     def domain(self, axisymmetric: bool = False) -> tuple[Domain, dict[str, tuple[str, ...]]]:
         """The domain, and for each name its boundary parts there; collective."""
         mesh, names = self._mesh, list(self._places)
-        marks = np.array([self._places[name] for name in names], dtype=bool)
-        marks = marks.reshape(len(names), -1)
+        marks = np.zeros((len(names), len(self._outside)), dtype=bool)
+        for place, name in enumerate(names):
+            marks[place] = self._places[name]
         facets = np.flatnonzero(marks.any(axis=0)).astype(np.int32)
         kinds = [tuple(column) for column in marks[:, facets].T.tolist()]
-        every_kind = sorted(set().union(*mesh.comm.allgather(set(kinds))), reverse=True)
-        number = {kind: place + 1 for place, kind in enumerate(every_kind)}
+        every_kind = {kind for of_rank in mesh.comm.allgather(set(kinds)) for kind in of_rank}
+        places = enumerate(sorted(every_kind, reverse=True), start=1)
+        number: dict[tuple[bool, ...], int] = {kind: value for value, kind in places}
         values = np.array([number[kind] for kind in kinds], dtype=np.int32)
         parts: dict[str, int] = {}
         of_name: dict[str, tuple[str, ...]] = {name: () for name in names}
@@ -140,34 +142,38 @@ class NamedFacets:
 def _connected(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:
     """The connected part (k,) of each local cell, and how many parts there are; collective.
 
-    Cells of one part are joined by facets.  Raises InputError on several ranks for a mesh without
-    ghost cells.
+    Cells of one part are joined by facets.  The parts are numbered by the cells that come first in
+    the mesh that was given.
     """
-    topology, dim = mesh.topology, mesh.topology.dim
-    cells = topology.index_map(dim)
-    if mesh.comm.size > 1 and not mesh.comm.allreduce(cells.num_ghosts):
-        raise InputError(
-            "has no ghost cells; make it with ghost_mode=GhostMode.shared_facet, which is the "
-            "default of DOLFINx",
-            "mesh",
-        )
+    topology, comm, dim = mesh.topology, mesh.comm, mesh.topology.dim
+    cells, facets = topology.index_map(dim), topology.index_map(dim - 1)
     joint = topology.connectivity(dim - 1, dim)
     counts = np.diff(joint.offsets)
     pairs = joint.array[np.repeat(counts == 2, counts)].reshape(-1, 2)
-    size = cells.size_local + cells.num_ghosts
-    shape = (size, size)
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
-    count, local = connected_components(graph, directed=False)
-    # A part has the least global number of its cells, which spreads from rank to rank.
-    number = la.vector(cells)
-    number.array[:] = cells.local_to_global(np.arange(size, dtype=np.int32))
-    while True:
-        before = number.array.copy()
-        least = np.full(count, np.inf)
-        np.minimum.at(least, local, number.array)
-        number.array[:] = least[local]
-        number.scatter_forward()
-        if not on_any_rank(mesh.comm, bool(np.any(number.array != before))):
-            break
-    every = np.unique(np.concatenate(mesh.comm.allgather(np.unique(number.array))))
-    return np.searchsorted(every, number.array).astype(np.int32), len(every)
+    found, local = _components(pairs, cells.size_local + cells.num_ghosts)
+    every = comm.allgather(found)
+    local = local + sum(every[: comm.rank])
+
+    def part_of(some: IntArray) -> IntArray:
+        return local[joint.array[joint.offsets[some]]]
+
+    # A facet that two ranks have joins their parts: one of them knows it as a ghost.
+    ghosts = np.arange(facets.size_local, facets.size_local + facets.num_ghosts)
+    theirs = np.column_stack([facets.ghosts, part_of(ghosts)])
+    shared = np.concatenate(comm.allgather(theirs))
+    own = shared[:, 0] - facets.local_range[0]
+    is_own = (own >= 0) & (own < facets.size_local)
+    edges = np.column_stack([part_of(own[is_own]), shared[is_own, 1]])
+    count, whole = _components(np.concatenate(comm.allgather(edges)), sum(every))
+    numbers = whole[local]
+    first = np.full(count, np.iinfo(np.int64).max)
+    np.minimum.at(first, numbers, np.asarray(topology.original_cell_index, dtype=np.int64))
+    first = np.min(comm.allgather(first), axis=0)
+    return np.argsort(np.argsort(first))[numbers].astype(np.int32), count
+
+
+def _components(pairs: IntArray, size: int) -> tuple[int, IntArray]:
+    """The number of components of a graph with so many nodes, and that (size,) of each node."""
+    entries = np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])
+    count, numbers = connected_components(coo_matrix(entries, shape=(size, size)), directed=False)
+    return int(count), np.asarray(numbers, dtype=np.int64)

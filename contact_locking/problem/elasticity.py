@@ -75,7 +75,10 @@ class Material:
             self.stress = self.linear = given.stress
             if not isinstance(initial, ufl.classes.Zero):
                 self.initial = initial
-                self.linear = partial(_linear_share, given.stress, initial)
+                share = partial(_linear_share, given.stress, initial)
+                # UFL does not see that the initial stress cancels out, for any other strain.
+                of_share = matrix_of(share, self._pairs, self._size)
+                self.linear = partial(law.anisotropic_stress, stiffness=of_share)
             matrix = matrix_of(self.linear, self._pairs, self._size)
             self._matrix = points.sampler(matrix, given.key, matrix.ufl_shape)
             self._rotational = points.sampler(given.rotational or 0.0, given.key)

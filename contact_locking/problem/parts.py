@@ -12,7 +12,7 @@ from dolfinx import fem, la
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.errors import InputError
-from contact_locking.fem import compiled
+from contact_locking.fem.joint_forms import JointForm
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem import forms
@@ -212,8 +212,12 @@ class _Motions:
             return
         of_loads: FloatArray = np.zeros(0)
         if self.of_body:
-            work_form = compiled.form(forms.external_work(ufl.TestFunction(space), data))
-            of_loads = domain.comm.allreduce(motions @ fem.assemble_vector(work_form).array)
+            dofmap = space.dofmap
+            loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
+            work = JointForm(forms.external_work(ufl.TestFunction(space), data))
+            work.assemble_vector(loads)
+            owned = dofmap.index_map.size_local * dofmap.index_map_bs
+            of_loads = domain.comm.allreduce(motions[:, :owned] @ loads.array[:owned])
         self.work = np.array([*of_loads, *(tool.force for tool in self._tools)])
         self.most_work = np.array([*of_loads, *(tool.largest for tool in self._tools)])
         self.at_contacts = [
