@@ -37,7 +37,7 @@ Condition: TypeAlias = fem.DirichletBC | Support
 class ContactProblem:
     """``a(u, v - u) + int G (|v_tau| - |u_tau|) >= L(v - u)`` for all v in K.
 
-    Find u with ``eps(u) in K`` and ``u_nu <= gap`` such that for all such v
+    Find u with ``eps(u) in K`` and ``u_nu <= gap`` such that for all such v::
 
         a(u, v - u) + int G (|v_tau| - |u_tau|) >= L(v - u),   G = mu(|u_tau|) |R sigma_nu(u)|,
 
