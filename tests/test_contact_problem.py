@@ -372,6 +372,17 @@ def test_a_form_on_subdomains_is_the_elasticity_of_all_of_them() -> None:
     assert energies == pytest.approx([1.0 / 1.3] * 2)
 
 
+def test_sets_of_one_name_are_told_apart() -> None:
+    space = square(4)
+    limits = [cl.Weighted(np.eye(3), limit) for limit in (0.1, 0.2)]
+    problem = pressed(space, fem.Constant(space.mesh, (0.0, -0.01)), limits=limits)
+    for _ in range(2):
+        sets = problem.solve().summary["strain_sets"]
+        used = [entry["utilisation_max"] for entry in sets]
+        assert used[0] == pytest.approx(2.0 * used[1]) and used[1] > 0.01
+    problem.close()
+
+
 @pytest.mark.parametrize("certificate", [True, False])
 def test_a_certificate_is_made_unless_it_is_not_wanted(certificate: bool) -> None:
     space = square(4)

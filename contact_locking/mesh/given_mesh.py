@@ -74,7 +74,7 @@ class NamedFacets:
         for place, name in enumerate(names):
             marks[place] = self._places[name]
         facets = np.flatnonzero(marks.any(axis=0)).astype(np.int32)
-        kinds: list[tuple[bool, ...]] = [tuple(column) for column in marks[:, facets].T.tolist()]
+        kinds = [tuple(bool(mark) for mark in column) for column in marks[:, facets].T]
         every_kind = {kind for of_rank in mesh.comm.allgather(set(kinds)) for kind in of_rank}
         places = enumerate(sorted(every_kind, reverse=True), start=1)
         number: dict[tuple[bool, ...], int] = {kind: value for value, kind in places}

@@ -67,7 +67,7 @@ class BodyFields:
         space = element.strain_space(domain.mesh, expr.ufl_shape)
         function = fem.Function(space, name=name)
         at = "peaks" if element is not self._element else "points"
-        function.interpolate(self._kept((name, at), lambda: compiled.interpolation(expr, space)))
+        function.interpolate(self._kept((expr, at), lambda: compiled.interpolation(expr, space)))
         function.x.scatter_forward()
         return function
 
