@@ -25,7 +25,7 @@ from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.process.problem_solver import solver_of
+from contact_locking.process.of_study import solver_of
 from contact_locking.study.assembly import assemble
 
 # The reference problem belongs to the tests.

@@ -32,8 +32,8 @@ from contact_locking._version import __version__
 from contact_locking.extras import report
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.process.judgement import extras_of, of_study, solution_of
-from contact_locking.process.problem_solver import solver_of
+from contact_locking.process.judgement import solution_of
+from contact_locking.process.of_study import extras_of, of_study, solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble, mesh_of
 

@@ -24,7 +24,7 @@ from contact_locking.laws.triangulated import TriangulatedSurface
 from contact_locking.mesh_file.tool_surface import read_surface
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
-from contact_locking.process.problem_solver import solver_of
+from contact_locking.process.of_study import solver_of
 from contact_locking.study.assembly import assemble
 
 # The block and the files of tools belong to the tests.

@@ -20,6 +20,7 @@ from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
+from contact_locking.mesh.half_section import half_section
 from contact_locking.monitor import Monitor
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import Elasticity, elasticity_of
@@ -35,20 +36,17 @@ Condition: TypeAlias = fem.DirichletBC | Support
 
 
 class ContactProblem:
-    """``a(u, v - u) + int G (|v_tau| - |u_tau|) >= L(v - u)`` for all v in K.
+    """``a(u, v - u) + int G (|v_tau| - |u_tau|) >= L(v - u)``, ``G = mu(|u_tau|) |R sigma_nu(u)|``.
 
-    Find u with ``eps(u) in K`` and ``u_nu <= gap`` such that for all such v::
-
-        a(u, v - u) + int G (|v_tau| - |u_tau|) >= L(v - u),   G = mu(|u_tau|) |R sigma_nu(u)|,
-
-    or, for a finite ``n``, the penalised problem (25)/(26).
+    This holds for all v with ``eps(v) in K`` and ``v_nu <= gap``, and u is one of them.  For a
+    finite ``n`` it is the penalised problem (25)/(26).
 
     ``a`` is a symmetric elliptic bilinear form of UFL, or :class:`Elasticity`.  ``L`` is a linear
     form.  ``bcs`` are conditions of DOLFINx and :class:`Support`; ``limits`` are sets of strains
     whose intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of
     facets whose values have the ``names`` that contacts and supports may use.  ``space`` is the
-    space of displacements, P1 or P2 on triangles or tetrahedra, where neither ``a``, ``L`` nor
-    ``bcs`` tell.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
+    space of displacements, P1 or P2 on triangles or tetrahedra, where neither ``a`` nor ``L`` is a
+    form.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
     ``energy`` maps u to a convex and differentiable functional J(u) that is added.  ``limit_at``
     tells where quadratic displacements keep K: at the "vertices" of each cell or at the "gauss"
     points.  ``axisymmetric`` says that the mesh is the half section (r, z) of a body of revolution;
@@ -78,7 +76,7 @@ class ContactProblem:
         settings: Settings | None = None,
         monitor: Monitor | None = None,
     ) -> None:
-        space = space or _space_of(a, L, bcs)
+        space = space or _space_of(a, L)
         if axisymmetric and not isinstance(a, Elasticity):
             raise InputError("must be an Elasticity for an axisymmetric body", "a")
         element = _element_of(space, limit_at, axisymmetric)
@@ -90,7 +88,8 @@ class ContactProblem:
         of_supports = [
             places.add(item.on, f"supports.{number}") for number, item in enumerate(supports)
         ]
-        domain, parts = places.domain(axisymmetric)
+        domain, parts = places.domain()
+        domain = half_section(domain, "axisymmetric") if axisymmetric else domain
 
         def joined(names: Sequence[str]) -> tuple[str, ...]:
             return tuple(dict.fromkeys(part for name in names for part in parts[name]))
@@ -114,7 +113,7 @@ class ContactProblem:
             form=None if isinstance(a, Elasticity) else a,
             limits=limits,
             own_energy=energy,
-            supports=((), tuple(name for support in held for name in support.on)),
+            supports=[name for support in held for name in support.on],
         )
         self._discrete = DiscreteProblem(body, placed, n, compliance)
         self._solver = ProblemSolver(self._discrete, settings or Settings(), monitor)
@@ -161,10 +160,8 @@ class ContactProblem:
         self._discrete.close()
 
 
-def _space_of(
-    a: ufl.Form | Elasticity, L: ufl.Form | None, bcs: Sequence[Condition]
-) -> fem.FunctionSpace:
-    """The space of the arguments of a form, or of the conditions."""
+def _space_of(a: ufl.Form | Elasticity, L: ufl.Form | None) -> fem.FunctionSpace:
+    """The space of the arguments of a form."""
     for form in (a, L):
         if isinstance(form, ufl.Form):
             return form.arguments()[0].ufl_function_space()

@@ -153,6 +153,14 @@ def test_study_files_and_reports_are_read_without_dolfinx() -> None:
     assert (done.stdout, done.stderr) == ("set()\n", "")
 
 
+def test_contact_problems_are_imported_without_the_study_file() -> None:
+    script = "import sys, contact_locking.contact_problem\n"
+    script += "names = ('parameters', 'study', 'study_file', 'expressions', 'checkpoint')\n"
+    script += "print({n for n in names if f'contact_locking.{n}' in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("set()\n", "")
+
+
 def test_check_imports_neither_solvers_nor_results_nor_pictures() -> None:
     """They would take a third of the time of the command."""
     script = """

@@ -435,3 +435,10 @@ def test_a_form_that_sees_rotations_is_refused() -> None:
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     with pytest.raises(cl.InputError, match="rotations"):
         cl.ContactProblem(ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)
+
+
+def test_a_half_section_that_crosses_the_axis_is_refused() -> None:
+    body = mesh.create_rectangle(MPI.COMM_WORLD, [[-1.0, 0.0], [1.0, 1.0]], [6, 3])
+    space = fem.functionspace(body, ("Lagrange", 1, (2,)))
+    with pytest.raises(cl.InputError, match="must lie in x >= 0"):
+        cl.ContactProblem(cl.Elasticity(young=1.0, poisson=0.3), space=space, axisymmetric=True)

@@ -14,7 +14,8 @@ from contact_locking import Parameters, StudySolution, assemble, solve
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.contact.force_balance import ToolBalance
 from contact_locking.monitor import Monitor
-from contact_locking.process.problem_solver import ProblemSolver, solver_of
+from contact_locking.process.of_study import solver_of
+from contact_locking.process.problem_solver import ProblemSolver
 
 # What is right by hand.
 

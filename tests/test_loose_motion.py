@@ -12,7 +12,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.monitor import Monitor
 from contact_locking.parameters import Parameters
 from contact_locking.process import solving
-from contact_locking.process.problem_solver import solver_of
+from contact_locking.process.of_study import solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
 

@@ -13,8 +13,9 @@ from rings import floor, ring
 
 from contact_locking import Parameters, solve, solve_steps
 from contact_locking.process.demand import Demand
+from contact_locking.process.of_study import solver_of
 from contact_locking.process.out_of_reach import OutOfReach
-from contact_locking.process.problem_solver import ProblemSolver, solver_of
+from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver import SolverReport
 from contact_locking.study.assembly import StudyProblem, assemble

@@ -145,9 +145,9 @@ def check(arguments: argparse.Namespace) -> int:
     with _explained(study):
         output_folder.prepare(parameters.output.directory, comm)
         if parameters.solver.petsc:
-            from contact_locking.process import problem_solver
+            from contact_locking.process import of_study
 
-            problem_solver.require_usable_options(parameters)
+            of_study.require_usable_options(parameters)
         facts = forecast.completed(assembly.check(parameters, comm), parameters, comm)
     for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from contact_locking.contact.foundation import PlacedFoundation
 from contact_locking.errors import InputError
 from contact_locking.laws.foundation import Foundation
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
-
-#: Named boundary parts, the local indices of facets, or mesh tags with one of their values.
-Where = Any
+from contact_locking.mesh.domain import Where
 
 
 @dataclass(frozen=True)

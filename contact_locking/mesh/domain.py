@@ -32,6 +32,10 @@ from contact_locking.plain_text import nearest
 _ROUNDING = 1e-9
 
 
+#: Names of boundary parts, local indices of facets (k,), or mesh tags with one of their values.
+Where = Any
+
+
 @dataclass(frozen=True)
 class Domain:
     """A simplicial mesh of the body with named boundary parts and regions.

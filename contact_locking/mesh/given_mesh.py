@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from dolfinx import la
@@ -13,13 +12,11 @@ from scipy.sparse.csgraph import connected_components
 
 from contact_locking.arrays import BoolArray, IndexArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.domain import Domain, Where
 from contact_locking.parallel import agree, on_any_rank
 from contact_locking.plain_text import nearest
 
 _SIMPLICES = (dmesh.CellType.triangle, dmesh.CellType.tetrahedron)
-#: Names, the local indices of facets (k,), or mesh tags and one of their values.
-Where = Any
 
 
 class NamedFacets:
@@ -47,7 +44,7 @@ class NamedFacets:
         self._map = mesh.topology.index_map(dim - 1)
         self._places: dict[str, BoolArray] = {}
         if self._names and tags is None:
-            raise InputError("needs the mesh tags whose values have the names", "facet_tags")
+            raise InputError("needs the mesh tags whose values have the names", "tags")
         self._outside = self._marked(np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
 
     def add(self, where: Where, key: str) -> tuple[str, ...]:
@@ -67,7 +64,7 @@ class NamedFacets:
         self._put(key, np.asarray(where, dtype=np.int32), key)
         return (key,)
 
-    def domain(self, axisymmetric: bool = False) -> tuple[Domain, dict[str, tuple[str, ...]]]:
+    def domain(self) -> tuple[Domain, dict[str, tuple[str, ...]]]:
         """The domain, and for each name its boundary parts there; collective."""
         mesh, names = self._mesh, list(self._places)
         marks = np.zeros((len(names), len(self._outside)), dtype=bool)
@@ -102,7 +99,6 @@ class NamedFacets:
             {},
             parts,
             part_names if count > 1 else ("the body",),
-            axisymmetric=axisymmetric,
         ), of_name
 
     def _named(self, name: str, key: str) -> IndexArray:

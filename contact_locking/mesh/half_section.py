@@ -17,13 +17,12 @@ from contact_locking.parallel import on_any_rank
 _ON_AXIS = 1e-9
 
 
-def half_section(domain: Domain) -> Domain:
+def half_section(domain: Domain, key: str = "mesh.axisymmetric") -> Domain:
     """The domain as the half section of a body of revolution about x = 0; collective.
 
     Coordinates x that are zero except for rounding become zero.  Raises InputError for a mesh in
-    three dimensions, and for a mesh that crosses the axis.
+    three dimensions, and for a mesh that crosses the axis; ``key`` is what asks for the section.
     """
-    key = "mesh.axisymmetric"
     if domain.dim != 2:
         raise InputError(
             "needs a mesh in two dimensions, the half section of the body in the coordinates "

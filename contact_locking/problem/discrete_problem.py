@@ -32,8 +32,8 @@ class Body:
     ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
     bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
     u to a convex and differentiable functional.  ``regions`` are cells whose stress may jump
-    against that of all others, and ``supports`` the names of the boundary parts with supports, and
-    with prescribed displacements.
+    against that of all others.  ``displacements`` and ``supports`` name the boundary parts with
+    prescribed displacements and with supports, for messages.
     """
 
     domain: Domain
@@ -46,7 +46,8 @@ class Body:
     limits: Sequence[Limit] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
     regions: Sequence[IndexArray] = ()
-    supports: tuple[Sequence[str], Sequence[str]] = ((), ())
+    displacements: Sequence[str] = ()
+    supports: Sequence[str] = ()
 
 
 class DiscreteProblem:
@@ -83,14 +84,13 @@ class DiscreteProblem:
         self.warnings = [text for contact in nodal for text in contact.warnings()]
         slips = tuple(float(contact.regularisation.value) for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
-        v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         self.data = forms.ProblemData(
-            elasticity=_elastic(body, self.material, v, du),
+            elasticity=_elastic(body, self.material),
             elastic_stress=self.material.stress,
             largest_eigenvalue=self.material.largest_eigenvalue,
             inverse_limit=self.limits.ball.strain_set.inverse_limit,
             dx=domain.dx(),
-            loads=_loads(body, self.material, v),
+            loads=_loads(body, self.material),
             contacts=nodal,
             n=fem.Constant(domain.mesh, n),
             epsilon=fem.Constant(domain.mesh, epsilon),
@@ -105,7 +105,12 @@ class DiscreteProblem:
     def _check_held(self) -> list[Held]:
         body = self.body
         return check_parts_held(
-            self.domain, body.space, self.data, self.constraints, *body.supports
+            self.domain,
+            body.space,
+            self.data,
+            self.constraints,
+            body.displacements,
+            body.supports,
         )
 
     @property
@@ -157,7 +162,7 @@ class DiscreteProblem:
             contact.friction.smoothing.destroy()
 
 
-def _elastic(body: Body, material: Material, v: Expr, du: Expr) -> Callable[[Expr, Expr], ufl.Form]:
+def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]:
     """``a(u, v)`` for any displacements."""
     if body.form is None:
         element = body.element
@@ -176,11 +181,11 @@ def _elastic(body: Body, material: Material, v: Expr, du: Expr) -> Callable[[Exp
     return of_form
 
 
-def _loads(body: Body, material: Material, v: Expr) -> ufl.Form | None:
+def _loads(body: Body, material: Material) -> ufl.Form | None:
     """The loads, less the work of the stress of the body without strain."""
     if material.initial is None:
         return body.loads
     element = body.element
-    strain = element.strain(v)
+    strain = element.strain(ufl.TestFunction(body.space))
     work = -ufl.inner(material.initial, strain) * element.elastic_dx(body.domain.dx())
     return work if body.loads is None else body.loads + work

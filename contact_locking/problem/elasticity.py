@@ -89,8 +89,8 @@ class Material:
             self.stress = self.linear = partial(law.anisotropic_stress, stiffness=self._field)
         else:
             self._lame = self._lame_samplers()
-            values = self._lame_values()
-            self._lame_fields: list[Any] = [self._constant_or_field(row) for row in values]
+            lame = self._of_plane(self._lame_in_space())
+            self._lame_fields: list[Any] = [self._constant_or_field(row) for row in lame]
             self.stress = self.linear = partial(
                 law.isotropic_stress,
                 lame_lambda=self._lame_fields[0],
@@ -102,7 +102,8 @@ class Material:
         """Take the present values of the data; collective."""
         domain, given = self._points.domain, self._given
         if given.stress is None and given.stiffness is None:
-            lame = self._lame_values()
+            in_space = self._lame_in_space()
+            lame = self._of_plane(in_space)
             for number, field in enumerate(self._lame_fields):
                 row = lame[number]
                 if isinstance(field, fem.Constant):
@@ -110,7 +111,7 @@ class Material:
                 else:
                     self._points.write(field, row)
             with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
-                young = law.young_from_lame(*self._lame_in_space())
+                young = law.young_from_lame(*in_space)
             eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], self._size))
         else:
             matrices = self._matrix()
@@ -161,13 +162,12 @@ class Material:
         values = first(), second()
         return np.array(law.lame_from_young(*values) if are_moduli else values)
 
-    def _lame_values(self) -> FloatArray:
-        """Both Lame coefficients (2, k) at the points, lambda that of the plane; collective."""
-        lame = self._lame_in_space()
-        if self._given.plane == "stress":
-            with np.errstate(all="ignore"):
-                lame[0] = law.plane_stress_lambda(lame[0], lame[1])
-        return lame
+    def _of_plane(self, lame: FloatArray) -> FloatArray:
+        """Both Lame coefficients (2, k), lambda that of the plane."""
+        if self._given.plane != "stress":
+            return lame
+        with np.errstate(all="ignore"):
+            return np.array([law.plane_stress_lambda(lame[0], lame[1]), lame[1]])
 
     def _constant_or_field(self, values: FloatArray) -> Any:
         """A constant for data that are the same everywhere, and cannot differ later; collective."""
@@ -210,8 +210,8 @@ def _unit(pair: tuple[int, int], size: int) -> Expr:
 def elasticity_of(a: ufl.Form) -> Elasticity:
     """The elasticity in a bilinear form ``a(u, v)``: its density at strains of u and v.
 
-    Terms with u or v themselves, and those on facets, take part in the form alone.  Raises
-    InputError for a form whose density sees the rotations of the body.
+    Terms with u or v themselves, and those on facets, take part in the form alone.  ``rotational``
+    is the density at rotations, which no stress has.
     """
     v, u = a.arguments()
     mesh = u.ufl_function_space().mesh

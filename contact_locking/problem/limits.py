@@ -36,22 +36,20 @@ class Limit(Protocol):
 class Limited:
     """A set of strains on the mesh, whose limit M is read anew by :meth:`refresh`.
 
-    ``limits`` gives M (k,) at the points, and ``strain_set`` is the set in the forms.
+    ``sampler`` gives M (k,) at the points, inf where there is no limit, and ``limits`` is M as it
+    was read last.  ``strain_set`` is the set in the forms.
     """
 
-    def __init__(self, points: Points, limits: Sampler, make: Callable[..., StrainSet]) -> None:
-        self._points, self._limits = points, limits
+    def __init__(self, points: Points, sampler: Sampler, make: Callable[..., StrainSet]) -> None:
+        self._points, self._sampler = points, sampler
         self._inverse = points.function()
         self.strain_set = make(self._inverse)
         self.refresh()
 
     def refresh(self) -> None:
         """Take the present limits; collective."""
-        self._points.write(self._inverse, np.reciprocal(self._limits()))
-
-    def limits(self) -> FloatArray:
-        """M (k,) at the points, inf where there is no limit; collective."""
-        return self._limits()
+        self.limits = self._sampler()
+        self._points.write(self._inverse, np.reciprocal(self.limits))
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,8 @@ class Volume:
 class Direction:
     """``at_least <= a . eps a <= at_most`` for a unit vector a: fibres along ``along``.
 
-    ``along`` has d components, of any length; that of a body of revolution may have three.
+    ``along`` has d components, of any length; that of a body of revolution may have three.  It is
+    read once.
     """
 
     along: Value
@@ -158,7 +157,7 @@ class Direction:
 
 @dataclass(frozen=True)
 class Weighted:
-    """``|C eps| <= M`` for a Mandel matrix C (s, s)."""
+    """``|C eps| <= M`` for a Mandel matrix C (s, s), which is read once."""
 
     matrix: Value
     at_most: Value
@@ -232,14 +231,18 @@ class LimitsOnMesh:
             peaks.append((there, _positive(there, ball.limit, ball.key, "the locking limit")))
         (of_ball,) = ball.on(points)
         found = cls(points, of_ball, others, limit, at_peaks, peaks)
-        found.refresh()
+        found.write()
         return found
 
     def refresh(self) -> None:
         """Take the present values of all limits; collective."""
         for item in (self.ball, *self.others):
             item.refresh()
-        self.points.write(self.limit, self.ball.limits())
+        self.write()
+
+    def write(self) -> None:
+        """Put M of the ball into the functions; collective."""
+        self.points.write(self.limit, self.ball.limits)
         for points, limits in self.peaks:
             points.write(self.limit_at_peaks, limits())
 

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 
-from contact_locking.certificate import Certificate, Extras
+from contact_locking.certificate import Certificate
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
-from contact_locking.parameters import Parameters
 from contact_locking.problem.parts import describe_loose, describe_slide
 from contact_locking.results.body_fields import body_summary
 from contact_locking.results.contact_points import STICK
 from contact_locking.results.derived import contact_summary, gather_contacts, on_gamma_c
-from contact_locking.results.probe_table import sample
-from contact_locking.results.solution import Solution, StudySolution
+from contact_locking.results.solution import Solution
 from contact_locking.results.state import State
 from contact_locking.results.uncovered_boundary import uncovered_entry
 from contact_locking.solver import SavedState
-from contact_locking.study.assembly import StudyProblem
 
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
@@ -65,26 +61,6 @@ def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution
         state=state_of(state),
         **on_gamma_c(state.contacts, problem.u),
     )
-
-
-def of_study(problem: StudyProblem, solution: Solution) -> StudySolution:
-    """A solution with what the study file adds: its title, its probes and itself; collective."""
-    fields = (
-        problem.u,
-        solution.strain_norm,
-        solution.elastic_stress,
-        solution.locking_stress,
-    )
-    probes = (sample(problem.probes, *fields),) if len(problem.probes) else ()
-    given = {item.name: getattr(solution, item.name) for item in dataclasses.fields(solution)}
-    given["summary"] = {"title": problem.parameters.title, **solution.summary}
-    return StudySolution(**given, parameters=problem.parameters, probes=probes)
-
-
-def extras_of(parameters: Parameters) -> Extras:
-    """What a study file wants in the certificate."""
-    wanted = parameters.certificate
-    return Extras(wanted.constants, wanted.error_bound)
 
 
 def state_of(state: SolvedState) -> State:

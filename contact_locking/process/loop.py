@@ -26,9 +26,9 @@ from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
 from contact_locking.process.account import row_of, totals
 from contact_locking.process.demand import Demand
-from contact_locking.process.judgement import extras_of, of_study, solution_of
+from contact_locking.process.judgement import solution_of
+from contact_locking.process.of_study import extras_of, of_study, solver_of
 from contact_locking.process.out_of_reach import OutOfReach
-from contact_locking.process.problem_solver import solver_of
 from contact_locking.process.resume import restore
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.history import History

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from dolfinx import fem
 
@@ -13,7 +11,6 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.costs.factorised import chosen
 from contact_locking.errors import InputError
 from contact_locking.monitor import Monitor
-from contact_locking.parameters import Parameters
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.parts import loose_fields
@@ -21,9 +18,7 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import integral
 from contact_locking.solver import SavedState, Settings, SolverReport, Task
 from contact_locking.solver import solve as solve_system
-from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
 from contact_locking.solver.target import Target
-from contact_locking.study.assembly import StudyProblem
 
 
 class ProblemSolver:
@@ -91,43 +86,6 @@ class ProblemSolver:
             return []
         names = ", ".join(unused)
         return [f"PETSc has not used these options: {names} (solver.petsc, or after --)"]
-
-
-def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
-    """The settings of a study file.  Raises InputError for harmful PETSc options."""
-    given = parameters.solver
-    require_usable_options(parameters, petsc_options)
-    return Settings(
-        method=given.method,
-        tolerance=given.tolerance,
-        max_iterations=given.max_iterations,
-        friction_tolerance=given.friction_tolerance,
-        max_friction_updates=given.max_friction_updates,
-        nested=given.friction == "nested",
-        linear=given.linear,
-        petsc=UserOptions({**given.petsc, **(petsc_options or {})}),
-    )
-
-
-def require_usable_options(
-    parameters: Parameters, petsc_options: Mapping[str, Any] | None = None
-) -> None:
-    """Raise InputError for a harmful PETSc option, or one that is no option."""
-    for options, section in (
-        (parameters.solver.petsc, "solver.petsc"),
-        (petsc_options or {}, None),
-    ):
-        require_names(options, section)
-        require_harmless(options, section)
-
-
-def solver_of(
-    problem: StudyProblem,
-    monitor: Monitor | None = None,
-    petsc_options: Mapping[str, Any] | None = None,
-) -> ProblemSolver:
-    """The solver that a study file asks for; collective."""
-    return ProblemSolver(problem, settings_of(problem.parameters, petsc_options), monitor)
 
 
 def _loose_motion(problem: DiscreteProblem) -> LooseMotion | None:

@@ -21,9 +21,9 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.parameters import Parameters
-from contact_locking.process.judgement import extras_of, of_study, solution_of
+from contact_locking.process.judgement import solution_of
 from contact_locking.process.loop import Steps
-from contact_locking.process.problem_solver import require_usable_options, solver_of
+from contact_locking.process.of_study import extras_of, of_study, require_usable_options, solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble

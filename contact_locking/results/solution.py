@@ -9,7 +9,6 @@ from contact_locking.arrays import IntArray
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History
-from contact_locking.results.probe_table import ProbeSample
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from contact_locking.mesh.domain import Domain
     from contact_locking.parameters import Parameters
     from contact_locking.results.derived import ContactFields
+    from contact_locking.results.probe_table import ProbeSample
     from contact_locking.results.state import State
 
 

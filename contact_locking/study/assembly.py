@@ -9,20 +9,17 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from contact_locking.arrays import AXES, FloatArray
 from contact_locking.errors import InputError
-from contact_locking.expressions import TIME, parse
 from contact_locking.fem.spaces import Element, element_of
-from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
+from contact_locking.fields.clock import Clock
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.table_files import read_tables
-from contact_locking.fields.values import evaluate
+from contact_locking.fields.values import PresentValue
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.half_section import half_section, require_surface
 from contact_locking.mesh_file.xdmf_grids import is_xdmf
-from contact_locking.parallel import maximum
 from contact_locking.parameters import LoadParameters, Parameters
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.contacts import contact_of, friction_warnings
@@ -71,10 +68,8 @@ class StudyProblem(DiscreteProblem):
             loads=self.loads.work(v),
             limits=given.limits,
             regions=given.regions,
-            supports=(
-                [name for item in parameters.loads.displacements for name in item.on],
-                [name for item in parameters.loads.supports for name in item.on],
-            ),
+            displacements=[name for item in parameters.loads.displacements for name in item.on],
+            supports=[name for item in parameters.loads.supports for name in item.on],
         )
         penalty = parameters.penalty
         super().__init__(body, contacts, penalty.n, penalty.epsilon)
@@ -192,7 +187,7 @@ def _conditions(
         for j, value in enumerate(condition.value):
             if value is not None:
                 key = f"loads.displacements.{i}.value.{j}"
-                field = _Prescribed(domain, condition.on, value, key, clock, warnings)
+                field = _prescribed(domain, condition.on, value, key, clock, warnings)
                 wanted.append(ComponentCondition(condition.on, j, field, key, field.timed))
     return wanted
 
@@ -203,44 +198,30 @@ def _supports(
     wanted = []
     for i, support in enumerate(loads.supports):
         key = f"loads.supports.{i}"
-        field = _Prescribed(domain, support.on, support.value, f"{key}.value", clock, warnings)
+        field = _prescribed(domain, support.on, support.value, f"{key}.value", clock, warnings)
         along = None if support.along == "normal" else support.along
         wanted.append(Support(support.on, along, field, key, field.timed))
     return wanted
 
 
-class _Prescribed:
-    """The values (k,) of a number or an expression at points (d, k), at the present time.
+def _prescribed(
+    domain: Domain,
+    on: tuple[str, ...],
+    value: float | str,
+    key: str,
+    clock: Clock,
+    warnings: list[str],
+) -> PresentValue:
+    """A prescribed displacement on the boundary parts ``on``; collective.
 
-    ``warnings`` get one for values on the boundary parts ``on`` that change sharply inside of a
-    facet; the constructor is collective and raises InputError for a pole there.  Values that are
-    small beside those of earlier times are zero with rounding, as sin(pi*t) is at t = 1: then all
-    are zero.
+    ``warnings`` get one for values that change sharply inside of a facet.  Raises InputError for a
+    pole there.
     """
-
-    def __init__(
-        self,
-        domain: Domain,
-        on: tuple[str, ...],
-        value: float | str,
-        key: str,
-        clock: Clock,
-        warnings: list[str],
-    ) -> None:
-        self._comm, self._value, self._key, self._clock = domain.comm, value, key, clock
-        self._so_far = LargestSoFar()
-        expression = parse(value, (*AXES, TIME), tables=clock.tables)
-        self.timed = is_timed(expression)
-        facets = Entities.of(domain, domain.dim - 1, domain.facets(on, key))
-        advice = "refine the mesh there"
-        warnings += features(facets, expression, key, advice, times=clock.some_times)
-
-    def __call__(self, x: FloatArray) -> FloatArray:
-        """Evaluate at the points; collective."""
-        clock = self._clock
-        found = evaluate(self._comm, self._value, x, self._key, time=clock.now, tables=clock.tables)
-        largest = maximum(self._comm, np.abs(found))
-        return np.zeros_like(found) if self._so_far.hides(largest) else found
+    field = PresentValue(domain.comm, value, key, clock)
+    facets = Entities.of(domain, domain.dim - 1, domain.facets(on, key))
+    advice = "refine the mesh there"
+    warnings += features(facets, field.expression, key, advice, times=clock.some_times)
+    return field
 
 
 def _quoted(names: tuple[str, ...]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -15,8 +14,9 @@ from contact_locking.contact.foundation import GivenGap, PlacedFoundation, Rigid
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Expression, parse
-from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
+from contact_locking.fields.clock import Clock, is_timed
 from contact_locking.fields.sampling import Entities, features
+from contact_locking.fields.values import PresentValue
 from contact_locking.laws.friction_law import FrictionLaw
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.mesh.domain import Domain
@@ -65,34 +65,19 @@ def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) ->
 
 
 class GapOfStudy(GivenGap):
-    """A number or an expression of x, y[, z] and t along the outward normal of the body.
-
-    With the time, gaps that are small beside earlier ones are zero with rounding.
-    """
+    """A number or an expression of x, y[, z] and t along the outward normal of the body."""
 
     def __init__(self, domain: Domain, given: ContactParameters, clock: Clock) -> None:
-        self._clock, key = clock, f"{given.key}.gap"
-        self._expression = parse(given.gap, (*AXES, TIME), tables=clock.tables)
-        self.is_timed = is_timed(self._expression)
-        self._so_far = LargestSoFar()
-        super().__init__(domain.comm, domain.dim, self._present, key)
-
-    def _present(self, x: FloatArray) -> FloatArray:
-        places: dict[str, Any] = dict(zip(AXES, x, strict=False))
-        places[TIME] = self._clock.now
-        found = np.asarray(self._expression.numpy(**places), dtype=float)
-        return np.broadcast_to(found, x.shape[1:]).copy()
-
-    def gap(self, x: FloatArray) -> FloatArray:
-        found = super().gap(x)
-        is_zero = self.is_timed and self._so_far.hides(maximum(self._comm, np.abs(found)))
-        return np.zeros_like(found) if is_zero else found
+        key = f"{given.key}.gap"
+        self._field, self._clock = PresentValue(domain.comm, given.gap, key, clock), clock
+        self.is_timed = self._field.timed
+        super().__init__(domain.comm, domain.dim, self._field, key)
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
         domain = surface.domain
         facets = Entities.of(domain, domain.dim - 1, surface.facets)
         advice, times = "refine the mesh there", self._clock.some_times
-        return features(facets, self._expression, self._key, advice, "range", times)
+        return features(facets, self._field.expression, self._key, advice, "range", times)
 
 
 def _foundation(

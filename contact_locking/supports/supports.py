@@ -13,7 +13,7 @@ from dolfinx import fem, la
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.domain import Domain, Where
 from contact_locking.parallel import agree, maximum, on_every_rank
 from contact_locking.supports.directions import HeldDirections
 
@@ -39,7 +39,7 @@ class Support:
     change.
     """
 
-    on: Any
+    on: Where
     along: tuple[float, ...] | None = None
     value: Any = 0.0
     key: str = "support"

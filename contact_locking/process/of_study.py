@@ -1,0 +1,74 @@
+"""What a study file asks of the solver and the certificate, and adds to a solution."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from contact_locking.certificate import Extras
+from contact_locking.monitor import Monitor
+from contact_locking.parameters import Parameters
+from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.results.probe_table import sample
+from contact_locking.results.solution import Solution, StudySolution
+from contact_locking.solver import Settings
+from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
+from contact_locking.study.assembly import StudyProblem
+
+
+def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:
+    """The settings of a study file.  Raises InputError for harmful PETSc options."""
+    given = parameters.solver
+    require_usable_options(parameters, petsc_options)
+    return Settings(
+        method=given.method,
+        tolerance=given.tolerance,
+        max_iterations=given.max_iterations,
+        friction_tolerance=given.friction_tolerance,
+        max_friction_updates=given.max_friction_updates,
+        nested=given.friction == "nested",
+        linear=given.linear,
+        petsc=UserOptions({**given.petsc, **(petsc_options or {})}),
+    )
+
+
+def require_usable_options(
+    parameters: Parameters, petsc_options: Mapping[str, Any] | None = None
+) -> None:
+    """Raise InputError for a harmful PETSc option, or one that is no option."""
+    for options, section in (
+        (parameters.solver.petsc, "solver.petsc"),
+        (petsc_options or {}, None),
+    ):
+        require_names(options, section)
+        require_harmless(options, section)
+
+
+def solver_of(
+    problem: StudyProblem,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+) -> ProblemSolver:
+    """The solver that a study file asks for; collective."""
+    return ProblemSolver(problem, settings_of(problem.parameters, petsc_options), monitor)
+
+
+def extras_of(parameters: Parameters) -> Extras:
+    """What a study file wants in the certificate."""
+    wanted = parameters.certificate
+    return Extras(wanted.constants, wanted.error_bound)
+
+
+def of_study(problem: StudyProblem, solution: Solution) -> StudySolution:
+    """A solution with what the study file adds: its title, its probes and itself; collective."""
+    fields = (
+        problem.u,
+        solution.strain_norm,
+        solution.elastic_stress,
+        solution.locking_stress,
+    )
+    probes = (sample(problem.probes, *fields),) if len(problem.probes) else ()
+    given = {item.name: getattr(solution, item.name) for item in dataclasses.fields(solution)}
+    given["summary"] = {"title": problem.parameters.title, **solution.summary}
+    return StudySolution(**given, parameters=problem.parameters, probes=probes)
