@@ -74,9 +74,9 @@ class BodyFields:
     def share(self, domain: Domain, marks: FloatArray) -> float:
         """The share of the body where ``marks`` (k,) of the space of strains are 1; collective."""
         weights = self._kept("weights", lambda: self._weights(domain))
-        sums = np.array([weights @ marks, weights.sum()])
-        marked, whole = domain.comm.allreduce(sums)
-        return float(marked / whole)
+        # Both sums round alike, so that all or none of the body is exactly 1 or 0.
+        marked, unmarked = domain.comm.allreduce(np.array([weights @ marks, weights @ (1.0 - marks)]))
+        return float(marked / (marked + unmarked))
 
     def _weights(self, domain: Domain) -> FloatArray:
         """The integrals (k,) of the functions of the space of strains over owned cells."""
