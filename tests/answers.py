@@ -23,9 +23,9 @@ from sweep.transforms import Transform
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.fem import compiled
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 # A value below this share of its scale is zero with rounding.
 _ROUNDING = 1e-9

@@ -7,7 +7,7 @@ from typing import Any
 
 from problems import block
 
-from contact_locking.parameters import Parameters
+from contact_locking.study_file.parameters import Parameters
 
 
 def benchmark(divisions: int, **changes: Any) -> Parameters:

@@ -9,10 +9,10 @@ import ufl
 from mpi4py import MPI
 
 from contact_locking.laws.elasticity import strain
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 
 def solved(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> StudySolution:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from contact_locking.parameters import Parameters
+from contact_locking.study_file.parameters import Parameters
 
 SMALL_BLOCK = """\
 mesh: {builder: block, h: 0.25}

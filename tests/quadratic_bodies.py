@@ -10,9 +10,9 @@ from mpi4py import MPI
 from problems import with_changes
 from test_elements import LIMIT, benchmark
 
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 POINTS = pytest.mark.parametrize("limit_at", ["vertices", "gauss"])
 GAUSS = {"degree": 2, "limit_at": "gauss"}

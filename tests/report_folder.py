@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 from solutions import of_kind
 
-from contact_locking import __version__, study_file, writing
+from contact_locking import __version__, study_file
 from contact_locking.extras import report
+from contact_locking.running import writing
 
 TITLE = "<script>document.title = 'run'</script> & \"$x_1\" Käfer"
 STUDY = """\

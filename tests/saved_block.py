@@ -8,7 +8,7 @@ from typing import Any
 from mpi4py import MPI
 from problems import block
 
-from contact_locking.parameters import Parameters
+from contact_locking.study_file.parameters import Parameters
 
 COARSE = {2: 0.2, 3: 0.34}
 PLAIN = {"fields": False, "picture": False}

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from msh import Simplices, write_msh
 
 from contact_locking.meshes import BUILDERS, Geometry
-from contact_locking.parameters import Parameters
+from contact_locking.study_file.parameters import Parameters
 
 Points = list[tuple[float, ...]]
 Groups = dict[str, Simplices]

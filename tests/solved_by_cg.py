@@ -7,9 +7,9 @@ import math
 import pytest
 from problems import block
 
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 
 def solved(n: float, linear: str, **options: str) -> StudySolution:

@@ -16,8 +16,9 @@ from typing import Literal
 import pytest
 from rich.console import Console
 
-from contact_locking import studies, study_file
+from contact_locking import study_file
 from contact_locking.command import cli
+from contact_locking.running import studies
 
 FAKE = (sys.executable, str(Path(__file__).parent / "fake_case.py"))
 STUDY = """\
@@ -74,7 +75,7 @@ class Folder:
         """The command line as a process of its own, with the fake program."""
         script = f"""
         import functools, sys
-        from contact_locking import studies
+        from contact_locking.running import studies
         from contact_locking.command import cli
         studies.Plan = functools.partial(studies.Plan, program={FAKE!r})
         sys.exit(cli.main(sys.argv[1:]))

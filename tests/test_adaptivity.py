@@ -12,17 +12,18 @@ import pytest
 from mpi4py import MPI
 from problems import SMALL_BLOCK, block, column
 
-from contact_locking import checkpoint, save, studies, study_file, write
-from contact_locking.adaptivity import mesh_sequence, solve, solve_adaptively
+from contact_locking import save, study_file, write
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.extras import report
 from contact_locking.meshes import BUILDERS
 from contact_locking.meshes import write as write_mesh
-from contact_locking.parameters import Parameters
-from contact_locking.process import solving
+from contact_locking.process import checkpoint, solving
+from contact_locking.process.adaptivity import mesh_sequence, solve, solve_adaptively
 from contact_locking.results import adapted_meshes
 from contact_locking.results.solution import StudySolution
+from contact_locking.running import studies
+from contact_locking.study_file.parameters import Parameters
 
 NO_CHECKPOINT = checkpoint.unavailable()
 LIMITLESS: dict[str, Any] = {

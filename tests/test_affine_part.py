@@ -8,10 +8,10 @@ from problems import block
 from turned_supports import pressed, turn, turned
 
 from contact_locking.parallel import maximum
-from contact_locking.parameters import Parameters
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.process import solving
 from contact_locking.process.solving import solve_assembled
+from contact_locking.study_file.parameters import Parameters
 from contact_locking.supports.affine_part import affine_part
 
 

@@ -25,8 +25,8 @@ from contact_locking.extras.pictures.gather import gather
 from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, seen_from_outside
 from contact_locking.extras.pictures.style import look_of
 from contact_locking.extras.report.pictures import frames
-from contact_locking.parameters import Parameters
-from contact_locking.running import run_steps
+from contact_locking.running.process import run_steps
+from contact_locking.study_file.parameters import Parameters
 
 TIMES = [0.5, 1.0, 2.0]
 

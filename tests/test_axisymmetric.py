@@ -14,10 +14,10 @@ from problems import with_changes
 
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import P1, P1_REVOLUTION
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file import mesh_identity, problem_fingerprint
+from contact_locking.study_file.parameters import Parameters
 
 
 def cylinder(**changes: Any) -> Parameters:

@@ -17,13 +17,13 @@ import pytest
 from mpi4py import MPI
 from saved_block import on_rank_0, parameters
 
-from contact_locking import checkpoint, meshes, save, study_file
+from contact_locking import meshes, save, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.files import atomic, ownership
-from contact_locking.parameters import Parameters
-from contact_locking.process import solving
+from contact_locking.process import checkpoint, solving
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())

@@ -12,9 +12,9 @@ from conic_quadratic import QuadraticBody
 from problems import block, with_changes
 from verification_table import Row
 
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 pytest.importorskip("clarabel")
 pytestmark = pytest.mark.serial

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from contact_locking.errors import InputError
-from contact_locking.parameters import FrictionParameters, Smoothing
 from contact_locking.study_file import dump, from_mapping, load, problem_fingerprint
+from contact_locking.study_file.parameters import FrictionParameters, Smoothing
 
 pytestmark = pytest.mark.serial
 

@@ -14,8 +14,8 @@ from problems import SMALL_BLOCK, block
 
 from contact_locking import assemble, check
 from contact_locking.command import cli
-from contact_locking.costs import forecast
-from contact_locking.costs.forecast import Estimate
+from contact_locking.process import forecast
+from contact_locking.process.forecast import Estimate
 
 
 def expected(dim: int, unknowns: int, ranks: int = 1, **changes: Any) -> Estimate:

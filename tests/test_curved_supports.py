@@ -14,9 +14,9 @@ from turned_supports import (
     nodal,
 )
 
-from contact_locking.parameters import Parameters
 from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
+from contact_locking.study_file.parameters import Parameters
 
 
 def sector(n: float, **changes: Any) -> Parameters:

@@ -16,16 +16,18 @@ from mpi4py import MPI
 from problems import block
 from test_verification_manufactured import PLANE
 
-from contact_locking import checkpoint, convergence, writing
+from contact_locking import convergence
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import P1, P2, Element
 from contact_locking.laws.elasticity import strain
-from contact_locking.parameters import Parameters
+from contact_locking.process import checkpoint
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
+from contact_locking.running import writing
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 LIMIT = 0.02
 VERTICES = {"quadrature_rule": "vertex", "quadrature_degree": 1}

@@ -19,11 +19,11 @@ from test_verification_annulus import LAME_LAMBDA, LAME_MU, annulus, exact_displ
 
 from contact_locking import solve_steps
 from contact_locking.fem.spaces import P2
-from contact_locking.parameters import Parameters
 from contact_locking.plain_text import per_cent
 from contact_locking.process import solving
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 #: A displacement that vanishes on all sides but the bottom, where its normal component vanishes.
 BUBBLE = X * (1 - X) * (1 - Y)

@@ -10,12 +10,13 @@ import pytest
 from report_folder import run_folder, study_folder
 from solutions import made_up
 
-from contact_locking import studies, study_file, writing
+from contact_locking import study_file
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.extras import report
 from contact_locking.files import ownership
 from contact_locking.files.lock import locked
+from contact_locking.running import studies, writing
 
 pytestmark = pytest.mark.serial
 
@@ -46,7 +47,7 @@ def test_a_run_refuses_a_folder_with_a_file_of_the_user_before_it_solves(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("contact_locking.adaptivity.solve", never)
+    monkeypatch.setattr("contact_locking.process.adaptivity.solve", never)
     Path("study.yml").write_text(STUDY)
     mine = users(tmp_path / name)
     before = sorted(tmp_path.rglob("*"))
@@ -110,7 +111,7 @@ def test_a_study_refuses_a_folder_with_a_file_of_the_user(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("contact_locking.studies.runner._solve", never)
+    monkeypatch.setattr("contact_locking.running.studies.runner._solve", never)
     Path("study.yml").write_text(STUDY)
     case = studies.Study.of(study_file.load(Path("study.yml"))).cases[1].name
     mine = users(tmp_path / name.format(case=case))

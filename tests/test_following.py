@@ -11,7 +11,6 @@ import pytest
 from petsc4py import PETSc
 from problems import block
 
-from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point.bound_step import BoundStep
@@ -20,6 +19,7 @@ from contact_locking.solver.interior_point.iterate import Corrections, Iterate
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.linear import multigrid_tangents
+from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import Gmres
 

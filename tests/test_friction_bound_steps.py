@@ -10,12 +10,12 @@ from problems import block
 
 from contact_locking import study_file
 from contact_locking.errors import NotConverged
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point import method
 from contact_locking.solver.interior_point.bound_step import BoundStep
 from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.study_file.parameters import Parameters
 
 
 def _solved(

@@ -19,9 +19,9 @@ from problems import SMALL_BLOCK
 from report_folder import run_folder
 from study_folder import FAKE, Folder
 
-from contact_locking import checkpoint
 from contact_locking.extras.pictures.snapshot_file import load
 from contact_locking.files import ownership
+from contact_locking.process import checkpoint
 
 pytestmark = pytest.mark.serial
 
@@ -216,7 +216,7 @@ def test_a_study_goes_on_from_wherever_the_disk_was_full(
     folder.write("{vary: {penalty.n: [10, 20]}}")
     script = f"""
     import functools
-    from contact_locking import studies
+    from contact_locking.running import studies
     studies.Plan = functools.partial(studies.Plan, program={FAKE!r})
     """
     words = ["study", str(folder.file), "--output", str(disk.out)]

@@ -22,12 +22,12 @@ from mpi4py import MPI
 from problems import block
 
 import contact_locking
-from contact_locking import checkpoint, writing
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.mesh.whole_mesh import gather_mesh
-from contact_locking.process import solving
+from contact_locking.process import checkpoint, solving
 from contact_locking.results.heap import give_back
 from contact_locking.results.solution import StudySolution
+from contact_locking.running import writing
 
 # The direct solver of several ranks partitions the graph of its matrix, whose size is limited.
 LIMITED = "separator.py"

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from msh import Simplices, write_msh
 
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import Solution
 from contact_locking.solver.interior_point import method
 from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
 

@@ -13,12 +13,12 @@ from sweep.case import Study
 
 from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.errors import InputError
-from contact_locking.parameters import Parameters
 from contact_locking.problem.motion_in_words import describe_motion, resultant_on_plane
 from contact_locking.process.solving import solve, solve_assembled
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 _BOX = {2: np.array([[0.0, 0.0], [2.0, 1.0]]), 3: np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]])}
 _LOCAL = {"kernel": "none"}

@@ -25,7 +25,7 @@ from contact_locking.errors import (
     raise_interrupt,
 )
 from contact_locking.monitor import Monitor
-from contact_locking.studies.signals import Stopped
+from contact_locking.running.studies.signals import Stopped
 
 pytestmark = pytest.mark.serial
 

@@ -34,12 +34,12 @@ from mpi4py import MPI
 from sweep.transforms import Transform
 
 from contact_locking.mesh import domain
-from contact_locking.mesh_file.data import MeshData
-from contact_locking.mesh_file.gmsh_model import extract
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.file.gmsh_model import extract
 from contact_locking.meshes import empty_model
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 Reference = Callable[[Make, int], Answer]
 

@@ -10,8 +10,8 @@ from bounded_block import benchmark
 from certified import certificate
 from problems import block, with_changes
 
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
+from contact_locking.study_file.parameters import Parameters
 
 
 def pulled_l_shape(h: float, move: float) -> Parameters:

@@ -10,11 +10,11 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.monitor import Monitor
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.process.of_study import solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 
 def _block(loads: dict[str, Any], gap: float = 0.0, friction: float = 0.5, **mesh: Any) -> Any:

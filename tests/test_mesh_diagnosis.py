@@ -28,8 +28,8 @@ from contact_locking import check, solve
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import from_file, from_geometry
+from contact_locking.mesh.file import reader, topology
 from contact_locking.mesh.groups import Group, groups
-from contact_locking.mesh_file import reader, topology
 from contact_locking.meshes import BUILDERS, write
 
 
@@ -226,7 +226,7 @@ def test_a_file_without_its_end_is_refused(version: str, cut: float, tmp_path: P
 #: A reader that asks for more memory than the machine has.
 GREEDY = """
 import os, resource
-from contact_locking.mesh_file.gmsh_model import limit_process
+from contact_locking.mesh.file.gmsh_model import limit_process
 
 limit_process()
 memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

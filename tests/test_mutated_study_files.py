@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contact_locking.errors import InputError
-from contact_locking.parameters import Parameters
 from contact_locking.study_file import from_mapping, load
+from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.source import read
 
 pytestmark = pytest.mark.serial

@@ -16,10 +16,10 @@ from small_meshes import grid, shared
 from sweep.case import Study
 
 from contact_locking.certificate.other_solutions import IF_CONVEX, OTHERS, OWN_ENERGY, UNIQUE
-from contact_locking.parameters import Parameters
 from contact_locking.process.solving import solve, solve_assembled, solve_steps
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 _LEFT = {"on": "left", "value": [0.0, None]}
 _DOWN = {"on": "top", "value": [0.0, -0.01]}

@@ -15,9 +15,9 @@ from problems import block
 from contact_locking import StudySolution, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.foundation import Foundation
-from contact_locking.parameters import rigid_body
 from contact_locking.results.contact_points import OPEN
 from contact_locking.study.shapes import FOUNDATIONS
+from contact_locking.study_file.parameters import rigid_body
 
 GAP = 0.005
 

@@ -21,8 +21,8 @@ from sweep.pair_features import FEATURES, agree, rows
 from sweep.pair_judge import Judge, complaint
 from sweep.solve import CLAIM, NOT_SOLVED, SOLVED, WRONG, Outcome, outcome_of
 
-from contact_locking.parameters import Parameters
 from contact_locking.process.solving import solve_steps
+from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
 

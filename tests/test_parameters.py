@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from contact_locking.meshes import BUILDERS
-from contact_locking.parameters import MeshParameters, Parameters
 from contact_locking.study_file import from_mapping, schema, schema_text
+from contact_locking.study_file.parameters import MeshParameters, Parameters
 from contact_locking.study_file.schema import rows
 
 pytestmark = pytest.mark.serial

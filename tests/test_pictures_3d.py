@@ -18,11 +18,11 @@ import pytest
 from mpi4py import MPI
 from solutions import made_up, snapshot
 
-from contact_locking import writing
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NoRendering
 from contact_locking.extras.pictures import offscreen, snapshot_file, views
 from contact_locking.files import ownership
+from contact_locking.running import writing
 
 Image = npt.NDArray[np.uint8]
 

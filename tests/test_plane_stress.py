@@ -10,10 +10,10 @@ import pytest
 from problems import with_changes
 
 from contact_locking.laws.elasticity import lame_from_young, plane_stress_lambda
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file import problem_fingerprint
+from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
 

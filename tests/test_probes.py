@@ -15,7 +15,7 @@ from problems import block
 from contact_locking import InputError, Parameters, solve, study_file
 from contact_locking.monitor import Monitor
 from contact_locking.results import probe_table
-from contact_locking.running import run_steps
+from contact_locking.running.process import run_steps
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 

@@ -19,9 +19,9 @@ from sweep.case import Case, Study, clamp, study
 from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
 
 from contact_locking import study_file
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
 

@@ -12,12 +12,12 @@ from petsc4py import PETSc
 from problems import block
 from solved_by_cg import agree, solved
 
-from contact_locking.costs.factorised import FILTER_LIMIT
 from contact_locking.process import solving
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.linear import multigrid_tangents
 from contact_locking.solver.linear.direct import substructuring
 from contact_locking.solver.linear.direct.native import is_available
+from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.multigrid import Multigrid
 from contact_locking.solver.linear.multigrid_tangents import MultigridTangents

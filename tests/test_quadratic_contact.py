@@ -18,10 +18,10 @@ from contact_locking.fem import compiled
 from contact_locking.fem.spaces import P2
 from contact_locking.fem.trace import Trace, make_nodal
 from contact_locking.parallel import maximum
-from contact_locking.parameters import Parameters
 from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.study_file.parameters import Parameters
 
 #: Contact at the nodes of edges with the weights of Simpson's rule.
 SIMPSON = dataclasses.replace(

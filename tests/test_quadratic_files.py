@@ -14,14 +14,15 @@ from mpi4py import MPI
 from quadratic_bodies import GAUSS, POINTS, quadratic, solved, solved_cube, square
 from test_elements import LIMIT, benchmark
 
-from contact_locking import checkpoint, study_file, writing
+from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.extras.pictures.snapshot import Snapshot
-from contact_locking.process import solving
+from contact_locking.process import checkpoint, solving
 from contact_locking.results import fields
 from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution
+from contact_locking.running import writing
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 

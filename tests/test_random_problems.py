@@ -15,9 +15,9 @@ from problems import with_changes
 from scipy.spatial import cKDTree
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 
 def _between(low: float, high: float) -> st.SearchStrategy[float]:

@@ -12,17 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 
-from contact_locking.adaptivity.marking import marked_cells
-from contact_locking.adaptivity.refinement import refined
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.domain import from_geometry
+from contact_locking.mesh.file.diagnosis import diagnose
+from contact_locking.mesh.file.topology import longest_edges, signed_measures
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
-from contact_locking.mesh_file.diagnosis import diagnose
-from contact_locking.mesh_file.topology import longest_edges, signed_measures
 from contact_locking.meshes import BUILDERS, Geometry
 from contact_locking.meshes.curved import Curved
+from contact_locking.process.adaptivity.marking import marked_cells
+from contact_locking.process.adaptivity.refinement import refined
 
 SIZES = st.floats(0.0, 1e6) | st.just(0.0)
 BODIES: dict[str, tuple[str, dict[str, Any]]] = {

@@ -9,10 +9,10 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import checkpoint, save
-from contact_locking.parameters import Parameters
-from contact_locking.process import solving
+from contact_locking import save
+from contact_locking.process import checkpoint, solving
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())

@@ -8,9 +8,10 @@ import pytest
 from mpi4py import MPI
 from saved_block import on_rank_0, parameters
 
-from contact_locking import _compat, checkpoint, study_file, writing
+from contact_locking import _compat, study_file
 from contact_locking.command import cli
-from contact_locking.process import solving
+from contact_locking.process import checkpoint, solving
+from contact_locking.running import writing
 
 pytestmark = pytest.mark.skipif(
     checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())

@@ -14,7 +14,7 @@ from study_folder import Folder, wait_for
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError
 from contact_locking.files import ownership
-from contact_locking.studies import slurm
+from contact_locking.running.studies import slurm
 
 pytestmark = pytest.mark.serial
 

@@ -17,8 +17,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.contact.smoothing import ConvolutionOperator, HelmholtzOperator, Smoothing
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.mesh.domain import Domain
-from contact_locking.parameters import Parameters
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 KERNELS = ("convolution", "helmholtz")
 

@@ -11,9 +11,9 @@ import pytest
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
-from contact_locking.parameters import Parameters
-from contact_locking.parameters.keys import known_keys
 from contact_locking.study_file import demo_names, load, schema, schema_text, starter
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.keys import known_keys
 from contact_locking.study_file.schema import rows
 from contact_locking.study_file.source import read
 

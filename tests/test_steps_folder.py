@@ -20,14 +20,14 @@ from contact_locking.extras import report
 from contact_locking.files import ownership
 from contact_locking.monitor import Monitor
 from contact_locking.results.history import History, read_history
-from contact_locking.running import run_steps
+from contact_locking.running.process import run_steps
 
 RUN = """
 import os, signal, sys
 from contact_locking import load
 from contact_locking.files import ownership
 from contact_locking.monitor import Monitor
-from contact_locking.running import run_steps
+from contact_locking.running.process import run_steps
 
 class Killing(Monitor):
     def step(self, number, left, time, seconds_left):

@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 from study_folder import STUDY, Folder, solved
 
-from contact_locking import meshes, studies, study_file
+from contact_locking import meshes, study_file
 from contact_locking.command import cli, terminal
 from contact_locking.errors import InputError
 from contact_locking.files.lock import locked
+from contact_locking.running import studies
 
 pytestmark = pytest.mark.serial
 

@@ -12,8 +12,8 @@ from study_folder import STUDY
 
 from contact_locking import study_file
 from contact_locking.errors import InputError
-from contact_locking.studies import table
-from contact_locking.studies.cases import Outcome, cases_of
+from contact_locking.running.studies import table
+from contact_locking.running.studies.cases import Outcome, cases_of
 
 pytestmark = pytest.mark.serial
 

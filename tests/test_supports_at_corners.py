@@ -18,11 +18,12 @@ from turned_supports import (
     turned,
 )
 
-from contact_locking import InputError, checkpoint, save, solve_steps
-from contact_locking.parameters import Parameters
+from contact_locking import InputError, save, solve_steps
+from contact_locking.process import checkpoint
 from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
+from contact_locking.study_file.parameters import Parameters
 
 
 def corner(*supports: dict[str, Any], **more: Any) -> Parameters:

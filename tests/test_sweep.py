@@ -30,9 +30,9 @@ from sweep.solve import (
 from sweep.transforms import Transform
 
 from contact_locking import study_file
-from contact_locking.parameters import Parameters
 from contact_locking.process.solving import solve_assembled
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 pytest.importorskip("clarabel")
 pytestmark = pytest.mark.serial

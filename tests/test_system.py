@@ -12,11 +12,11 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
-from contact_locking.parameters import Parameters
 from contact_locking.problem import forms
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.process import solving
 from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.study_file.parameters import Parameters
 
 
 def _system(parameters: Parameters) -> tuple[StudyProblem, PenalisedSystem]:

@@ -12,9 +12,9 @@ from contact_locking import Parameters
 from contact_locking.arrays import FloatArray
 from contact_locking.laws.foundation import HalfSpace, Round
 from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
-from contact_locking.parameters import Foundation
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.fingerprint import fingerprint
+from contact_locking.study_file.parameters import Foundation
 
 
 @pytest.mark.parametrize("angles", [[0.7], [0.3, -0.2, 0.5], [0.0, 0.0, 0.0]])

@@ -20,7 +20,7 @@ from contact_locking.expressions.gradient import value_and_gradient
 from contact_locking.laws.foundation import Foundation, Round
 from contact_locking.laws.polyline import Polyline
 from contact_locking.laws.triangulated import TriangulatedSurface
-from contact_locking.mesh_file.tool_surface import checked, read_surface
+from contact_locking.mesh.file.tool_surface import checked, read_surface
 from contact_locking.study_file import from_mapping, load
 from contact_locking.study_file.fingerprint import fingerprint
 

@@ -22,9 +22,9 @@ from contact_locking.fem.spaces import P1, Element
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.mesh.domain import Domain, from_geometry
 from contact_locking.meshes.block import Block
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 LAME_LAMBDA, LAME_MU = lame_from_young(1.0, 0.3)
 K = LAME_LAMBDA + 2.0 * LAME_MU

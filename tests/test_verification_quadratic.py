@@ -22,10 +22,10 @@ from test_verification_penalty import SIGNORINI
 from verification_table import Row
 
 from contact_locking.fem.spaces import P1, P2, P2_GAUSS, Element
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 TEST = "test_verification_quadratic.py"
 NAMES = {"vertices": P2, "Gauss points": P2_GAUSS}

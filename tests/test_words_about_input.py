@@ -13,8 +13,8 @@ from problems import UNDRAWN_BLOCK
 from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.expressions import FUNCTIONS, parse
-from contact_locking.mesh_file.reader import read
-from contact_locking.mesh_file.xdmf_grids import read_grids
+from contact_locking.mesh.file.reader import read
+from contact_locking.mesh.file.xdmf_grids import read_grids
 from contact_locking.results.in_words import weakest
 
 pytestmark = pytest.mark.serial

@@ -11,8 +11,8 @@ import pytest
 from study_folder import STUDY, Folder
 
 from contact_locking.command import cli
-from contact_locking.studies import Plan, Study, local
-from contact_locking.studies.local import LocalExecutor
+from contact_locking.running.studies import Plan, Study, local
+from contact_locking.running.studies.local import LocalExecutor
 
 pytestmark = pytest.mark.serial
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file import places
-from contact_locking.mesh_file.reader import read_triangles, require_file
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.reader import read_triangles, require_file
 
 #: Larger files are not read: 250 MB hold 5 million triangles in binary form.
 LARGEST_FILE = 250_000_000

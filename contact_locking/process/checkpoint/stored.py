@@ -20,20 +20,20 @@ from mpi4py import MPI
 from contact_locking import _compat, study_file
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
-from contact_locking.checkpoint import record as records
-from contact_locking.checkpoint import step as steps
-from contact_locking.checkpoint.record import Record
-from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_mesh, spread
 from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.plain_text import defect
+from contact_locking.process.checkpoint import record as records
+from contact_locking.process.checkpoint import step as steps
+from contact_locking.process.checkpoint.record import Record
+from contact_locking.process.checkpoint.step import SavedStep
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.solution import StudySolution
-from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.saved import SavedState
 from contact_locking.study.assembly import StudyProblem
 
 # The coordinates of the same mesh may differ by this share of the extent, because another machine

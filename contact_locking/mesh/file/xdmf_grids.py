@@ -11,8 +11,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from contact_locking.errors import InputError
-from contact_locking.mesh_file import places
-from contact_locking.mesh_file.reader import require_file
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.reader import require_file
 
 ENDING = ".xdmf"
 _KEY = "mesh.file"

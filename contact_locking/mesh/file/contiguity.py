@@ -11,9 +11,9 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file import places
-from contact_locking.mesh_file.data import MeshData
-from contact_locking.mesh_file.topology import Facets, longest_edges
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.file.topology import Facets, longest_edges
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

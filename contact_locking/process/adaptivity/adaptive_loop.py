@@ -17,12 +17,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking import checkpoint
-from contact_locking.adaptivity import curvature
-from contact_locking.adaptivity.marking import marked_cells
-from contact_locking.adaptivity.measured_error import MEASURES, ErrorMeasure
-from contact_locking.adaptivity.mesh_sequence import MeshSequence
-from contact_locking.adaptivity.refinement import refined, singular_place
 from contact_locking.arrays import BoolArray
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import NotRefined
@@ -30,11 +24,16 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
-from contact_locking.parameters import AdaptParameters, Parameters
-from contact_locking.process import solving
+from contact_locking.process import checkpoint, solving
+from contact_locking.process.adaptivity import curvature
+from contact_locking.process.adaptivity.marking import marked_cells
+from contact_locking.process.adaptivity.measured_error import MEASURES, ErrorMeasure
+from contact_locking.process.adaptivity.mesh_sequence import MeshSequence
+from contact_locking.process.adaptivity.refinement import refined, singular_place
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import mesh_of
+from contact_locking.study_file.parameters import AdaptParameters, Parameters
 
 
 def solve(

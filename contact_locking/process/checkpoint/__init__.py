@@ -1,7 +1,7 @@
 """Solved states in files, which any number of ranks can read on the same mesh."""
 
-from contact_locking.checkpoint.record import NAME, locate
-from contact_locking.checkpoint.stored import (
+from contact_locking.process.checkpoint.record import NAME, locate
+from contact_locking.process.checkpoint.stored import (
     Checkpoint,
     expect,
     has_cells_everywhere,

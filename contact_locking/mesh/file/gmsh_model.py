@@ -12,7 +12,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file.data import MeshData, Simplices
+from contact_locking.mesh.file.data import MeshData, Simplices
 from contact_locking.meshes import empty_model
 
 # The numbers of the first-order simplices in Gmsh, by dimension.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from contact_locking.adaptivity.measured_error import ErrorMeasure
-from contact_locking.parameters import AdaptParameters
+from contact_locking.process.adaptivity.measured_error import ErrorMeasure
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import AdaptParameters
 
 # The error has to fall below this share of itself in so many meshes.
 _LEAST_FALL, _MESHES = 0.95, 4

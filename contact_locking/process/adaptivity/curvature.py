@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.mesh_file.data import MeshData, Simplices
-from contact_locking.mesh_file.topology import Facets
+from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.topology import Facets
 
 # Two facets of a boundary part belong to a curve if the angle between them is in this range: below
 # they are parallel up to rounding, above they form an edge of the body.

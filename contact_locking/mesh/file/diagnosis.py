@@ -12,10 +12,10 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file import places
-from contact_locking.mesh_file.contiguity import check_contiguity
-from contact_locking.mesh_file.data import MeshData, Simplices
-from contact_locking.mesh_file.topology import Facets, longest_edges, parts, signed_measures
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.contiguity import check_contiguity
+from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.topology import Facets, longest_edges, parts, signed_measures
 
 # A cell has collapsed, or nearly collapsed, if |cell| d! over (longest edge)^d is below these
 # shares.

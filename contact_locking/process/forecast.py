@@ -16,9 +16,9 @@ from typing import Any, Literal
 
 from mpi4py import MPI
 
-from contact_locking.costs.factorised import FILTER_LIMIT, MODERATE_CONTRAST, chosen
-from contact_locking.parameters import Parameters
 from contact_locking.plain_text import count, gigabytes
+from contact_locking.solver.linear.factorised import FILTER_LIMIT, MODERATE_CONTRAST, chosen
+from contact_locking.study_file.parameters import Parameters
 
 # Bytes, measured with DOLFINx 0.9, OpenBLAS and CHOLMOD: of a rank with all libraries, of an
 # unknown by dimension, and coefficient and power of the factor in its rows.

@@ -10,7 +10,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file.tool_surface import check_size
+from contact_locking.mesh.file.tool_surface import check_size
 
 #: A longer file is not read.
 LARGEST_CSV = 10_000_000

@@ -26,7 +26,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file.data import MeshData
+from contact_locking.mesh.file.data import MeshData
 
 _KEY = "mesh.file"
 # The first two lines of a mesh: "$MeshFormat", then version, 0 (text) or 1 (binary), and size.
@@ -91,7 +91,7 @@ def _check_begin(stream: BinaryIO, path: Path) -> None:
         )
 
 
-_PROGRAM = "contact_locking.mesh_file.gmsh_model"
+_PROGRAM = "contact_locking.mesh.file.gmsh_model"
 # With these environment variables of an MPI launcher the new process would count as a rank.
 _LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_LOCAL", "HYDRA_")
 _MESSAGE_TAIL = 300

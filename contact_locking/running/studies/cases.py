@@ -19,12 +19,12 @@ from contact_locking._version import __version__
 from contact_locking.errors import InputError
 from contact_locking.files import ownership
 from contact_locking.files.atomic import remove_abandoned
-from contact_locking.parameters import Parameters
-from contact_locking.parameters.telling_apart import labels
 from contact_locking.results.in_words import weakest
 from contact_locking.results.names import FILES_OF_RUN, PARAMETERS, SUMMARY
 from contact_locking.results.read import read_mapping
 from contact_locking.study_file import StudyFile
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.telling_apart import labels
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import shutil
 from pathlib import Path
 
 from contact_locking._version import __version__
-from contact_locking.checkpoint.record import RECORD
 from contact_locking.files import ownership
+from contact_locking.process.checkpoint.record import RECORD
 
 #: The folder of the saved steps in the folder of a run; it is removed when the run has ended.
 FOLDER = "steps"

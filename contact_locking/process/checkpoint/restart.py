@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from contact_locking import checkpoint
 from contact_locking.certificate import is_solved
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver import SavedState, Settings, SolverReport
+from contact_locking.process import checkpoint
 from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.saved import SavedState
+from contact_locking.solver.settings import Settings
+from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.target import Target
 from contact_locking.study.assembly import StudyProblem
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from contact_locking import checkpoint as checkpoints
 from contact_locking import study_file
 from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom
 from contact_locking.extras import pictures, report
 from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import make_folders
+from contact_locking.process import checkpoint as checkpoints
 from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
 from contact_locking.results.heap import give_back
 from contact_locking.results.names import (

@@ -20,11 +20,11 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.distribution import distribute
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.diagnosis import Diagnosis
+from contact_locking.mesh.file.topology import longest_edges, signed_measures
 from contact_locking.mesh.whole_mesh import WholeMesh, simplices
-from contact_locking.mesh_file import places
-from contact_locking.mesh_file.data import MeshData, Simplices
-from contact_locking.mesh_file.diagnosis import Diagnosis
-from contact_locking.mesh_file.topology import longest_edges, signed_measures
 from contact_locking.meshes.curved import Curved, rounded
 
 # A node that moves onto a curved side may take at most this share of the volume of a cell.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.mesh_file.data import MeshData, Simplices
+from contact_locking.mesh.file.data import MeshData, Simplices
 
 CELL = {2: "triangle", 3: "tetrahedron"}
 FACET = {2: "line", 3: "triangle"}

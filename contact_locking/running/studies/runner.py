@@ -17,7 +17,7 @@ from contact_locking.files.atomic import remove_abandoned
 from contact_locking.files.lock import locked, make_folders
 from contact_locking.plain_text import duration
 from contact_locking.results.names import PARAMETERS, TABLE_CSV, TABLE_LINES, not_writable
-from contact_locking.studies.signals import stoppable
+from contact_locking.running.studies.signals import stoppable
 from contact_locking.study_file import StudyFile
 
 from . import table
