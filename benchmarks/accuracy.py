@@ -31,7 +31,7 @@ from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
 from problems import block
 from stopwatch import Stopwatch
 

@@ -35,7 +35,7 @@ from contact_locking.process.adaptivity import solve_adaptively
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
 from problems import block
 
 

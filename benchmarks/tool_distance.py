@@ -28,7 +28,7 @@ from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 # The block and the files of tools belong to the tests.
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
 from problems import block
 from tool_files import ball, binary_stl
 

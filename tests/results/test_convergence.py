@@ -25,7 +25,7 @@ from contact_locking.meshes.block import Block
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 
-STUDIES = Path(__file__).parent.parent / "demos" / "studies"
+STUDIES = Path(__file__).parents[2] / "demos" / "studies"
 MEASURED = "penalty_measured"
 
 

@@ -24,7 +24,7 @@ from contact_locking.study_file.source import Source, read
 
 pytestmark = pytest.mark.serial
 
-DEMOS = Path(__file__).parent.parent / "demos"
+DEMOS = Path(__file__).parents[2] / "demos"
 FILES = sorted([*DEMOS.glob("*.yml"), *DEMOS.glob("studies/*.yml")])
 COUNTS = [60, pytest.param(5000, marks=pytest.mark.slow)]
 

@@ -19,7 +19,7 @@ from contact_locking.study_file.source import read
 
 pytestmark = pytest.mark.serial
 
-DEMOS = Path(__file__).parents[1] / "demos"
+DEMOS = Path(__file__).parents[2] / "demos"
 
 
 @pytest.mark.parametrize("demo", demo_names())

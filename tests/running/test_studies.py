@@ -19,7 +19,7 @@ from contact_locking.running import studies
 
 pytestmark = pytest.mark.serial
 
-DEMO = Path(__file__).parent.parent / "demos" / "studies" / "block_n.yml"
+DEMO = Path(__file__).parents[2] / "demos" / "studies" / "block_n.yml"
 
 
 @pytest.fixture

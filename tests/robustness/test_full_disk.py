@@ -25,7 +25,7 @@ from contact_locking.process import checkpoint
 
 pytestmark = pytest.mark.serial
 
-HERE = Path(__file__).parent
+HOLDER = Path(__file__).parents[1] / "support" / "full_disk.py"
 slow = pytest.mark.slow
 
 
@@ -49,7 +49,13 @@ class Disk:
         """
         start = f"import sys\nfrom contact_locking.command import cli\n{textwrap.dedent(script)}\n"
         program = [sys.executable, "-c", f"{start}sys.exit(cli.main(sys.argv[1:]))"]
-        place = [sys.executable, str(HERE / "full_disk.py"), size, str(self.path), str(self.kept)]
+        place = [
+            sys.executable,
+            str(HOLDER),
+            size,
+            str(self.path),
+            str(self.kept),
+        ]
         done = subprocess.run(
             [*place, *program, *words], capture_output=True, text=True, timeout=120
         )

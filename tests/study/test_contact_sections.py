@@ -215,7 +215,7 @@ def test_a_study_cannot_vary_what_the_list_does_not_have(key: str, message: str)
 
 
 def test_the_demo_of_two_foundations_is_a_study_file() -> None:
-    demo = Path(__file__).parent.parent / "demos" / "two_foundations.yml"
+    demo = Path(__file__).parents[2] / "demos" / "two_foundations.yml"
     floor, wall = load(demo).parameters.contacts
     assert (floor.friction.coefficient, wall.friction.coefficient) == (0.3, 0.6)
     assert wall.friction.smoothing == floor.friction.smoothing

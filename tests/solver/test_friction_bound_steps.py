@@ -83,7 +83,9 @@ def test_short_steps_set_the_bound_where_it_is_nearly_right(
             raise
 
     monkeypatch.setattr(method.InteriorPoint, "solve", noting)
-    wedged = study_file.load(Path(__file__).parent / "wedged/verge_10026.yml").parameters
+    wedged = study_file.load(
+        Path(__file__).parents[1] / "robustness/wedged/verge_10026.yml"
+    ).parameters
     data = wedged.model_dump()
     data["penalty"].update(n=n, epsilon=1.0 / n)
     data["friction"]["regularisation"] = 1.0 / n

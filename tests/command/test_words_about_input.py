@@ -19,7 +19,7 @@ from contact_locking.results.in_words import weakest
 
 pytestmark = pytest.mark.serial
 
-MANUAL = Path(__file__).parents[1] / "docs" / "reference" / "study-file.md"
+MANUAL = Path(__file__).parents[2] / "docs" / "reference" / "study-file.md"
 
 
 def refused(tmp_path: Path, text: str, *overrides: str) -> str:
