@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from contact_locking.results.solution import Solution, StudySolution
     from contact_locking.results.state import State
     from contact_locking.running.writing import save, write
+    from contact_locking.sensitivity.parameters import Number
     from contact_locking.solver.settings import Settings
     from contact_locking.study.assembly import assemble
     from contact_locking.study_file import from_mapping, load
@@ -67,6 +68,7 @@ __all__ = [
     "Local",
     "Motion",
     "NotConverged",
+    "Number",
     "Parameters",
     "Polyline",
     "Settings",
@@ -113,6 +115,7 @@ _HOME = {
     "Local": "contact.coulomb",
     "Motion": "contact.contact",
     "NotConverged": "errors",
+    "Number": "sensitivity.parameters",
     "Parameters": "study_file.parameters",
     "Polyline": "laws.polyline",
     "Settings": "solver.settings",

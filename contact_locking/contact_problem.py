@@ -151,12 +151,13 @@ class ContactProblem:
         report = solver.solve(None if begin is None else begin.state.saved)
         state = solver.state(report)
         judged = certify(state, extras or Extras()) if certificate else None
-        solution = solution_of(state, judged)
+        solution = solution_of(state, judged, solver.derivatives(report))
         solution.summary["warnings"] += solver.unused_options()
         return solution
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
+        self._solver.close()
         self._discrete.close()
 
 

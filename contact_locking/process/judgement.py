@@ -14,7 +14,7 @@ from contact_locking.problem.parts import describe_loose, describe_slide
 from contact_locking.results.body_fields import body_summary
 from contact_locking.results.contact_points import STICK
 from contact_locking.results.derived import contact_summary, gather_contacts, on_gamma_c
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import Differentiable, Solution
 from contact_locking.results.state import State
 from contact_locking.results.uncovered_boundary import uncovered_entry
 from contact_locking.solver.saved import SavedState
@@ -30,7 +30,9 @@ _WAY_OUT_OF_ENTRY = (
 )
 
 
-def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution:
+def solution_of(
+    state: SolvedState, certificate: Certificate | None, differentiable: Differentiable
+) -> Solution:
     """The fields, the contact points and the summary of a solved state; collective.
 
     Without a certificate the summary says what the solver says.
@@ -58,6 +60,7 @@ def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution
         contact_points=points,
         contact_facets=facets,
         summary=_summary(state, certificate),
+        differentiable=differentiable,
         state=state_of(state),
         **on_gamma_c(state.contacts, problem.u),
     )

@@ -147,6 +147,7 @@ class Steps(Iterator[StudySolution]):
                 last = solution.state
                 self._remember(last, at)
         finally:
+            self._solver.close()
             self.problem.close()
 
     def _remember(self, state: State, time: float) -> None:
@@ -175,8 +176,10 @@ class Steps(Iterator[StudySolution]):
     def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> StudySolution:
         """The solution of a step with its certificate; collective."""
         certificate = certify(state, extras_of(self.problem.parameters))
+        derivatives = self._solver.derivatives(state.report)
         criteria = {**certificate.criteria, CRITERION: energy.criterion(state)}
-        found = solution_of(state, dataclasses.replace(certificate, criteria=criteria))
+        judged = dataclasses.replace(certificate, criteria=criteria)
+        found = solution_of(state, judged, derivatives)
         return dataclasses.replace(of_study(self.problem, found), time=at)
 
     def _end(self, last: StudySolution | None, reason: str) -> None:

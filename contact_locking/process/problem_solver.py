@@ -15,6 +15,7 @@ from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.parts import loose_fields
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import integral
+from contact_locking.sensitivity.lazy import LazyDerivatives
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.saved import SavedState
 from contact_locking.solver.settings import Settings
@@ -36,6 +37,7 @@ class ProblemSolver:
         self, problem: DiscreteProblem, settings: Settings, monitor: Monitor | None = None
     ) -> None:
         self.problem, self._monitor = problem, monitor or Monitor()
+        self._derivatives: LazyDerivatives | None = None
         self._method = _method(problem, settings.method)
         self.settings = dataclasses.replace(settings, linear=_linear(problem, settings.linear))
         self.system = PenalisedSystem(
@@ -74,8 +76,23 @@ class ProblemSolver:
 
     def solve(self, saved: SavedState | None = None) -> SolverReport:
         """Solve at present, from a saved state if that helps; collective."""
+        self.close()
         task = Task(self.system, self.target, self.settings, self._monitor)
         return solve_system(self._method, task, saved)
+
+    def derivatives(self, report: SolverReport) -> LazyDerivatives:
+        """The derivatives of the solution of a report, until the next solve."""
+        self.close()
+        self._derivatives = LazyDerivatives(
+            self.problem, self.system, lambda: self.target, self.settings, report
+        )
+        return self._derivatives
+
+    def close(self) -> None:
+        """Destroy the PETSc objects of derivatives; collective."""
+        if self._derivatives is not None:
+            self._derivatives.close()
+            self._derivatives = None
 
     def state(self, report: SolverReport) -> SolvedState:
         """The solved state with its stresses and tractions; collective."""

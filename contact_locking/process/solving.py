@@ -139,9 +139,10 @@ def _static(
     monitor.message("computing fields and the certificate")
     state = solver.state(report)
     certificate = certify(state, extras_of(problem.parameters))
-    solution = of_study(problem, solution_of(state, certificate))
+    solution = of_study(problem, solution_of(state, certificate, solver.derivatives(report)))
     solution.summary["warnings"] += solver.unused_options()
     solution.summary["restart"] = None if restarted is None else restarted.told(report)
+    solver.close()
     problem.close()
     return solution
 

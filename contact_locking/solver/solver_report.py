@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.multipliers import Multipliers
 
 
@@ -16,6 +17,7 @@ class SolverReport:
     ``suggestion`` names the way out of a failure.  ``admissible_factor`` brackets the largest
     multiple of the prescribed displacements that can be followed, if they cannot be.
     ``multipliers`` are set where they are unknowns of the solver; otherwise the laws give them.
+    ``last`` is the last iterate of the interior point method, None where that did not arrive.
     ``from_saved`` says that a saved state was what the solution was reached from.  ``warnings`` say
     in words where another way was taken than the one asked for.
     """
@@ -33,5 +35,6 @@ class SolverReport:
     admissible_factor: tuple[float, float] | None = None
     multipliers: Multipliers | None = None
     from_saved: bool = False
+    last: LastIterate | None = None
     stages: list[dict[str, float | int]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)

@@ -213,7 +213,7 @@ def _solve_by(solver: InteriorPoint, nested: Sequence[NodalContact], task: Task)
     """Solve once, or for each value of ``nested`` bounds; a failure is written into the report."""
     system, report = task.system, task.report
     start = system.constraints.held_part(system.u.x.array)
-    report.reason, report.multipliers = "", None
+    report.reason, report.multipliers, report.last = "", None, None
 
     def solve() -> None:
         system.u.x.array[:] = start
@@ -235,7 +235,7 @@ def _solve_by(solver: InteriorPoint, nested: Sequence[NodalContact], task: Task)
                 contact.bounds = values
             fixed_point(task, solve, wanted)
     except NotConverged as failure:
-        report.multipliers = report.multipliers or solver.multipliers()
+        report.multipliers, report.last = report.multipliers or solver.multipliers(), None
         report.reason, report.is_infeasible = str(failure), isinstance(failure, Infeasible)
 
 

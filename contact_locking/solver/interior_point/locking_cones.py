@@ -19,6 +19,10 @@ from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.multipliers import Multipliers
 
 
+# Newton's method for one cone halves the distance to a double root, and else is fast.
+_MOST_STEPS = 40
+
+
 class LockingCones(LorentzCones):
     """``x = (M + q, L eps)`` in the cone with cost ``n q^2`` at every point; ``z = (z_0, -y)``.
 
@@ -56,9 +60,9 @@ class LockingCones(LorentzCones):
         self.z = level * inverse(self.x)
 
     def primal_residual(self, deformation: float) -> float:
-        return relative_rms(self.comm, self.weights, self._primal_gap(), self.x)
+        return relative_rms(self.comm, self.weights, self.primal_gap(), self.x)
 
-    def _primal_gap(self) -> FloatArray:
+    def primal_gap(self) -> FloatArray:
         """``(M + q, L eps) - x``."""
         return np.vstack([self.limit + self.compliance * self.z[0], self.seen]) - self.x
 
@@ -68,7 +72,7 @@ class LockingCones(LorentzCones):
     # The Newton step.
 
     def linearise(self) -> None:
-        self._gap = self._primal_gap()
+        self._gap = self.primal_gap()
         scaling = self._scaling = Scaling.of(self.x, self.z)
         kappa = self._yielding = max(self.compliance, self.softness)
         square, w_0 = scaling.eta**2, scaling.w[0]
@@ -86,17 +90,36 @@ class LockingCones(LorentzCones):
         dz = self._dual_step(d_rest)
         return Step(np.vstack([self._gap[0] + self._yielding * dz[0], d_rest]), dz)
 
+    def move_adjoint(self, seen: FloatArray) -> FloatArray:
+        self.move(np.zeros_like(self.x))
+        return -self._dual_step(seen)
+
+    def settle(self, product: float) -> None:
+        strain, limit = norm(self.seen), self.limit
+        share = self.compliance * product
+        x_0 = np.maximum(strain, limit) + np.sqrt(share)
+        # Newton's method from above on (x_0 - M)(x_0^2 - |L eps|^2) = compliance product x_0.
+        for _ in range(_MOST_STEPS):
+            det = (x_0 - strain) * (x_0 + strain)
+            value = (x_0 - limit) * det - share * x_0
+            x_0 -= value / (det + 2.0 * (x_0 - limit) * x_0 - share)
+        self.x = np.vstack([x_0, self.seen])
+        self.z = product * inverse(self.x)
+
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
         """``dz = b - W^-2 dx`` with ``dx_0 = yielding dz_0 + gap_0`` eliminated."""
         w, a, kappa = self._scaling.w, self._scaling.eta**-2, self._yielding
-        w_0, w_rest, gap_0 = w[0], dot(w[1:], d_rest), self._gap[0]
+        w_0, w_rest, gap_0, aim_0 = w[0], dot(w[1:], d_rest), self._gap[0], self._aim[0]
         h_00 = (2.0 * w_0**2 - 1.0) * a
-        dz_0 = (self._aim[0] - h_00 * gap_0 + 2.0 * a * w_0 * w_rest) / (1.0 + kappa * h_00)
-        dz = (2.0 * (w_0 * (gap_0 + kappa * dz_0) - w_rest)) * w
+        share = np.reciprocal(1.0 + kappa * h_00)
+        # Where the compliance is soft beside the cone, w_0 dx_0 and w_rest cancel out: they are
+        # taken together.
+        along = w_0 * (gap_0 + kappa * aim_0) + (kappa * a - 1.0) * w_rest
+        dz = (2.0 * share * along) * w
         dz[1:] -= d_rest
         dz *= a
         dz += self._aim
-        dz[0] = dz_0
+        dz[0] = (aim_0 - h_00 * gap_0 + 2.0 * a * w_0 * w_rest) * share
         return dz
 
     # The tangent.

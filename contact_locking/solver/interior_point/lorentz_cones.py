@@ -20,6 +20,7 @@ class LorentzCones(Family):
     w: FloatArray
     _scaling: Scaling
     _aim: FloatArray
+    _gap: FloatArray
 
     def total(self, t: float = 0.0, step: Step | None = None) -> float:
         pair = self.x, self.z
@@ -37,6 +38,9 @@ class LorentzCones(Family):
 
     def speeds(self, step: Step) -> FloatArray:
         return self._scaling.speeds(step.pair)
+
+    def move(self, gap: FloatArray) -> None:
+        self._gap, self._aim = gap, np.zeros_like(self.z)
 
     def hold(self, stiffness: float | FloatArray) -> None:
         self.a = np.full(len(self.weights), stiffness)

@@ -42,6 +42,7 @@ from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Approach, Tuning
+from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.multipliers import ContactForces, Multipliers
 from contact_locking.solver.task import Task
@@ -72,7 +73,9 @@ class InteriorPoint:
         # What is no number is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
             try:
-                return self._iterate_to_the_end()
+                found = self._iterate_to_the_end()
+                self._task.report.last = self._last()
+                return found
             finally:
                 self._task.report.friction_change = self._friction_change
 
@@ -89,6 +92,19 @@ class InteriorPoint:
                 family.write(found, self._task.target.young)
             found.add_up(system.data)
         return found
+
+    def _last(self) -> LastIterate:
+        system, taking_part = self._task.system, set()
+        if not self.is_elastic:
+            taking_part = set(self._iterate.families)
+        return LastIterate(
+            system.u.x.array.copy(),
+            system.tools.travels,
+            tuple(
+                (family.x, family.z) if family in taking_part else None
+                for family in self._families.every
+            ),
+        )
 
     def require_feasible(self) -> None:
         """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""

@@ -38,6 +38,13 @@ class RightHandSide:
 
         Returns the norm of all nodal forces, those at held dofs among them.
         """
+        self.add_all(reactions)
+        every = float(self.on_nodes.norm())
+        self._system.constraints.keep_free(self.on_nodes)
+        return every
+
+    def add_all(self, reactions: Sequence[Reaction]) -> None:
+        """Add reactions, with the forces at held dofs; collective."""
         for reaction in reactions:
             reaction.add_to(self.on_nodes)
         if self._system.tools:
@@ -45,9 +52,6 @@ class RightHandSide:
             for reaction in reactions:
                 reaction.family.add_tool_forces(reaction.values, local)
             self.on_tools = self.on_tools + self._system.comm.allreduce(local)
-        every = float(self.on_nodes.norm())
-        self._system.constraints.keep_free(self.on_nodes)
-        return every
 
     def scale(self, factor: float) -> None:
         """Multiply all forces."""

@@ -52,7 +52,7 @@ class StrainHalfLines(HalfLines):
 
     def primal_residual(self, deformation: float) -> float:
         size = self.limit + np.abs(self.seen)
-        return relative_rms(self.comm, self.weights, self._primal_gap(), size)
+        return relative_rms(self.comm, self.weights, self.primal_gap(), size)
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         self._strains.set_scalars(multipliers.parts[self._number], self.reactions)

@@ -191,6 +191,32 @@ class Tangent:
         self._right.start()
         return self._solve_for(reactions, 1.0, accuracy)
 
+    def answer(self, forces: FloatArray, accuracy: float) -> FloatArray:
+        """The displacement for forces on owned dofs, and along travels behind them; collective.
+
+        An iterative solver leaves the share ``accuracy`` of the forces.
+        """
+        self._right.start()
+        self._right.on_nodes.array_w[:] = forces[: self._owned]
+        self._right.on_tools = forces[self._owned :].copy()
+        return self._solve_for([], 1.0, accuracy)
+
+    def stiffness_times(self, displacement: FloatArray) -> FloatArray:
+        """The tangent's forces on owned dofs and travels for a displacement; collective."""
+        self._moved.array_w[:] = displacement[: self._owned]
+        self.elasticity.mult(self._moved, self._whole)
+        elastic = np.append(self._whole.array_r, np.zeros(len(self.system.tools)))
+        blocks = [
+            Reaction(family, family.block(family.see(displacement))) for family in self.families
+        ]
+        return elastic + self.forces(blocks)
+
+    def forces(self, reactions: Sequence[Reaction]) -> FloatArray:
+        """What reactions do to owned dofs, held ones among them, and to travels; collective."""
+        self._right.start()
+        self._right.add_all(reactions)
+        return np.append(self._right.on_nodes.array_r, self._right.on_tools)
+
     def left_unbalanced(self) -> float:
         """The sum of the nodal forces that the last :meth:`balance` leaves; collective."""
         self._linear.multiply(self._answer, self._moved)

@@ -1,0 +1,121 @@
+"""The equations of the last iterate, and how they change with the data of a problem.
+
+    equilibrium     a(u, .) + int reactions . lin(.) - (f, .) = 0
+    travels         int reactions . d + F = 0
+    points          x = (M + z_0/2n, L eps(u)),  g + eps p - u_nu,  (t, u_tau - u_{k-1,tau}, delta)
+    bounds          G = mu(|u_tau|) |R p|
+
+Data change what these equations leave at an iterate that stands still: that is all that is ever
+evaluated of them.  No law is differentiated by a parameter here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
+from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.interior_point.families import Families, families_of
+from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.last_iterate import LastIterate
+from contact_locking.solver.target import Target
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What the equations leave: forces on owned dofs and along travels, and gaps of the points.
+
+    ``gaps`` has an array for each family that takes part, and ``bounds`` one for each friction
+    bound.  ``values`` are quantities at the iterate.
+    """
+
+    forces: FloatArray
+    gaps: tuple[FloatArray, ...]
+    bounds: tuple[FloatArray, ...]
+    values: FloatArray
+
+    def per(self, other: Residual, width: float) -> Residual:
+        """How much this is more than another one, over the width between them."""
+
+        def rates(mine: Sequence[FloatArray], others: Sequence[FloatArray]) -> tuple[FloatArray]:
+            pairs = zip(mine, others, strict=True)
+            return tuple((one - two) / width for one, two in pairs)  # type: ignore[return-value]
+
+        return Residual(
+            (self.forces - other.forces) / width,
+            rates(self.gaps, other.gaps),
+            rates(self.bounds, other.bounds),
+            (self.values - other.values) / width,
+        )
+
+
+class Equations:
+    """The equations of a system for its present data, at an iterate that stands still.
+
+    Displacements at held dofs are those that the data prescribe.  ``families`` take part.  The
+    constructor is collective.  Raises InputError for laws whose derivatives are not known.
+    """
+
+    def __init__(self, system: PenalisedSystem, target: Target, iterate: LastIterate) -> None:
+        if system.data.own_energy is not None:
+            raise InputError("a derivative is not known of an energy of the user's own", "energy")
+        for contact in system.rubbing:
+            if not contact.friction.is_coulomb:
+                raise InputError(
+                    "a derivative is not known of a friction bound of the user's own", contact.key
+                )
+        self.system, self.target = system, target
+        self._owned = len(system.load)
+        self._all: Families = families_of(system, target, 0.0)
+        held = system.constraints.free_part(iterate.displacement)
+        system.u.x.array[:] = held
+        system.constraints.apply(system.u)
+        system.tools.travels = iterate.travels
+        self.families: list[Family] = []
+        if len(self._all.every) != len(iterate.cones):
+            raise InputError("the laws of contact and friction are others with these data")
+        for family, cones in zip(self._all.every, iterate.cones, strict=True):
+            family.takes_part = cones is not None
+            family.look(self.displacement)
+            if cones is not None:
+                family.x, family.z = cones
+                self.families.append(family)
+        self.bounds = [bound for bound in self._all.bounds if bound.friction.takes_part]
+
+    @property
+    def every(self) -> list[Family]:
+        """All families, those that take no part among them."""
+        return self._all.every
+
+    @property
+    def displacement(self) -> FloatArray:
+        """The owned values, and zeros for travels, which the gaps contain."""
+        return np.append(self.system.u.x.array[: self._owned], np.zeros(len(self.system.tools)))
+
+    def residual(self, values: Sequence[float] = ()) -> Residual:
+        """What the equations leave, with the values of quantities; collective."""
+        system, comm = self.system, self.system.comm
+        vector = system.u.x.petsc_vec.duplicate()
+        vector.array_w[:] = system.forms.elastic_forces(system.u)[: self._owned] - system.load
+        on_tools = np.zeros(len(system.tools))
+        for family in self.families:
+            family.add_forces(family.reactions, vector)
+            family.add_tool_forces(family.reactions, on_tools)
+        travels = comm.allreduce(on_tools) - np.array([tool.force for tool in system.tools])
+        forces = np.append(vector.array_r, travels)
+        vector.destroy()
+        wanted = []
+        for bound in self.bounds:
+            pressure = bound.pressing.nodes.at_all(bound.pressing.z)
+            values_at_all = bound.contact.friction_bound(system.u, pressure)
+            wanted.append(bound.friction.nodes.of_all(values_at_all) - bound.friction.z[0])
+        gaps = tuple(family.primal_gap() for family in self.families)
+        return Residual(forces, gaps, tuple(wanted), np.array(values, dtype=float))
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        self._all.destroy()

@@ -1,0 +1,115 @@
+"""Derivatives of a solution against central differences of solves."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from differences import errors
+from differentiated_block import NAMES, block, quantities
+
+import contact_locking as cl
+
+CASES: dict[str, dict[str, Any]] = {
+    "inequality": {},
+    "penalty": {"n": 1e3},
+    "newton": {"n": 1e3, "method": "newton"},
+    "quadratic": {"degree": 2, "cells": 6},
+    "local": {"kernel": cl.Local()},
+    "filter": {"kernel": cl.Helmholtz(0.3)},
+    "iterative": {"linear": "iterative"},
+    "without friction": {"coefficient": lambda mu: 0.0},
+    "three dimensions": {"dim": 3, "cells": 3, "kernel": cl.Local()},
+}
+# Newton's method solves to rounding; the other goes as near to the solution as 1e-8 of its energy.
+ACCURACY = {"newton": 1e-5}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_derivatives_are_those_of_central_differences(case: str) -> None:
+    made = block(**CASES[case])
+    solution = made.problem.solve()
+    assert solution.converged
+    found = {
+        name: np.array([solution.derivative(quantity, given) for quantity in NAMES])
+        for name, given in made.given.items()
+    }
+    counted = total = 0
+    for name, given in made.given.items():
+        at = float(given.value)
+        wrong, told = errors(found[name], lambda p, name=name: made.values(**{name: p}), at)
+        wrong = wrong[np.isfinite(wrong) & told]
+        counted, total = counted + len(wrong), total + len(NAMES)
+        assert np.all(wrong <= ACCURACY.get(case, 1e-3)), (name, wrong)
+    # Most differences of two widths agree, so that they tell something.
+    assert counted >= 0.6 * total
+    made.problem.close()
+
+
+def test_forward_and_adjoint_agree() -> None:
+    made = block(n=1e3, method="newton")
+    solution = made.problem.solve()
+    lazy: Any = solution.differentiable
+    entries = [made.given["mu"], *(entry_of(made.given[name], name) for name in ("E", "M", "pull"))]
+    forward = lazy.made.table(NAMES, entries)
+    adjoint = [lazy.made.table([name], entries).derivatives[0] for name in NAMES]
+    np.testing.assert_allclose(adjoint, forward.derivatives, rtol=1e-6)
+    np.testing.assert_allclose(forward.values, quantities(solution), rtol=1e-5)
+
+
+def entry_of(constant: Any, name: str) -> Any:
+    from contact_locking.sensitivity.parameters import Entry
+
+    return Entry(constant, 0, name)
+
+
+def test_few_solves_serve_many_parameters() -> None:
+    made = block(coefficient=lambda mu: 0.0)
+    solution = made.problem.solve()
+    for given in made.given.values():
+        solution.derivative("compliance", given)
+    lazy: Any = solution.differentiable
+    # One quantity has one adjoint, whatever the number of parameters; a solve is refined twice.
+    assert lazy.made.solves <= 3
+
+
+def test_a_derivative_is_refused_with_its_reason() -> None:
+    made = block()
+    solution = made.problem.solve()
+    with pytest.raises(cl.InputError, match="count of points"):
+        solution.derivative("locked_fraction", made.given["E"])
+    with pytest.raises(cl.InputError, match="no quantity 'complience'.*compliance"):
+        solution.derivative("complience", made.given["E"])
+    with pytest.raises(cl.InputError, match="not by float"):
+        solution.derivative("compliance", 1.0)
+    made.given["E"].value = 2.0
+    with pytest.raises(cl.InputError, match="changed since the solve"):
+        solution.derivative("compliance", made.given["E"])
+    made.given["E"].value = 1.0
+    made.problem.solve()
+    with pytest.raises(cl.InputError, match="solved again"):
+        solution.derivative("compliance", made.given["E"])
+
+
+def test_deriving_leaves_the_problem_as_it_was() -> None:
+    made = block()
+    solution = made.problem.solve()
+    before = made.problem.displacement.x.array.copy()
+    solution.derivative("compliance", made.given["gap"])
+    assert np.array_equal(before, made.problem.displacement.x.array)
+    assert made.given["gap"].value == 0.002
+    again = made.problem.solve()
+    np.testing.assert_array_equal(again.displacement.x.array, solution.displacement.x.array)
+
+
+def test_an_elastic_body_has_derivatives() -> None:
+    made = block()
+    made.given["pull"].value, made.given["press"].value = -0.002, -0.005
+    solution = made.problem.solve()
+    compliance = solution.summary["compliance"]
+    assert solution.summary["contact_force"][1] == pytest.approx(0.0, abs=1e-12)
+    assert solution.derivative("compliance", made.given["E"]) == pytest.approx(-compliance)
+    assert solution.derivative("compliance", made.given["M"]) == 0.0
+    assert math.isfinite(solution.derivative("reactions.bcs.0.1", made.given["press"]))
