@@ -65,7 +65,10 @@ class LazyDerivatives:
         if self._made is None:
             system, target = self._system, self._target()
             tolerance = self._settings.tolerance
-            iterate = self._report.last or penalised_iterate(system, target, tolerance)
+            iterate = self._report.last
+            # Newton's method has the last word where there are no multipliers.
+            if iterate is None or self._report.multipliers is None:
+                iterate = penalised_iterate(system, target, tolerance)
             frozen = Frozen(self._problem, system, self._target, iterate)
             self._made = Derivatives(frozen, Task(system, target, self._settings))
         return self._made

@@ -11,6 +11,7 @@ from differences import errors
 from differentiated_block import NAMES, block, quantities
 
 import contact_locking as cl
+from contact_locking.sensitivity.parameters import Entry
 
 CASES: dict[str, dict[str, Any]] = {
     "inequality": {},
@@ -23,8 +24,8 @@ CASES: dict[str, dict[str, Any]] = {
     "without friction": {"coefficient": lambda mu: 0.0},
     "three dimensions": {"dim": 3, "cells": 3, "kernel": cl.Local()},
 }
-# Newton's method solves to rounding; the other goes as near to the solution as 1e-8 of its energy.
-ACCURACY = {"newton": 1e-5}
+# The strain limit of the iterative solver and the smooth laws of finite n leave more than rounding.
+ACCURACY = {"iterative": 1e-3, "penalty": 1e-3, "newton": 1e-3}
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -42,7 +43,7 @@ def test_derivatives_are_those_of_central_differences(case: str) -> None:
         wrong, told = errors(found[name], lambda p, name=name: made.values(**{name: p}), at)
         wrong = wrong[np.isfinite(wrong) & told]
         counted, total = counted + len(wrong), total + len(NAMES)
-        assert np.all(wrong <= ACCURACY.get(case, 1e-3)), (name, wrong)
+        assert np.all(wrong <= ACCURACY.get(case, 2e-4)), (name, wrong)
     # Most differences of two widths agree, so that they tell something.
     assert counted >= 0.6 * total
     made.problem.close()
@@ -52,17 +53,11 @@ def test_forward_and_adjoint_agree() -> None:
     made = block(n=1e3, method="newton")
     solution = made.problem.solve()
     lazy: Any = solution.differentiable
-    entries = [made.given["mu"], *(entry_of(made.given[name], name) for name in ("E", "M", "pull"))]
+    entries = [made.given["mu"], *(Entry(made.given[name], 0, name) for name in ("E", "M", "pull"))]
     forward = lazy.made.table(NAMES, entries)
     adjoint = [lazy.made.table([name], entries).derivatives[0] for name in NAMES]
     np.testing.assert_allclose(adjoint, forward.derivatives, rtol=1e-6)
     np.testing.assert_allclose(forward.values, quantities(solution), rtol=1e-5)
-
-
-def entry_of(constant: Any, name: str) -> Any:
-    from contact_locking.sensitivity.parameters import Entry
-
-    return Entry(constant, 0, name)
 
 
 def test_few_solves_serve_many_parameters() -> None:
@@ -71,8 +66,8 @@ def test_few_solves_serve_many_parameters() -> None:
     for given in made.given.values():
         solution.derivative("compliance", given)
     lazy: Any = solution.differentiable
-    # One quantity has one adjoint, whatever the number of parameters; a solve is refined twice.
-    assert lazy.made.solves <= 3
+    # One quantity has one adjoint, whatever the number of parameters, and its solve is refined.
+    assert lazy.made.solves <= 5
 
 
 def test_a_derivative_is_refused_with_its_reason() -> None:
@@ -84,9 +79,10 @@ def test_a_derivative_is_refused_with_its_reason() -> None:
         solution.derivative("complience", made.given["E"])
     with pytest.raises(cl.InputError, match="not by float"):
         solution.derivative("compliance", 1.0)
+    fresh = made.problem.solve()
     made.given["E"].value = 2.0
     with pytest.raises(cl.InputError, match="changed since the solve"):
-        solution.derivative("compliance", made.given["E"])
+        fresh.derivative("compliance", made.given["E"])
     made.given["E"].value = 1.0
     made.problem.solve()
     with pytest.raises(cl.InputError, match="solved again"):

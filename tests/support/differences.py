@@ -9,10 +9,10 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 
 # The widths of two central differences, relative to the value of the parameter.
-WIDTHS = (1e-3, 1e-4)
+WIDTHS = (1e-4, 3e-5)
 # Two differences that disagree by more than this, relative, tell nothing: a point changes its state
 # between the solves.
-AGREE = 2e-3
+AGREE = 1e-3
 # A derivative by ``ln p`` below this share of the quantity is judged by that share: a difference of
 # two solves has no more digits.
 LEAST = 1e-2
