@@ -30,6 +30,7 @@ from contact_locking.process.judgement import solution_of
 from contact_locking.process.of_study import extras_of, of_study, solver_of
 from contact_locking.process.out_of_reach import OutOfReach
 from contact_locking.process.resume import restore
+from contact_locking.process.sensitivities import Sensitivities
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.history import History
 from contact_locking.results.probe_table import ProbeSample
@@ -84,6 +85,7 @@ class Steps(Iterator[StudySolution]):
         solution: StudySolution | None = None
         last: State | None = None
         before: Moment | None = None
+        sensitivities = self._sensitivities()
         try:
             for path in self._saved:
                 restored = restore(path, self.problem, self._solver)
@@ -135,6 +137,9 @@ class Steps(Iterator[StudySolution]):
                 ):
                     continue
                 solution, before = judged, after
+                if sensitivities is not None and solution.converged:
+                    made = self._solver.derivatives(report).made
+                    solution.summary |= sensitivities.of(made, state.contacts, at)
                 seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
                 self._tell(solution)
@@ -147,8 +152,21 @@ class Steps(Iterator[StudySolution]):
                 last = solution.state
                 self._remember(last, at)
         finally:
+            if sensitivities is not None:
+                sensitivities.close()
             self._solver.close()
             self.problem.close()
+
+    def _sensitivities(self) -> Sensitivities | None:
+        """The derivatives that the study asks for, through all of its steps; collective."""
+        if self.problem.parameters.sensitivities is None:
+            return None
+        if self._saved:
+            raise InputError(
+                "take all steps of a process, as friction remembers each: start without --restart",
+                "sensitivities",
+            )
+        return Sensitivities(self.problem)
 
     def _remember(self, state: State, time: float) -> None:
         """End a step; collective."""

@@ -82,6 +82,8 @@ class ProblemSolver:
 
     def derivatives(self, report: SolverReport) -> LazyDerivatives:
         """The derivatives of the solution of a report, until the next solve."""
+        if self._derivatives is not None and self._derivatives.report is report:
+            return self._derivatives
         self.close()
         self._derivatives = LazyDerivatives(
             self.problem, self.system, lambda: self.target, self.settings, report

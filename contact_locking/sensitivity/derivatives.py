@@ -10,10 +10,12 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
+from contact_locking.parallel import maximum
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
 from contact_locking.sensitivity.parameters import Frozen, Parameter, width
 from contact_locking.sensitivity.quantities import Quantity, quantity_of
+from contact_locking.sensitivity.states import share_at_change
 from contact_locking.solver.task import Task
 
 # At the last iterate the equations hold to the tolerance of the solver.  Data that have changed
@@ -65,18 +67,53 @@ class Derivatives:
         """The tangent at the solution."""
         return self._linear
 
-    def table(self, names: Sequence[str], parameters: Sequence[Parameter]) -> Table:
-        """All derivatives, by the fewer solves: a parameter or a quantity each."""
+    @property
+    def frozen(self) -> Frozen:
+        """The problem at the last iterate."""
+        return self._frozen
+
+    def share_at_change(self) -> dict[str, float]:
+        """The share of each kind of points that are near a change of their state."""
+        return share_at_change(self._linear.equations.families, self._frozen.system.comm)
+
+    def forward(
+        self, names: Sequence[str], parameters: Sequence[Parameter]
+    ) -> tuple[Table, list[Change]]:
+        """All derivatives, and how the iterate changes with each parameter."""
         with self._frozen.system.preserved():
             quantities = self.quantities(names)
-            rates = [self.rate(parameter, quantities) for parameter in parameters]
-            if len(parameters) <= len(quantities):
-                found = self._forward(quantities, rates)
-            else:
-                found = self._backward(quantities, rates)
-            values = evaluated(self._linear.equations, quantities).values
+            changes, columns = [], []
+            gradients = [self._gradient(quantity) for quantity in quantities]
+            for parameter in parameters:
+                rate = self.rate(parameter, quantities)
+                change = self._linear.change(rate)
+                gained = [self._linear.paired(gradient, change) for gradient in gradients]
+                changes.append(change)
+                columns.append(rate.values + gained)
+            return self._table(quantities, parameters, np.array(columns).T), changes
+
+    def table(self, names: Sequence[str], parameters: Sequence[Parameter]) -> Table:
+        """All derivatives, by the fewer solves: a parameter or a quantity each."""
+        if len(parameters) <= len(names):
+            return self.forward(names, parameters)[0]
+        with self._frozen.system.preserved():
+            pairs = [self.adjoint(name) for name in names]
+            quantities = [quantity for quantity, _ in pairs]
+            columns = [
+                [
+                    rate.values[row] + self._linear.gained(adjoint, rate)
+                    for row, (_, adjoint) in enumerate(pairs)
+                ]
+                for rate in (self.rate(parameter, quantities) for parameter in parameters)
+            ]
+            return self._table(quantities, parameters, np.array(columns).T)
+
+    def _table(
+        self, quantities: Sequence[Quantity], parameters: Sequence[Parameter], found: FloatArray
+    ) -> Table:
+        values = evaluated(self._linear.equations, quantities).values
         return Table(
-            tuple(names),
+            tuple(quantity.name for quantity in quantities),
             tuple(parameter.name for parameter in parameters),
             values,
             np.array([parameter.value for parameter in parameters]),
@@ -111,23 +148,6 @@ class Derivatives:
         # The sum of the value and the step has rounding of its own.
         return above.per(below, (value + step) - (value - step))
 
-    def _forward(self, quantities: Sequence[Quantity], rates: Sequence[Residual]) -> FloatArray:
-        gradients = [self._gradient(quantity) for quantity in quantities]
-        found = np.zeros((len(quantities), len(rates)))
-        for column, rate in enumerate(rates):
-            change: Change = self._linear.change(rate)
-            for row, gradient in enumerate(gradients):
-                found[row, column] = rate.values[row] + self._linear.paired(gradient, change)
-        return found
-
-    def _backward(self, quantities: Sequence[Quantity], rates: Sequence[Residual]) -> FloatArray:
-        found = np.zeros((len(quantities), len(rates)))
-        for row, quantity in enumerate(quantities):
-            adjoint: Adjoint = self._linear.adjoint(self._gradient(quantity))
-            for column, rate in enumerate(rates):
-                found[row, column] = rate.values[row] + self._linear.gained(adjoint, rate)
-        return found
-
     def _gradient(self, quantity: Quantity) -> Gradient:
         equations = self._linear.equations
         return quantity.gradient(equations, equations.residual())
@@ -139,9 +159,10 @@ class Derivatives:
         left = equations.system.constraints.free_part(residual.forces[:count])
         force = float(np.sqrt(comm.allreduce(float(left @ left))))
         holds = force <= _HOLDS * equations.system.force_scale(1.0)
+        moved = equations.system.largest_displacement()
         for family, gap in zip(equations.families, residual.gaps, strict=True):
-            sizes = comm.allreduce(np.array([np.sum(gap**2), np.sum(family.x**2)]))
-            holds &= bool(sizes[0] <= _HOLDS**2 * sizes[1])
+            size = maximum(comm, family.x, moved if family.stops_rigid_motions else 0.0)
+            holds &= maximum(comm, np.abs(gap)) <= _HOLDS * size
         if not holds:
             raise InputError(
                 "the data have changed since the solve: solve again, or ask for derivatives before "

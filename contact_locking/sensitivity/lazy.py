@@ -32,7 +32,7 @@ class LazyDerivatives:
         report: SolverReport,
     ) -> None:
         self._problem, self._system, self._target = problem, system, target
-        self._settings, self._report = settings, report
+        self._settings, self.report = settings, report
         self._made: Derivatives | None = None
         self._is_closed = False
 
@@ -60,14 +60,19 @@ class LazyDerivatives:
                 "the problem has been solved again, or closed, since this solution: ask for its "
                 "derivatives before"
             )
-        if not self._report.converged:
+        if not self.report.converged:
             raise InputError("a solve that has not converged has no derivatives")
         if self._made is None:
             system, target = self._system, self._target()
             tolerance = self._settings.tolerance
-            iterate = self._report.last
+            iterate = self.report.last
+            if iterate is None and self.report.multipliers is not None:
+                raise InputError(
+                    "a solution that was read from a checkpoint has no last iterate, by which it "
+                    "would be differentiated: solve it anew"
+                )
             # Newton's method has the last word where there are no multipliers.
-            if iterate is None or self._report.multipliers is None:
+            if iterate is None or self.report.multipliers is None:
                 iterate = penalised_iterate(system, target, tolerance)
             frozen = Frozen(self._problem, system, self._target, iterate)
             self._made = Derivatives(frozen, Task(system, target, self._settings))

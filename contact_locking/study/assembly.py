@@ -25,6 +25,7 @@ from contact_locking.study.contacts import contact_of, friction_warnings
 from contact_locking.study.loads import build_loads
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
+from contact_locking.study_file.named_numbers import resolved
 from contact_locking.study_file.parameters import LoadParameters, Parameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
@@ -39,7 +40,7 @@ class StudyProblem(DiscreteProblem):
     """
 
     def __init__(self, parameters: Parameters, domain: Domain, element: Element) -> None:
-        self.parameters = parameters
+        self.parameters, parameters = parameters, resolved(parameters)
         told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
         parameters.check_dimension(domain.dim)
         given = MaterialOfStudy(domain, parameters.material)
