@@ -21,6 +21,8 @@ from contact_locking.errors import InputError
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.families import Families, families_of
 from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.lorentz import norm
+from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.target import Target
 
@@ -108,13 +110,17 @@ class Equations:
         travels = comm.allreduce(on_tools) - np.array([tool.force for tool in system.tools])
         forces = np.append(vector.array_r, travels)
         vector.destroy()
-        wanted = []
-        for bound in self.bounds:
-            pressure = bound.pressing.nodes.at_all(bound.pressing.z)
-            values_at_all = bound.contact.friction_bound(system.u, pressure)
-            wanted.append(bound.friction.nodes.of_all(values_at_all) - bound.friction.z[0])
+        wanted = [self._wanted(bound) - bound.friction.bound for bound in self.bounds]
         gaps = tuple(family.primal_gap() for family in self.families)
         return Residual(forces, gaps, tuple(wanted), np.array(values, dtype=float))
+
+    def _wanted(self, bound: MovingBound) -> FloatArray:
+        """``mu(s) |R p|`` (k,) with the slip of the points, whose gaps move them; collective."""
+        contact, nodes, points = bound.contact, bound.friction.nodes, bound.friction.x
+        slips = contact.slips(self.system.u)
+        nodes.enter(nodes.of_all(contact.state.slip) + norm(points[1 : 1 + nodes.dim]), slips)
+        pressure = nodes.at_all(bound.pressing.z)
+        return nodes.of_all(contact.acting(contact.friction.evaluate(pressure, slips)))
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
