@@ -9,18 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import InputError
-from contact_locking.parallel import maximum
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
 from contact_locking.sensitivity.parameters import Frozen, Parameter, width
 from contact_locking.sensitivity.quantities import Quantity, quantity_of
+from contact_locking.sensitivity.solved import require_solved
 from contact_locking.sensitivity.states import share_at_change
 from contact_locking.solver.task import Task
 
-# At the last iterate the equations hold to the tolerance of the solver.  Data that have changed
-# since the solve leave more than this share of forces and points.
-_HOLDS = 1e-5
 
 
 @dataclass(frozen=True)
@@ -55,7 +51,7 @@ class Derivatives:
         with frozen.system.preserved():
             equations = frozen.equations()
             self._linear = Linearisation(equations, task)
-            self._require_solved(equations.residual())
+            require_solved(equations)
 
     @property
     def solves(self) -> int:
@@ -151,23 +147,6 @@ class Derivatives:
     def _gradient(self, quantity: Quantity) -> Gradient:
         equations = self._linear.equations
         return quantity.gradient(equations, equations.residual())
-
-    def _require_solved(self, residual: Residual) -> None:
-        """Raise InputError if the equations do not hold at the iterate; collective."""
-        equations, comm = self._linear.equations, self._frozen.system.comm
-        count = len(equations.system.load)
-        left = equations.system.constraints.free_part(residual.forces[:count])
-        force = float(np.sqrt(comm.allreduce(float(left @ left))))
-        holds = force <= _HOLDS * equations.system.force_scale(1.0)
-        moved = equations.system.largest_displacement()
-        for family, gap in zip(equations.families, residual.gaps, strict=True):
-            size = maximum(comm, family.x, moved if family.stops_rigid_motions else 0.0)
-            holds &= maximum(comm, np.abs(gap)) <= _HOLDS * size
-        if not holds:
-            raise InputError(
-                "the data have changed since the solve: solve again, or ask for derivatives before "
-                "the data change"
-            )
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -12,8 +12,9 @@ from contact_locking.errors import InputError
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.derivatives import Derivatives
-from contact_locking.sensitivity.parameters import Entry, Frozen, Number
+from contact_locking.sensitivity.parameters import Entry, Frozen, Number, refresh
 from contact_locking.sensitivity.penalised_iterate import penalised_iterate
+from contact_locking.sensitivity.solved import require_settled
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.target import Target
@@ -63,6 +64,8 @@ class LazyDerivatives:
         if not self.report.converged:
             raise InputError("a solve that has not converged has no derivatives")
         if self._made is None:
+            # Data that have changed since are told from the equations, which they change.
+            refresh(self._problem, self._system)
             system, target = self._system, self._target()
             tolerance = self._settings.tolerance
             iterate = self.report.last
@@ -73,6 +76,7 @@ class LazyDerivatives:
                 )
             # Newton's method has the last word where there are no multipliers.
             if iterate is None or self.report.multipliers is None:
+                require_settled(system, tolerance)
                 iterate = penalised_iterate(system, target, tolerance)
             frozen = Frozen(self._problem, system, self._target, iterate)
             self._made = Derivatives(frozen, Task(system, target, self._settings))

@@ -40,12 +40,16 @@ class Frozen:
         return Equations(self.system, self.target(), self.iterate)
 
     def refresh(self) -> None:
-        """Take the present data; collective.  What only judges data is left out."""
-        problem = self.problem
-        problem.material.refresh()
-        problem.limits.refresh()
-        problem.place()
-        self.system.assemble_loads()
+        """Take the present data; collective."""
+        refresh(self.problem, self.system)
+
+
+def refresh(problem: DiscreteProblem, system: PenalisedSystem) -> None:
+    """Take the present data of a problem; collective.  What only judges them is left out."""
+    problem.material.refresh()
+    problem.limits.refresh()
+    problem.place()
+    system.assemble_loads()
 
 
 class Parameter(Protocol):

@@ -65,7 +65,7 @@ def block(
     n: float = math.inf,
     degree: int = 1,
     dim: int = 2,
-    cells: int = 12,
+    cells: int = 8,
     kernel: Any = None,
     coefficient: Callable[[cl.Number], Any] | None = None,
     **settings: Any,

@@ -104,7 +104,10 @@ class LockingCones(LorentzCones):
             value = (x_0 - limit) * det - share * x_0
             x_0 -= value / (det + 2.0 * (x_0 - limit) * x_0 - share)
         self.x = np.vstack([x_0, self.seen])
-        self.z = product * inverse(self.x)
+        # Beyond the limit ``z_0 = q/compliance`` has more digits than ``x^-1``.
+        z_0 = np.where(strain > limit, (x_0 - limit) / self.compliance, product * inverse(self.x)[0])
+        self.z = -z_0 / x_0 * self.x
+        self.z[0] = z_0
 
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
         """``dz = b - W^-2 dx`` with ``dx_0 = yielding dz_0 + gap_0`` eliminated."""
