@@ -31,7 +31,9 @@ _WAY_OUT_OF_ENTRY = (
 
 
 def solution_of(
-    state: SolvedState, certificate: Certificate | None, differentiable: Differentiable
+    state: SolvedState,
+    certificate: Certificate | None,
+    differentiable: Differentiable | None = None,
 ) -> Solution:
     """The fields, the contact points and the summary of a solved state; collective.
 

@@ -158,7 +158,6 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-
 # The width of a central difference of solves, relative to the number.
 _CHECK = 1e-3
 

@@ -100,6 +100,23 @@ def rows(summary: Mapping[str, Any], use: UseOfLimit | None) -> list[tuple[str, 
     ]
 
 
+def sensitivities(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The table of derivatives, the numbers that matter most first; none without derivatives."""
+    found = summary.get("sensitivities")
+    if not found:
+        return []
+    rows: list[tuple[str, ...]] = []
+    for quantity, entries in found.items():
+        by_size = sorted(entries.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0))
+        for key, entry in by_size:
+            elasticity = entry["elasticity"]
+            share = "" if elasticity is None else f"{elasticity:+.3g} % for 1 %"
+            checked = entry.get("checked")
+            told = "" if checked is None else f"by solves {checked:.4g}"
+            rows.append((f"d {quantity}/d {key}", f"{entry['derivative']:.4g}", share, told))
+    return [*rows, ("derivatives", summary["share_at_change"]["in_words"], "", "")]
+
+
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
     errors = _errors(summary)
     if (mesh := _relative(errors, "mesh")) is not None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from contact_locking.arrays import IntArray
+from contact_locking.errors import InputError
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History
@@ -60,7 +61,7 @@ class Solution:
     contact_facets: IntArray | None  # (m, d), corners as numbers of the points; None likewise
     state: State  # all that the next solve may take from this one
     summary: dict[str, Any]
-    differentiable: Differentiable
+    differentiable: Differentiable | None = None
 
     def derivative(self, quantity: str, of: Any) -> Any:
         """``dJ/dp``, J being a quantity of the summary such as "contact_force.1" or "compliance".
@@ -73,6 +74,8 @@ class Solution:
         again, or its data have changed, since the solve.  By the tangent of the last iterate
         (docs/solver.md, Derivatives).
         """
+        if self.differentiable is None:
+            raise InputError("this solution was read or made without its derivatives")
         return self.differentiable.derivative(quantity, of)
 
     @property

@@ -18,7 +18,6 @@ from contact_locking.sensitivity.states import share_at_change
 from contact_locking.solver.task import Task
 
 
-
 @dataclass(frozen=True)
 class Table:
     """Derivatives (m, n) of m quantities by n parameters, and the quantities and their values."""

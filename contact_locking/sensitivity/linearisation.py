@@ -17,7 +17,7 @@ are solved for the bounds, whose system is small beside K, by generalised conjug
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,7 +109,9 @@ class Linearisation:
         self.tangent.refresh()
         self._laws = [BoundLaw(bound, 1.0) for bound in equations.bounds]
         self._pressing = [bound.pressing for bound in equations.bounds]
-        self._weights = np.concatenate([law.friction.weights for law in self._laws] or [np.empty(0)])
+        self._weights = np.concatenate(
+            [law.friction.weights for law in self._laws] or [np.empty(0)]
+        )
         self._ends = np.cumsum([len(law.friction.weights) for law in self._laws])[:-1]
 
     # Forward.
@@ -246,7 +248,9 @@ class Linearisation:
 
     def _nothing(self) -> _Answer:
         none = self.tangent.nothing()
-        return _Answer(none, {family: np.zeros_like(family.seen) for family in self.equations.families})
+        return _Answer(
+            none, {family: np.zeros_like(family.seen) for family in self.equations.families}
+        )
 
     def _size(self, displacement: FloatArray) -> float:
         owned = displacement[: self._owned]
@@ -275,7 +279,7 @@ class Linearisation:
             size = self._norm(image)
             if not size > 0.0:
                 raise NotConverged("the derivative of the friction bounds was not found")
-            step, image = step / size, image / size
+            step, image = np.asarray(step / size), np.asarray(image / size)
             answer = self._nothing().plus(answer, 1.0 / size)
             known.append((step, image, answer))
             share = self._dot(image, left)

@@ -9,7 +9,7 @@ change on the scale of the value itself.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -55,13 +55,15 @@ def refresh(problem: DiscreteProblem, system: PenalisedSystem) -> None:
 class Parameter(Protocol):
     """A number that the equations depend on smoothly."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """The name in tables."""
 
     @property
     def value(self) -> float:
         """The present value."""
 
-    def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
+    def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
         """A context with the equations for another value; collective."""
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.families import families_of
@@ -28,7 +29,7 @@ def penalised_iterate(system: PenalisedSystem, target: Target, tolerance: float)
     product = _PRODUCT * target.ellipticity * strain**2
     families, owned = families_of(system, target, 0.0), len(system.load)
     displacement = np.append(system.u.x.array[:owned], np.zeros(len(system.tools)))
-    cones = []
+    cones: list[tuple[FloatArray, FloatArray] | None] = []
     for family in families.every:
         family.look(displacement)
         if isinstance(family, FrictionCones):

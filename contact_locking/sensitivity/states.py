@@ -31,7 +31,9 @@ def share_at_change(families: Sequence[Family], comm: MPI.Intracomm) -> dict[str
         kind, near = _judged(family, comm)
         size = np.array([family.weights[near].sum(), family.weights.sum()])
         counts[kind] = counts.get(kind, np.zeros(2)) + comm.allreduce(size)
-    return {kind: float(near / every) if every > 0.0 else 0.0 for kind, (near, every) in counts.items()}
+    return {
+        kind: float(near / every) if every > 0.0 else 0.0 for kind, (near, every) in counts.items()
+    }
 
 
 def _judged(family: Family, comm: MPI.Intracomm) -> tuple[str, BoolArray]:

@@ -20,7 +20,7 @@ LEAST = 1e-2
 
 def difference(values: Callable[[float], FloatArray], at: float, width: float) -> FloatArray:
     """``d values/d ln p`` by a central difference of this width."""
-    return (values(at * (1.0 + width)) - values(at * (1.0 - width))) / (2.0 * width)
+    return np.asarray((values(at * (1.0 + width)) - values(at * (1.0 - width))) / (2.0 * width))
 
 
 def errors(

@@ -33,6 +33,10 @@ class Block:
     problem: cl.ContactProblem
     given: dict[str, fem.Constant | cl.Number]
 
+    def at(self, name: str, value: float) -> FloatArray:
+        """The quantities NAMES with another value of one number; collective."""
+        return self.values(**{name: value})
+
     def values(self, **changed: float) -> FloatArray:
         """The quantities NAMES with other numbers, by a solve; collective."""
         before = {name: float(self.given[name].value) for name in changed}

@@ -84,8 +84,10 @@ class HalfLines(Family):
         opening, double = self.limit - self.seen, 2.0 * self.compliance
         root = np.sqrt(opening**2 + 2.0 * double * product)
         # Of two formulae for each root the one without cancellation.
-        self.z = np.where(opening > 0.0, 2.0 * product / (root + opening), (root - opening) / double)
-        self.x = product / self.z
+        self.z = np.where(
+            opening > 0.0, 2.0 * product / (root + opening), (root - opening) / double
+        )
+        self.x = np.asarray(product / self.z)
 
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
         return (self._wanted - self.z * d_rest) / (self.x + self._yielding * self.z)

@@ -18,7 +18,6 @@ from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.multipliers import Multipliers
 
-
 # Newton's method for one cone halves the distance to a double root, and else is fast.
 _MOST_STEPS = 40
 
@@ -105,7 +104,9 @@ class LockingCones(LorentzCones):
             x_0 -= value / (det + 2.0 * (x_0 - limit) * x_0 - share)
         self.x = np.vstack([x_0, self.seen])
         # Beyond the limit ``z_0 = q/compliance`` has more digits than ``x^-1``.
-        z_0 = np.where(strain > limit, (x_0 - limit) / self.compliance, product * inverse(self.x)[0])
+        z_0 = np.where(
+            strain > limit, (x_0 - limit) / self.compliance, product * inverse(self.x)[0]
+        )
         self.z = -z_0 / x_0 * self.x
         self.z[0] = z_0
 

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import BoolArray, FloatArray
 
 # A point and its multiplier, or a step of both.
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
@@ -41,6 +41,22 @@ def inverse(x: FloatArray) -> FloatArray:
     result = x / -(size(x) ** 2)
     result[0] *= -1.0
     return result
+
+
+def aligned(pair: Pair, stays: BoolArray) -> Pair:
+    """A pair near by with ``x o z = theta e`` in each cone, with its own theta.
+
+    Points x stay where ``stays`` (k,), and multipliers elsewhere; the other of the two becomes a
+    multiple of the inverse of the one that stays, with the same first entry as before.
+    """
+    x, z = pair
+
+    def beside(y: FloatArray, first: FloatArray) -> FloatArray:
+        turned = -(first / y[0]) * y
+        turned[0] = first
+        return turned
+
+    return np.where(stays, x, beside(z, x[0])), np.where(stays, beside(x, z[0]), z)
 
 
 def total(weights: FloatArray, pair: Pair, t: float, step: Pair) -> float:
