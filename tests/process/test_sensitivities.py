@@ -120,7 +120,12 @@ def test_friction_remembers_the_derivatives_of_its_slips() -> None:
 def test_the_column_has_its_closed_derivatives() -> None:
     """A column between rollers that no limit stops: the compliance is proportional to 1/E."""
     parameters = with_changes_of(
-        column(pressure=0.005, contact__gap=0.0, penalty__n=math.inf),
+        column(
+            pressure=0.005,
+            contact__gap=0.0,
+            penalty={"n": math.inf},
+            material__locking_limit=math.inf,
+        ),
         {"of": ["compliance", "contact_force.1"], "to": ["material.elasticity.young"]},
     )
     solution = solve(parameters)
