@@ -27,6 +27,8 @@ from contact_locking.study.shapes import Site, build
 # A negative friction coefficient smaller than this share of the largest value is zero with
 # rounding.
 _COEFFICIENT_ROUNDING = 1e-12
+# A slip, as a share of the size of the body.
+_SOME_SLIP = 1e-3
 # A force below this share of the largest force is zero with rounding, as in sin(pi*t) at t = 1.
 _ROUNDING = 1e-12
 # The share of the largest force by which the force may leave its line.
@@ -61,7 +63,12 @@ def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) ->
     key = given.friction_key("coefficient")
     expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
     facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))
-    return features(facets, expression, key, "refine the mesh there", s=0.0)
+    # Friction may begin with the slip; from the size of the body on the slip is as good as endless.
+    slips = [0.0, _SOME_SLIP * domain.extent(), domain.extent()]
+    for slip in slips if "s" in expression.names else slips[:1]:
+        if found := features(facets, expression, key, "refine the mesh there", s=slip):
+            return found
+    return []
 
 
 class GapOfStudy(GivenGap):

@@ -7,7 +7,7 @@ or facet, the rule divides the cell or facet into parts, so that the resultant i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -18,7 +18,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import AXES, FloatArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import LARGEST, TIME, Expression, parse
+from contact_locking.expressions import LARGEST, TIME, Expression, Lookup, parse
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
 from contact_locking.fields.lookups import Lookups
@@ -210,10 +210,11 @@ class _Load:
                 return np.asarray(np.linalg.norm(self._values(x, time), axis=1))
 
             agree(comm, lambda: refuse_poles(self._on, suspects, size, self._key))
+        nodes = " (its table counts at the nodes alone)" if self._lookups.fields else ""
         text = (
             f"changes too sharply for this mesh near {where}, where it reaches {largest:.3g}; its "
-            f"resultant is uncertain by about {100.0 * share:.2g} %: refine the mesh there, or "
-            "give a load that is wider"
+            f"resultant is uncertain by about {100.0 * share:.2g} %{nodes}: refine the mesh there, "
+            "or give a load that is wider"
         )
         if share > _LOST:
             raise InputError(text, self._key)
@@ -241,20 +242,20 @@ class _Load:
         """The key of a component in the study file."""
         return f"{self._key}.{i}"
 
-    def _values(self, x: FloatArray, time: float, is_used: bool = False) -> FloatArray:
+    def _values(
+        self, x: FloatArray, time: float, used: Mapping[Lookup, FloatArray] | None = None
+    ) -> FloatArray:
         """The components (k, c) at points (k, d).
 
-        If the forms use the points, InputError is raised for a value that is no number; at other
-        points such a value is zero.
+        ``used`` are the values (k,) of tables in the forms, if the forms use the points.  Then
+        InputError is raised for a value that is no number; at other points such a value is zero.
         """
         places: dict[str, Any] = {**dict(zip(AXES, x.T, strict=False)), TIME: time}
         found = np.empty((len(x), len(self._components)))
         for i, component in enumerate(self._components):
-            if is_used:
-                key = self._component_key(i)
-                found[:, i] = with_key(key, partial(component.numpy, **places))
-            else:
-                found[:, i] = component.unchecked(**places)
+            if used is not None:
+                with_key(self._component_key(i), partial(component.numpy, **places))
+            found[:, i] = component.unchecked(used, **places)
         return np.where(np.abs(found) <= LARGEST, found, 0.0)
 
     def _sample(self, halvings: int, degree: int, time: float, is_used: bool = False) -> _Sample:
@@ -263,7 +264,10 @@ class _Load:
         size, top = 0.0, (-1.0, "")
         for chunk, x in self._on.chunks(points):
             places = x.reshape(-1, x.shape[2])
-            found = self._values(places, time, is_used)
+            used = None
+            if is_used:
+                used = self._lookups.in_simplices(self._on.corners[chunk], points, time)
+            found = self._values(places, time, used)
             sizes = np.linalg.norm(found, axis=1)
             by_entity = found.reshape(*x.shape[:2], -1)
             measures = self._on.sizes[chunk]
