@@ -73,6 +73,7 @@ class StudyProblem(DiscreteProblem):
         )
         penalty = parameters.penalty
         super().__init__(body, contacts, penalty.n, penalty.epsilon)
+        self.require_held()
         told += given.warnings()
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)
