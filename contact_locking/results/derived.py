@@ -101,7 +101,12 @@ class ContactFields:
         return maximum(self.surface.domain.comm, (self.u_normal - self.gap)[nodes])
 
     def friction(self) -> tuple[float, float]:
-        """``int |sigma_tau|`` and ``int G``, the most that friction could be; collective."""
+        """``int |sigma_tau|`` and ``int G``, the most that friction could be; collective.
+
+        Both are zero without slip, which has no bound.
+        """
+        if self.contact.friction.stands:
+            return 0.0, 0.0
         size = np.linalg.norm(self.traction, axis=1)
         integrals = [self.surface.integral(values * self.free) for values in (size, self.bound)]
         return float(integrals[0]), float(integrals[1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 
@@ -44,7 +45,9 @@ def contact_of(
     that is zero at all times or changes its direction.
     """
     coefficient: float | FrictionLaw = 0.0
-    if given.friction.coefficient != 0:
+    if given.friction.coefficient == math.inf:
+        coefficient = math.inf
+    elif given.friction.coefficient != 0:
         coefficient = _friction_law(domain, given, clock)
     friction = Coulomb(coefficient, _kernel(domain, given), given.friction.regularisation)
     foundation = given.foundation
@@ -60,6 +63,8 @@ def contact_of(
 
 def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:
     """What the nodes do not see of the friction coefficient; collective.  Raises for a pole."""
+    if given.friction.coefficient == math.inf:
+        return []
     key = given.friction_key("coefficient")
     expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
     facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))

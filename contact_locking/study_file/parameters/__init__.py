@@ -170,6 +170,12 @@ class Parameters(Section):
             )
         if self.solver.method == "newton":
             for contact in self.contacts:
+                if contact.friction.coefficient == math.inf:
+                    yield Fault(
+                        tuple(contact.friction_key("coefficient").split(".")),
+                        ".inf, no slip, cannot be solved by Newton's method; take solver.method: "
+                        "interior_point (or auto), or a finite coefficient",
+                    )
                 if contact.friction.regularisation == 0.0:
                     yield Fault(
                         tuple(contact.friction_key("regularisation").split(".")),

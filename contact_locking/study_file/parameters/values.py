@@ -76,6 +76,11 @@ def _negative(value: Any) -> float | str:
     return found
 
 
+def _of_slip(value: Any) -> float | str:
+    """A number, plus infinity, or the text of an expression that is finite."""
+    return value if isinstance(value, float) and value == math.inf else _OF_SLIP(value)
+
+
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
         raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
@@ -195,4 +200,4 @@ PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
 PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
 NegativeScalarOrInfinite = Annotated[float | str, BeforeValidator(_negative)]
 PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]
-NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_OF_SLIP)]
+NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_of_slip)]
