@@ -105,6 +105,21 @@ def test_a_load_of_which_a_part_is_lost_is_warned_of_with_its_size() -> None:
     problem.close()
 
 
+@pytest.mark.parametrize("centre", [0.4032, 0.43, 0.6, 0.7773])
+def test_two_rules_that_agree_by_chance_hide_no_lost_load(centre: float) -> None:
+    """Both may see the same share of a band that is a few of their points wide."""
+    problem = _loaded(tractions=_down(f"1 if abs(x - {centre}) < 0.0046 else 0"))
+    off = abs(_weight(problem) / 0.0092 - 1.0)
+    assert off < 0.03 or "its resultant is uncertain" in problem.warnings[0]
+    problem.close()
+    thinner = f"1 if abs(x - {centre}) < 0.0023135 else 0"
+    try:
+        told = _loaded(tractions=_down(thinner)).warnings[0]
+    except InputError as error:
+        told = str(error)
+    assert "its resultant is uncertain by about" in told
+
+
 @pytest.mark.parametrize("load", ["exp(-((x - 0.43)/0.0003)**2)", "1 if abs(x-0.43)<2e-4 else 0"])
 def test_a_load_that_is_mostly_lost_is_refused(load: str) -> None:
     with pytest.raises(InputError, match="its resultant is uncertain by about") as caught:

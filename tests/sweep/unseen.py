@@ -22,7 +22,7 @@ _LOAD = 0.05
 # of its indentation, without a word.
 _FACTOR, _ENTRY = 1.7, 0.15
 # Nodes touch within this share of the radius, and see a foundation that turns by less between them.
-_TOUCH, _TURN = 1e-4, 0.7
+_TOUCH, _TURN = 0.02, 0.7
 # Points of an edge of a cell or facet.
 _POINTS = 32
 
@@ -92,8 +92,9 @@ def _varies(name: str, values: FloatArray, count: int) -> list[str]:
     """Data that change much within a simplex by a jump: more than along a slope over the body."""
     inside = values.reshape(count, -1)
     low, high = inside.min(axis=1), inside.max(axis=1)
-    worst = int(np.argmax(high - _FACTOR * low))
-    if not high[worst] > _FACTOR * low[worst]:
+    factors = high / np.maximum(low, 1e-300) if np.isfinite(low).all() else np.ones(count)
+    worst = int(np.argmax(factors))
+    if not factors[worst] > _FACTOR:
         return []
     return [f"{name} goes from {low[worst]:.2g} to {high[worst]:.2g} inside of a cell or facet"]
 
