@@ -45,7 +45,8 @@ def narrow(random: Random) -> Case:
     loads: Study = {"displacements": [{"on": "left", "value": [0.0, 0.0]}]}
     limit: float | str = 1.0
     friction: float | str = pick(random, [0.0, 0.3])
-    told, band = _DATA, None
+    told: tuple[str, ...] = _DATA
+    band = None
     if what == "load":
         loads["tractions"] = [{"on": "top", "value": [0.0, f"-{pressure} if {inside} else 0"]}]
         told, band = _LOAD, (centre, half, pressure)
