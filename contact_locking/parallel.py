@@ -18,6 +18,9 @@ from contact_locking.errors import ContactLockingError, InputError
 
 T = TypeVar("T")
 
+# Values that differ by less, relative to the largest, are alike.
+_ALIKE = 1e-6
+
 
 def on_root(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
     """Run ``work`` on rank 0; return the result, or raise the error, on all ranks; collective.
@@ -62,6 +65,21 @@ def maximum(comm: MPI.Intracomm, values: FloatArray | float, least: float = 0.0)
     A rank may have no values.
     """
     return float(comm.allreduce(float(np.max(values, initial=least)), op=MPI.MAX))
+
+
+def peak(
+    comm: MPI.Intracomm, values: FloatArray, places: FloatArray
+) -> tuple[float, tuple[float, ...] | None]:
+    """The largest of values (k,) >= 0 and its place, of places (k, d); collective.
+
+    Of values that rounding or the solver may have made unequal the place is the first one in
+    lexicographic order.  It is None if all values are zero.
+    """
+    largest = maximum(comm, values)
+    near = places[values >= (1.0 - _ALIKE) * largest] if largest > 0.0 else places[:0]
+    own = near[np.lexsort(near.T[::-1])[:1]].tolist()
+    firsts = [tuple(place) for found in comm.allgather(own) for place in found]
+    return largest, min(firsts, default=None)
 
 
 def minimum(comm: MPI.Intracomm, values: FloatArray | float) -> float:

@@ -52,7 +52,7 @@ class SolvedState:
         """
         u, data, domain = problem.u, problem.data, problem.domain
         found = report.multipliers or penalised(domain, u, data)
-        body = BodyFields(domain, system, problem.limits, found)
+        body = BodyFields(problem, system, found)
         pairs = zip(data.contacts, found.contacts, strict=True)
         contacts = tuple(ContactFields(contact, u, forces) for contact, forces in pairs)
         return cls(problem, system, target, settings, report, found, body, contacts)

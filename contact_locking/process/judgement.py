@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import dolfinx
 import numpy as np
 
 from contact_locking.certificate import Certificate
@@ -11,9 +12,9 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
 from contact_locking.problem.parts import describe_loose, describe_slide
-from contact_locking.results.body_fields import body_summary
 from contact_locking.results.contact_points import STICK
-from contact_locking.results.derived import contact_summary, gather_contacts, on_gamma_c
+from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
+from contact_locking.results.quantities import computed
 from contact_locking.results.solution import Solution
 from contact_locking.results.state import State
 from contact_locking.results.uncovered_boundary import uncovered_entry
@@ -50,6 +51,7 @@ def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution
         locked=body.locked,
         elastic_stress=body.elastic_stress,
         locking_stress=body.locking_stress,
+        von_mises=body.von_mises,
         locking_parts=body.locking_parts,
         error_indicator=indicator and indicator.field,
         elastic_error_indicator=indicator and indicator.elastic_field,
@@ -79,20 +81,20 @@ def state_of(state: SolvedState) -> State:
     return State(saved, state.multipliers, after)
 
 
-def _warnings(state: SolvedState, touching: dict[str, Any], strain: float) -> list[str]:
+def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
     """What is probably not intended in a solution; collective."""
     problem, target, data = state.problem, state.target, state.problem.data
     entering = [fields.penetration(fields.free) for fields in state.contacts]
     held = [fields.penetration(~fields.free) for fields in state.contacts]
-    found = plausibility.about_the_strain(strain)
+    found = plausibility.about_the_strain(numbers["strain_norm_max"])
     found += plausibility.about_the_overstrain(
-        state.body.largest_overstrain(problem.domain), target.penalty.n, target.young
+        state.body.overstrain, target.penalty.n, target.young
     )
     found += plausibility.about_held_nodes(
         [fields.contact.key for fields in state.contacts], held, state.largest_displacement
     )
     if problem.sliding and not any(contact.friction.depends_on_slip for contact in data.contacts):
-        found += plausibility.about_the_friction_used(touching["friction_used"])
+        found += plausibility.about_the_friction_used(numbers["friction_used"])
     for fields in state.contacts:
         between = fields.entry
         found += plausibility.about_an_entry(
@@ -121,17 +123,21 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
         slide = describe_slide(domain, u.function_space, data, problem.constraints)
     if slide is None and data.tools and problem.free and not report.converged:
         slide = describe_loose(domain, u.function_space, data, problem.constraints)
-    numbers = body_summary(domain, state.system, state.body)
-    touching = contact_summary(state.contacts, data.tools, domain.dim)
+    numbers = computed("body", state.body) | _contacts(state)
     warnings = [*problem.warnings, *report.warnings]
     if report.converged:
-        warnings += _warnings(state, touching, numbers["strain_norm_max"])
+        warnings += _warnings(state, numbers)
     summary: dict[str, Any] = {
         "converged": report.converged,
         "reason": f"{slide}; {report.reason}" if slide else report.reason,
         "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
+        "discretisation": data.element.facts(),
+        "dofs": int(u.function_space.dofmap.index_map.size_global * domain.dim),
+        "cells": domain.num_cells,
+        "ranks": domain.comm.size,
+        "dolfinx": dolfinx.__version__,
         **numbers,
-        **touching,
+        "strain_sets": state.body.about_sets(),
         "iterations": {
             "tangents": report.tangents,
             "linear": report.linear,
@@ -152,6 +158,20 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
         "warnings": warnings,
     }
     return summary if certificate is None else _judged(summary, state, certificate)
+
+
+def _contacts(state: SolvedState) -> dict[str, Any]:
+    """The keys of summary.json about all contacts together, and about each contact; collective."""
+    domain, pushed = state.problem.domain, {id(item.contact): item for item in state.problem.data.tools}
+    found = [computed("contact", Contacts(domain, (fields,))) for fields in state.contacts]
+    total = found[0] if len(found) == 1 else computed("contact", Contacts(domain, state.contacts))
+    entries = [
+        {"on": list(one.contact.on), **own} for one, own in zip(state.contacts, found, strict=True)
+    ]
+    for fields, entry in zip(state.contacts, entries, strict=True):
+        if tool := pushed.get(id(fields.contact)):
+            entry["tool"] = tool.summary()
+    return total | {"contacts": entries}
 
 
 def _judged(

@@ -18,7 +18,10 @@ from contact_locking.results.fields import FIELD_NAMES
 from contact_locking.results.solution import Solution
 
 # The fields of the body that have values at the points of the strains.
-_OF_STRAINS = ("strain_norm", "locked", "elastic_stress", "locking_stress", "error_indicator")
+_OF_STRAINS = (
+    *("strain_norm", "locked", "elastic_stress", "locking_stress"),
+    *("von_mises", "error_indicator"),
+)
 
 
 def write(solution: Solution, path: Path, comm: MPI.Intracomm) -> None:

@@ -1,0 +1,311 @@
+"""The quantities of a solution, each with its name, meaning and unit, and how it is computed.
+
+The summary, history.csv, the terminal, reports, pictures and the reference of the documentation
+read this registry.  It needs no DOLFINx, so that reports are made without.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+import numpy as np
+
+from contact_locking.arrays import AXES, FloatArray, moments
+from contact_locking.results.contact_points import OPEN, SLIP
+
+if TYPE_CHECKING:
+    from contact_locking.results.body_fields import BodyFields
+    from contact_locking.results.derived import ContactFields, Contacts
+
+# A moment below this share of the moments that it is the sum of is rounding.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number or a vector of summary.json by its dotted key.
+
+    ``compute`` maps the fields that the quantity is ``of`` to its value; without it the solver or
+    the certificate computes the value.  With a preposition ``at`` the value has a place, which the
+    summary has under ``<key>_at``.  A ``share_of`` something is told in per cent.  ``in_terminal``
+    is False for a detail, and pages fold an ``internal`` number of the solver.
+
+    A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
+    ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
+    and iterations change in ``jumps``.
+    """
+
+    key: str
+    name: str
+    meaning: str
+    unit: str
+    compute: Callable[[Any], Any] | None = None
+    of: Literal["body", "contact", "solver"] = "solver"
+    trend: Literal["settles", "vanishes", "jumps"] | None = "settles"
+    at: str = ""
+    share_of: str = ""
+    in_terminal: bool = True
+    internal: bool = False
+
+
+Compute = TypeVar("Compute", bound=Callable[..., Any])
+
+
+def touches(fields: ContactFields) -> FloatArray:
+    """1 at the nodes (k,) where the body touches, 0 at the others."""
+    return (fields.state != OPEN).astype(float)
+
+
+#: The quantities by key, in the order in which readers meet them.
+QUANTITIES: dict[str, Quantity] = {}
+
+
+def of_body(name: str, unit: str, **others: Any) -> Callable[[Compute], Compute]:
+    """Register a function of `BodyFields`: its name is the key, its docstring the meaning.
+
+    The function is collective.  With ``at`` it returns the value and its place, None without one.
+    """
+    return _register("body", name, unit, others)
+
+
+def of_contact(name: str, unit: str, **others: Any) -> Callable[[Compute], Compute]:
+    """Register a function of `Contacts`, as :func:`of_body`.
+
+    It is called for all contacts together, and for each contact if there are several.
+    """
+    return _register("contact", name, unit, others)
+
+
+def _register(
+    of: Literal["body", "contact"], name: str, unit: str, others: dict[str, Any]
+) -> Callable[[Compute], Compute]:
+    def register(compute: Compute) -> Compute:
+        key, words = compute.__name__, " ".join((compute.__doc__ or "").split()).rstrip(".")
+        meaning = words[:1].lower() + words[1:]
+        QUANTITIES[key] = Quantity(key, name, meaning, unit, compute, of, **others)
+        return compute
+
+    return register
+
+
+@of_body("largest displacement", "length", at="at")
+def displacement_max(body: BodyFields) -> Any:
+    """Largest |u| at the nodes."""
+    return body.peak(np.linalg.norm(body.displacements, axis=1), body.nodes)
+
+
+@of_body("largest von Mises stress", "stress", at="at")
+def von_mises_max(body: BodyFields) -> Any:
+    """Largest von Mises stress, of the elastic and the locking stress together."""
+    field = body.von_mises
+    return (None, None) if field is None else body.peak(body.at_points(field), body.points)
+
+
+@of_contact("peak pressure", "stress", at="at")
+def pressure_max(contacts: Contacts) -> Any:
+    """Largest contact pressure −σ_ν."""
+    return contacts.peak(lambda fields: fields.pressure)
+
+
+@of_contact("contact force", "force")
+def contact_force(contacts: Contacts) -> Any:
+    """Resultant of the contact pressure on the body."""
+    dim = contacts.domain.dim
+    return contacts.integral(lambda fields: -fields.pressure[:, None] * fields.normal, dim)
+
+
+@of_contact("friction force", "force")
+def friction_force(contacts: Contacts) -> Any:
+    """Resultant of the friction on the body."""
+    return contacts.integral(lambda fields: fields.traction, contacts.domain.dim)
+
+
+@of_contact("friction used", "1", trend="jumps", share_of="the friction bound")
+def friction_used(contacts: Contacts) -> Any:
+    """∫ |σ_τ| / ∫ G, the share that acts of what friction could hold: 1 if all of it is used."""
+    bound = contacts.integral(lambda fields: fields.bound * fields.free)
+    size = contacts.integral(lambda fields: np.linalg.norm(fields.traction, axis=1) * fields.free)
+    return size / bound if bound > 0.0 else None
+
+
+@of_contact("contact moment", "force · length", at="about")
+def contact_moment(contacts: Contacts) -> Any:
+    """Moment of pressure and friction on the body, about the centre of where it touches."""
+    dim, area = contacts.domain.dim, contact_area(contacts)
+    if not area > 0.0 or contacts.domain.axisymmetric:
+        return np.zeros(3 if dim == 3 else ()), None
+    centre = contacts.integral(lambda f: touches(f)[:, None] * f.surface.points, dim) / area
+
+    def each(fields: ContactFields) -> FloatArray:
+        forces = fields.traction - fields.pressure[:, None] * fields.normal
+        return moments(fields.surface.points - centre, forces)
+
+    total = contacts.integral(each, 2 * dim - 3)
+    size = contacts.integral(lambda fields: np.linalg.norm(each(fields), axis=1))
+    total[np.abs(total) <= _ROUNDING * size] = 0.0
+    return total if dim == 3 else total[0], centre
+
+
+@of_contact("contact area", "area", trend="jumps")
+def contact_area(contacts: Contacts) -> Any:
+    """Part of Γ_C where the body touches, a length in 2D."""
+    return contacts.integral(touches)
+
+
+@of_contact("slip area", "area", trend="jumps", in_terminal=False)
+def slip_area(contacts: Contacts) -> Any:
+    """Part of Γ_C where the body slips, a length in 2D."""
+    return contacts.integral(lambda fields: (fields.state == SLIP).astype(float))
+
+
+@of_contact("largest slip", "length", in_terminal=False)
+def slip_max(contacts: Contacts) -> Any:
+    """Largest accumulated slip of the points that touch."""
+    return contacts.largest(lambda fields: fields.slip * touches(fields))
+
+
+@of_contact("largest slip of the step", "length", trend=None, in_terminal=False)
+def slip_step_max(contacts: Contacts) -> Any:
+    """Largest slip of the last step, of the points that touch."""
+    return contacts.largest(lambda f: np.linalg.norm(f.increment, axis=1) * touches(f))
+
+
+@of_contact("penetration", "length", trend="vanishes", in_terminal=False)
+def penetration_max(contacts: Contacts) -> Any:
+    """Largest [u_ν − g]⁺ at the nodes, held nodes included."""
+    return contacts.largest(lambda fields: fields.u_normal - fields.gap)
+
+
+@of_contact("penetration between nodes", "length", trend=None, in_terminal=False)
+def penetration_between_nodes(contacts: Contacts) -> Any:
+    """How deep the foundation enters between the nodes, beyond the depth at the nodes."""
+    return max((fields.entry.depth for fields in contacts.fields), default=0.0)
+
+
+@of_body("largest strain", "1")
+def strain_norm_max(body: BodyFields) -> Any:
+    """Largest |ε(u)| at the points where the element keeps the limit."""
+    return body.largest(body.strain_norm)
+
+
+@of_body("largest strain anywhere", "1", trend=None, in_terminal=False)
+def strain_norm_max_in_cells(body: BodyFields) -> Any:
+    """Largest |ε(u)| anywhere."""
+    return body.peaks[0]
+
+
+@of_body("excess over the limit", "1", trend=None, in_terminal=False)
+def overstrain_max(body: BodyFields) -> Any:
+    """Largest |ε(u)|/M − 1 anywhere, at least 0; the largest of all sets of strains."""
+    return max(body.peaks[1], 0.0)
+
+
+@of_body("locked", "1", trend="jumps", share_of="the body is at its strain limit")
+def locked_fraction(body: BodyFields) -> Any:
+    """Share of the volume with |ε| ≥ M (1 − 1e-6), or where another set of strains is used up."""
+    return body.share(body.locked.x.array)
+
+
+@of_body("work of the loads", "energy", in_terminal=False)
+def compliance(body: BodyFields) -> Any:
+    """(f, u), the work of body force, tractions and pressures."""
+    return body.system.compliance()
+
+
+@of_body("elastic energy", "energy", in_terminal=False)
+def elastic_energy(body: BodyFields) -> Any:
+    """½ a(u, u)."""
+    return body.system.energy()
+
+
+_error = partial(Quantity, unit="1", trend="vanishes")
+_internal = partial(Quantity, unit="1", trend=None, internal=True)
+_ELSEWHERE = (
+    _error(
+        "certificate.errors.mesh.relative",
+        "mesh error",
+        "estimated error of the mesh, relative in the energy norm",
+    ),
+    _error(
+        "certificate.errors.penalty.relative",
+        "bound of the penalty's effect",
+        "bound of the distance to the solution for n = ∞, relative in the energy norm",
+    ),
+    _error(
+        "certificate.errors.penalty_measured.relative",
+        "measured effect of the penalty",
+        "measured distance to the solution for n = ∞, relative in the energy norm",
+    ),
+    _error(
+        "certificate.errors.guaranteed.relative",
+        "bound of the whole error",
+        "proved bound of the error of mesh and penalty, relative in the energy norm, for the "
+        "friction bound kept fixed",
+    ),
+    _error(
+        "admissible_load_factor",
+        "admissible share of the displacements",
+        "between these shares of the prescribed displacements a solution on this mesh ends",
+        trend=None,
+    ),
+    _internal("cells", "cells", "cells of the mesh"),
+    _internal("dofs", "unknowns", "degrees of freedom"),
+    _internal("discretisation.degree", "degree", "degree of the displacements"),
+    _internal("discretisation.limit_at", "limit at", "points of each cell with the limit"),
+    _internal(
+        "iterations.tangents",
+        "tangents",
+        "tangents factorised or preconditioned",
+        trend="jumps",
+    ),
+    _internal("wall_seconds", "time", "time of the whole solve", unit="s", trend="jumps"),
+    _internal("residual", "residual", "equilibrium residual relative to the forces"),
+    _internal("duality_gap", "duality gap", "duality gap of the last solve, over the energy"),
+    _internal(
+        "friction_fixed_point.contraction",
+        "contraction factor",
+        "factor by which updates of the friction bound shrink",
+    ),
+)
+QUANTITIES |= {quantity.key: quantity for quantity in _ELSEWHERE}
+
+
+def computed(of: str, fields: BodyFields | Contacts) -> dict[str, Any]:
+    """The quantities of the body or of some contacts, for summary.json; collective."""
+    found: dict[str, Any] = {}
+    for key, quantity in QUANTITIES.items():
+        if quantity.compute is not None and quantity.of == of:
+            value = quantity.compute(fields)
+            value, place = value if quantity.at else (value, None)
+            found[key] = np.asarray(value).tolist()
+            if quantity.at:
+                found[f"{key}_at"] = np.asarray(place).tolist()
+    return found
+
+
+def columns(found: Mapping[str, Any], ending: str = "") -> dict[str, float]:
+    """The columns of history.csv for the computed quantities of a summary or of a contact."""
+    row: dict[str, float] = {}
+    for key, quantity in QUANTITIES.items():
+        if quantity.compute is not None and key in found:
+            row |= components(f"{key}{ending}", found[key])
+    return row
+
+
+def components(name: str, value: Any) -> dict[str, float]:
+    """A column for a number, NaN for one that is not known, or one for each axis of a vector."""
+    if isinstance(value, list):
+        return {f"{name}_{axis}": part for axis, part in zip(AXES, value, strict=False)}
+    return {name: math.nan if value is None else value}
+
+
+def look_up(summary: Mapping[str, Any], dotted: str) -> Any:
+    """The value of a summary under a dotted key, None without one."""
+    value: Any = summary
+    for name in dotted.split("."):
+        value = value.get(name) if isinstance(value, dict) else None
+    return value
