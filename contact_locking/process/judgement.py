@@ -83,12 +83,12 @@ def state_of(state: SolvedState) -> State:
 
 def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
     """What is probably not intended in a solution; collective."""
-    problem, target, data = state.problem, state.target, state.problem.data
+    problem, target, data, body = state.problem, state.target, state.problem.data, state.body
     entering = [fields.penetration(fields.free) for fields in state.contacts]
     held = [fields.penetration(~fields.free) for fields in state.contacts]
     found = plausibility.about_the_strain(numbers["strain_norm_max"])
     found += plausibility.about_the_overstrain(
-        state.body.overstrain, target.penalty.n, target.young
+        body.largest(body.strain_norm, body.locking_limit) - 1.0, target.penalty.n, target.young
     )
     found += plausibility.about_held_nodes(
         [fields.contact.key for fields in state.contacts], held, state.largest_displacement
@@ -162,7 +162,10 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
 
 def _contacts(state: SolvedState) -> dict[str, Any]:
     """The keys of summary.json about all contacts together, and about each contact; collective."""
-    domain, pushed = state.problem.domain, {id(item.contact): item for item in state.problem.data.tools}
+    domain, pushed = (
+        state.problem.domain,
+        {id(item.contact): item for item in state.problem.data.tools},
+    )
     found = [computed("contact", Contacts(domain, (fields,))) for fields in state.contacts]
     total = found[0] if len(found) == 1 else computed("contact", Contacts(domain, state.contacts))
     entries = [

@@ -12,7 +12,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
-from contact_locking.parallel import maximum, peak
+from contact_locking.parallel import maximum, minimum, peak
 from contact_locking.problem import forms
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
@@ -35,7 +35,7 @@ class BodyFields:
         self, problem: DiscreteProblem, system: PenalisedSystem, found: Multipliers
     ) -> None:
         self.domain, self.system, limits = problem.domain, system, problem.limits
-        self._points = limits.points
+        self.displacement = system.u
         data, self._kept = system.data, system.kept
         self._element, self._dx = data.element, data.dx
         eps = data.strain(system.u)
@@ -50,6 +50,9 @@ class BodyFields:
             self._at_points(data.element, share, item.name) for item, share in shares
         ]
         self.locking_limit = limits.limit
+        self.is_limited = (
+            bool(limits.others) or minimum(self.domain.comm, limits.limit.x.array) < np.inf
+        )
         if not data.only_ball:
             self.locking_limit = self._limit_along_strain(data, limits.limit)
         self.locked = fem.Function(limits.limit.function_space, name="locked")
@@ -106,7 +109,7 @@ class BodyFields:
         Across the plane acts the elastic stress alone in plane strain, where the ball, whose
         multiplier is parallel to the strain, is the only set; and nothing acts in plane stress.
         """
-        points, across = self._points, problem.material.across
+        points, across = problem.limits.points, problem.material.across
         elastic = points.values(self.elastic_stress)
         stress = elastic + points.values(self.locking_stress)
         squares, trace = (stress**2).sum(axis=(1, 2)), np.trace(stress, axis1=1, axis2=2)
@@ -119,53 +122,24 @@ class BodyFields:
         points.write(field, np.sqrt(np.maximum(1.5 * squares - 0.5 * trace**2, 0.0)))
         return field
 
-    @property
-    def points(self) -> FloatArray:
-        """The places (k, d) of the points of the strains in owned cells."""
-        return np.asarray(self._points.places.T[: self._owned])
-
-    def at_points(self, function: fem.Function) -> FloatArray:
-        """The values (k, ...) of a function of the space of strains in owned cells."""
-        return self._points.values(function)[: self._owned]
-
-    @property
-    def _owned(self) -> int:
-        cells = self.domain.mesh.topology.index_map(self.domain.dim).size_local
-        return int(cells * self._points.in_cell)
-
-    @property
-    def displacements(self) -> FloatArray:
-        """The displacements (k, d) of the owned nodes."""
-        u = self.system.u
-        return np.asarray(u.x.array.reshape(-1, self.domain.dim)[: len(self.nodes)])
-
-    @property
-    def nodes(self) -> FloatArray:
-        """The places (k, d) of the owned nodes at rest."""
-        space = self.system.u.function_space
-        owned = space.dofmap.index_map.size_local
-        return np.asarray(space.tabulate_dof_coordinates()[:owned, : self.domain.dim])
-
     def largest(self, values: fem.Function, over: fem.Function | None = None) -> float:
         """The largest value at the points of the strains, as a multiple of ``over``; collective."""
         ratio = values.x.array if over is None else values.x.array / over.x.array
         return maximum(self.domain.comm, ratio)
 
-    def peak(self, values: FloatArray, places: FloatArray) -> Any:
-        """The largest of values (k,) and its place, as :func:`~contact_locking.parallel.peak`."""
+    def peak(self, field: fem.Function) -> Any:
+        """The largest norm of the values of a field at its points, and its place; collective."""
+        space, owned = field.function_space, field.function_space.dofmap.index_map.size_local
+        values = np.linalg.norm(field.x.array.reshape(-1, space.dofmap.bs)[:owned], axis=1)
+        places = space.tabulate_dof_coordinates()[:owned, : self.domain.dim]
         return peak(self.domain.comm, values, places)
 
     @property
-    def overstrain(self) -> float:
-        """``max |eps|/M - 1`` over the points of the strains; collective."""
-        return self.largest(self.strain_norm, self.locking_limit) - 1.0
-
-    @property
     def peaks(self) -> tuple[float, float]:
-        """``max |eps|`` and ``max |eps|/M - 1`` over the whole of every cell; collective."""
+        """``max |eps|`` and ``max |eps|/M`` over the whole of every cell; collective."""
         used = [self.largest(share) for share in self._utilisations_at_peaks]
         used.append(self.largest(self._peaks, self._limit_at_peaks))
-        return self.largest(self._peaks), max(used) - 1.0
+        return self.largest(self._peaks), max(used)
 
     def about_sets(self) -> list[dict[str, Any]]:
         """The entries of summary.json about the sets of strains beside the ball; collective."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from contact_locking.plain_text import count, per_cent
+from contact_locking.results.quantities import QUANTITIES, Quantity
 
 # A result whose weakest number is above this share of the solution is a rough one.
 ROUGH = 0.1
@@ -19,14 +20,6 @@ _UNIQUENESS = {
     ),
     "not known": "not known, as usual with friction",
 }
-
-
-@dataclass(frozen=True)
-class UseOfLimit:
-    """The largest |eps|/M of a body, and whether M differs from place to place."""
-
-    ratio: float
-    varies: bool
 
 
 @dataclass(frozen=True)
@@ -60,8 +53,8 @@ def verdict(summary: Mapping[str, Any]) -> str:
     return f"yes, but the result is rough: {weak.words}" if weak and weak.is_rough else "yes"
 
 
-def rows(summary: Mapping[str, Any], use: UseOfLimit | None) -> list[tuple[str, str]]:
-    """The outcome in rows of a name and words; ``use`` is None for a body without a limit."""
+def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The outcome in rows of a name and words."""
     iterations, certificate = summary["iterations"], summary["certificate"]
     restart = summary.get("restart")
     counts = [
@@ -79,16 +72,9 @@ def rows(summary: Mapping[str, Any], use: UseOfLimit | None) -> list[tuple[str, 
     return [
         ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
         *([("restart", restart)] if restart else []),
-        ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
-        ("iterations", ", ".join(counts)),
-        ("largest strain", _strain(summary, use)),
-        *([] if use is None else [("locked", _locked(summary["locked_fraction"]))]),
-        ("contact force", _vector(summary["contact_force"])),
-        ("friction force", _vector(summary["friction_force"])),
+        *_quantities(summary),
         *_reactions(summary),
-        *_tools(summary.get("contacts", ())),
-        ("contact area", _areas(summary)),
-        *_friction_used(summary),
+        *_tools(summary["contacts"]),
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary)),
         *_not_bounded(certificate["errors"].get("guaranteed")),
@@ -96,8 +82,27 @@ def rows(summary: Mapping[str, Any], use: UseOfLimit | None) -> list[tuple[str, 
         ("estimated", _estimated(certificate["errors"])),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
+        ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
+        ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
     ]
+
+
+def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    """The computed quantities that the summary knows, those of contacts only if there are any."""
+    for key, quantity in QUANTITIES.items():
+        is_known = summary.get(key) is not None and summary.get(quantity.beside or key) is not None
+        is_there = quantity.of == "body" or (quantity.of == "contact" and summary["contacts"])
+        if is_there and is_known and quantity.in_terminal:
+            yield quantity.name, told(quantity, summary[key], summary.get(f"{key}_at"))
+
+
+def told(quantity: Quantity, value: Any, place: Sequence[float] | None = None) -> str:
+    """A value of a quantity in words, with its place if it has one."""
+    if quantity.share_of:
+        return f"{per_cent(value)} of {quantity.share_of}"
+    words = _vector(value) if isinstance(value, list) else f"{value:.4g}"
+    return words if place is None else f"{words} {quantity.at} {_vector(place)}"
 
 
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
@@ -133,58 +138,12 @@ def _relative(errors: Mapping[str, Any], name: str) -> float | None:
     return float(value) if isinstance(value, int | float) else None
 
 
-def _strain(summary: Mapping[str, Any], use: UseOfLimit | None) -> str:
-    largest = summary["strain_norm_max"]
-    if use is None:
-        return f"{largest:.4g} (no strain limit is set)"
-    ratio = use.ratio
-    if summary["strain_sets"] or (use.varies and ratio <= 1.0 + 1e-6):
-        # The strain that uses up most of a limit need not be the largest.
-        return f"{largest:.4g}, up to {per_cent(ratio)} of the limits"
-    if ratio > 1.0 + 1e-6:
-        above = "up to " * use.varies + per_cent(ratio - 1.0)
-        at_points = f"{largest:.4g}, {above} above the limit"
-    elif ratio >= 1.0 - 1e-6:
-        at_points = f"{largest:.4g}, the limit"
-    else:
-        at_points = f"{largest:.4g}, {per_cent(ratio)} of the limit"
-    return at_points + _between_points(summary)
-
-
-def _between_points(summary: Mapping[str, Any]) -> str:
-    """The largest strain where no limit holds, if this strain is larger than at the points."""
-    largest = summary["strain_norm_max_in_cells"]
-    if largest <= summary["strain_norm_max"] * (1.0 + 1e-6):
-        return ""
-    beyond = summary["overstrain_max"]
-    above = f", {per_cent(beyond)} above the limit" if beyond > 0.0 else ""
-    return f", at the Gauss points; {largest:.4g}{above}, between the points"
-
-
-def _locked(share: float) -> str:
-    return f"{per_cent(share)} of the body is at its strain limit"
-
-
-def _areas(summary: Mapping[str, Any]) -> str:
-    touching, slipping = summary["contact_area"], summary["slip_area"]
-    # Without friction every point of contact is free to slip, whether it does or not.
-    if not (_has_friction(summary) or any(summary["friction_force"])):
-        return f"{touching:.4g}, without friction"
-    return f"{touching:.4g}, of which {slipping:.4g} slips"
-
-
 def _has_friction(summary: Mapping[str, Any]) -> bool:
     """Whether friction acts, or would if there were a pressure."""
     certificate = summary.get("certificate")
     constants = certificate.get("constants") if isinstance(certificate, dict) else None
     coefficient = constants.get("friction_coefficient") if isinstance(constants, dict) else None
     return bool(coefficient) or summary.get("friction_used") is not None
-
-
-def _friction_used(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The share of the friction that acts of what could act; no row without friction."""
-    used = summary.get("friction_used")
-    return [] if used is None else [("friction used", f"{per_cent(used)} of the friction bound")]
 
 
 def _vector(values: Iterable[float], largest: float = 0.0) -> str:

@@ -32,7 +32,8 @@ class Quantity:
     ``compute`` maps the fields that the quantity is ``of`` to its value; without it the solver or
     the certificate computes the value.  With a preposition ``at`` the value has a place, which the
     summary has under ``<key>_at``.  A ``share_of`` something is told in per cent.  ``in_terminal``
-    is False for a detail, and pages fold an ``internal`` number of the solver.
+    is False for a detail; a quantity ``beside`` another is told if that is known.  Pages fold an
+    ``internal`` number of the solver.
 
     A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
     ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
@@ -49,6 +50,7 @@ class Quantity:
     at: str = ""
     share_of: str = ""
     in_terminal: bool = True
+    beside: str = ""
     internal: bool = False
 
 
@@ -95,14 +97,13 @@ def _register(
 @of_body("largest displacement", "length", at="at")
 def displacement_max(body: BodyFields) -> Any:
     """Largest |u| at the nodes."""
-    return body.peak(np.linalg.norm(body.displacements, axis=1), body.nodes)
+    return body.peak(body.displacement)
 
 
 @of_body("largest von Mises stress", "stress", at="at")
 def von_mises_max(body: BodyFields) -> Any:
     """Largest von Mises stress, of the elastic and the locking stress together."""
-    field = body.von_mises
-    return (None, None) if field is None else body.peak(body.at_points(field), body.points)
+    return (None, None) if body.von_mises is None else body.peak(body.von_mises)
 
 
 @of_contact("peak pressure", "stress", at="at")
@@ -156,7 +157,7 @@ def contact_area(contacts: Contacts) -> Any:
     return contacts.integral(touches)
 
 
-@of_contact("slip area", "area", trend="jumps", in_terminal=False)
+@of_contact("slip area", "area", trend="jumps", beside="friction_used")
 def slip_area(contacts: Contacts) -> Any:
     """Part of Γ_C where the body slips, a length in 2D."""
     return contacts.integral(lambda fields: (fields.state == SLIP).astype(float))
@@ -201,10 +202,18 @@ def strain_norm_max_in_cells(body: BodyFields) -> Any:
 @of_body("excess over the limit", "1", trend=None, in_terminal=False)
 def overstrain_max(body: BodyFields) -> Any:
     """Largest |ε(u)|/M − 1 anywhere, at least 0; the largest of all sets of strains."""
-    return max(body.peaks[1], 0.0)
+    return max(body.peaks[1] - 1.0, 0.0)
 
 
-@of_body("locked", "1", trend="jumps", share_of="the body is at its strain limit")
+@of_body("strain limit used", "1", trend="jumps", share_of="the limit")
+def limit_used(body: BodyFields) -> Any:
+    """Largest |ε(u)|/M anywhere, or the largest of all sets of strains; null without a limit."""
+    return body.peaks[1] if body.is_limited else None
+
+
+@of_body(
+    "locked", "1", trend="jumps", share_of="the body is at its strain limit", beside="limit_used"
+)
 def locked_fraction(body: BodyFields) -> Any:
     """Share of the volume with |ε| ≥ M (1 − 1e-6), or where another set of strains is used up."""
     return body.share(body.locked.x.array)

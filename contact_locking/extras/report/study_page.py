@@ -10,17 +10,16 @@ from typing import Any, NamedTuple
 
 from contact_locking.results.in_words import Weakness, weakest
 from contact_locking.results.names import PARAMETERS, PICTURE
+from contact_locking.results.quantities import QUANTITIES
 from contact_locking.results.read import Row, StudyResults, number
 from contact_locking.study_file import source
 
 from .charts import Chart
 from .pictures import thumbnail
-from .quantities import QUANTITIES
 from .templates import render
 from .trends import Trend, VariedTexts, axes, differ, trend_charts, trends, varied
 from .words import shown, title, titles_in
 
-_MAIN = frozenset(entry.key for entry in QUANTITIES if entry.kind not in ("internal", "hidden"))
 _NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
 _ROW_KIND = {"converged": None, "not run": "waiting"}
 #: The column with the reason of a failure, the warnings and the weakness of a result.
@@ -121,7 +120,9 @@ def _kind(name: str, front: Sequence[str], rows: Sequence[Row]) -> str | None:
     vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
     if name in front or name == "case":
         return None
-    return None if {name, vector} & _MAIN and _tells_apart(name, rows) else "more"
+    found = QUANTITIES.get(name) or QUANTITIES.get(vector)
+    is_main = found is not None and found.trend is not None and not found.internal
+    return None if is_main and _tells_apart(name, rows) else "more"
 
 
 def _tells_apart(name: str, rows: Sequence[Row]) -> bool:
@@ -168,7 +169,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     drawn = [(trend, trend_charts(trend)) for trend in found]
     over: dict[str, list[tuple[Trend, list[Chart]]]] = {}
     for trend, charts in drawn:
-        if trend.quantity.kind != "internal":
+        if not trend.quantity.internal:
             over.setdefault(trend.axis.title, []).append((trend, charts))
     html = render(
         "study.html.j2",
@@ -179,7 +180,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
         side_by_side=len(what.zip) > 1,
         table=cases(study.rows, keys, pictures, texts),
         trends=list(over.items()),
-        internals=[pair for pair in drawn if pair[0].quantity.kind == "internal"],
+        internals=[pair for pair in drawn if pair[0].quantity.internal],
         rates=any(trend.differences for trend in found),
         pictures=pictures,
         most_pictures=_MOST_PICTURES,
