@@ -64,11 +64,12 @@ def commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPars
     return {}
 
 
+CONTACTS = "<!-- quantities of contacts -->"
 MARKS: dict[str, Callable[[], str]] = {
     "<!-- study file keys -->": study_file_keys,
     "<!-- command line -->": command_line,
     "<!-- quantities of the body -->": partial(quantities, "body"),
-    "<!-- quantities of contacts -->": partial(quantities, "contact"),
+    CONTACTS: partial(quantities, "contact"),
 }
 
 
