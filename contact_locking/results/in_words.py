@@ -93,7 +93,7 @@ def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     for key, quantity in QUANTITIES.items():
         is_known = summary.get(key) is not None and summary.get(quantity.beside or key) is not None
         is_there = quantity.of == "body" or (quantity.of == "contact" and summary["contacts"])
-        if is_there and is_known and quantity.in_terminal:
+        if is_there and is_known and not quantity.detail:
             yield quantity.name, told(quantity, summary[key], summary.get(f"{key}_at"))
 
 

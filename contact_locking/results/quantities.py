@@ -31,9 +31,9 @@ class Quantity:
 
     ``compute`` maps the fields that the quantity is ``of`` to its value; without it the solver or
     the certificate computes the value.  With a preposition ``at`` the value has a place, which the
-    summary has under ``<key>_at``.  A ``share_of`` something is told in per cent.  ``in_terminal``
-    is False for a detail; a quantity ``beside`` another is told if that is known.  Pages fold an
-    ``internal`` number of the solver.
+    summary has under ``<key>_at``.  A ``share_of`` something is told in per cent, and a quantity
+    ``beside`` another only if that is known.  The terminal leaves out a ``detail`` and pages fold
+    it, as they fold what is ``internal`` to the solver.
 
     A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
     ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
@@ -49,7 +49,7 @@ class Quantity:
     trend: Literal["settles", "vanishes", "jumps"] | None = "settles"
     at: str = ""
     share_of: str = ""
-    in_terminal: bool = True
+    detail: bool = False
     beside: str = ""
     internal: bool = False
 
@@ -66,25 +66,15 @@ def touches(fields: ContactFields) -> FloatArray:
 QUANTITIES: dict[str, Quantity] = {}
 
 
-def of_body(name: str, unit: str, **others: Any) -> Callable[[Compute], Compute]:
-    """Register a function of `BodyFields`: its name is the key, its docstring the meaning.
-
-    The function is collective.  With ``at`` it returns the value and its place, None without one.
-    """
-    return _register("body", name, unit, others)
-
-
-def of_contact(name: str, unit: str, **others: Any) -> Callable[[Compute], Compute]:
-    """Register a function of `Contacts`, as :func:`of_body`.
-
-    It is called for all contacts together, and for each contact if there are several.
-    """
-    return _register("contact", name, unit, others)
-
-
-def _register(
-    of: Literal["body", "contact"], name: str, unit: str, others: dict[str, Any]
+def quantity(
+    of: Literal["body", "contact"], name: str, unit: str, **others: Any
 ) -> Callable[[Compute], Compute]:
+    """Register a collective function: its name is the key, and its docstring the meaning.
+
+    It takes `BodyFields`, or the `Contacts` that the number is of: all for the summary, one for an
+    entry of ``contacts``.  With ``at`` it returns the value and its place, None without one.
+    """
+
     def register(compute: Compute) -> Compute:
         key, words = compute.__name__, " ".join((compute.__doc__ or "").split()).rstrip(".")
         meaning = words[:1].lower() + words[1:]
@@ -94,38 +84,38 @@ def _register(
     return register
 
 
-@of_body("largest displacement", "length", at="at")
+@quantity("body", "largest displacement", "length", at="at")
 def displacement_max(body: BodyFields) -> Any:
     """Largest |u| at the nodes."""
     return body.peak(body.displacement)
 
 
-@of_body("largest von Mises stress", "stress", at="at")
+@quantity("body", "largest von Mises stress", "stress", at="at")
 def von_mises_max(body: BodyFields) -> Any:
     """Largest von Mises stress, of the elastic and the locking stress together."""
     return (None, None) if body.von_mises is None else body.peak(body.von_mises)
 
 
-@of_contact("peak pressure", "stress", at="at")
+@quantity("contact", "peak pressure", "stress", at="at")
 def pressure_max(contacts: Contacts) -> Any:
     """Largest contact pressure −σ_ν."""
     return contacts.peak(lambda fields: fields.pressure)
 
 
-@of_contact("contact force", "force")
+@quantity("contact", "contact force", "force")
 def contact_force(contacts: Contacts) -> Any:
     """Resultant of the contact pressure on the body."""
     dim = contacts.domain.dim
     return contacts.integral(lambda fields: -fields.pressure[:, None] * fields.normal, dim)
 
 
-@of_contact("friction force", "force")
+@quantity("contact", "friction force", "force")
 def friction_force(contacts: Contacts) -> Any:
     """Resultant of the friction on the body."""
     return contacts.integral(lambda fields: fields.traction, contacts.domain.dim)
 
 
-@of_contact("friction used", "1", trend="jumps", share_of="the friction bound")
+@quantity("contact", "friction used", "1", trend="jumps", share_of="the friction bound")
 def friction_used(contacts: Contacts) -> Any:
     """∫ |σ_τ| / ∫ G, the share that acts of what friction could hold: 1 if all of it is used."""
     bound = contacts.integral(lambda fields: fields.bound * fields.free)
@@ -133,7 +123,7 @@ def friction_used(contacts: Contacts) -> Any:
     return size / bound if bound > 0.0 else None
 
 
-@of_contact("contact moment", "force · length", at="about")
+@quantity("contact", "contact moment", "force · length", at="about")
 def contact_moment(contacts: Contacts) -> Any:
     """Moment of pressure and friction on the body, about the centre of where it touches."""
     dim, area = contacts.domain.dim, contact_area(contacts)
@@ -151,81 +141,86 @@ def contact_moment(contacts: Contacts) -> Any:
     return total if dim == 3 else total[0], centre
 
 
-@of_contact("contact area", "area", trend="jumps")
+@quantity("contact", "contact area", "area", trend="jumps")
 def contact_area(contacts: Contacts) -> Any:
     """Part of Γ_C where the body touches, a length in 2D."""
     return contacts.integral(touches)
 
 
-@of_contact("slip area", "area", trend="jumps", beside="friction_used")
+@quantity("contact", "slip area", "area", trend="jumps", beside="friction_used")
 def slip_area(contacts: Contacts) -> Any:
     """Part of Γ_C where the body slips, a length in 2D."""
     return contacts.integral(lambda fields: (fields.state == SLIP).astype(float))
 
 
-@of_contact("largest slip", "length", in_terminal=False)
+@quantity("contact", "largest slip", "length", detail=True)
 def slip_max(contacts: Contacts) -> Any:
     """Largest accumulated slip of the points that touch."""
     return contacts.largest(lambda fields: fields.slip * touches(fields))
 
 
-@of_contact("largest slip of the step", "length", trend=None, in_terminal=False)
+@quantity("contact", "largest slip of the step", "length", trend=None, detail=True)
 def slip_step_max(contacts: Contacts) -> Any:
     """Largest slip of the last step, of the points that touch."""
     return contacts.largest(lambda f: np.linalg.norm(f.increment, axis=1) * touches(f))
 
 
-@of_contact("penetration", "length", trend="vanishes", in_terminal=False)
+@quantity("contact", "penetration", "length", trend="vanishes", detail=True)
 def penetration_max(contacts: Contacts) -> Any:
     """Largest [u_ν − g]⁺ at the nodes, held nodes included."""
     return contacts.largest(lambda fields: fields.u_normal - fields.gap)
 
 
-@of_contact("penetration between nodes", "length", trend=None, in_terminal=False)
+@quantity("contact", "penetration between nodes", "length", trend=None, detail=True)
 def penetration_between_nodes(contacts: Contacts) -> Any:
     """How deep the foundation enters between the nodes, beyond the depth at the nodes."""
     return max((fields.entry.depth for fields in contacts.fields), default=0.0)
 
 
-@of_body("largest strain", "1")
+@quantity("body", "largest strain", "1")
 def strain_norm_max(body: BodyFields) -> Any:
     """Largest |ε(u)| at the points where the element keeps the limit."""
     return body.largest(body.strain_norm)
 
 
-@of_body("largest strain anywhere", "1", trend=None, in_terminal=False)
+@quantity("body", "largest strain anywhere", "1", trend=None, detail=True)
 def strain_norm_max_in_cells(body: BodyFields) -> Any:
     """Largest |ε(u)| anywhere."""
     return body.peaks[0]
 
 
-@of_body("excess over the limit", "1", trend=None, in_terminal=False)
+@quantity("body", "excess over the limit", "1", trend=None, detail=True)
 def overstrain_max(body: BodyFields) -> Any:
     """Largest |ε(u)|/M − 1 anywhere, at least 0; the largest of all sets of strains."""
     return max(body.peaks[1] - 1.0, 0.0)
 
 
-@of_body("strain limit used", "1", trend="jumps", share_of="the limit")
+@quantity("body", "strain limit used", "1", trend="jumps", share_of="the limit")
 def limit_used(body: BodyFields) -> Any:
-    """Largest |ε(u)|/M anywhere, or the largest of all sets of strains; null without a limit."""
+    """Largest |ε(u)|/M anywhere, or the largest of all sets of strains."""
     return body.peaks[1] if body.is_limited else None
 
 
-@of_body(
-    "locked", "1", trend="jumps", share_of="the body is at its strain limit", beside="limit_used"
+@quantity(
+    "body",
+    "locked",
+    "1",
+    trend="jumps",
+    share_of="the body is at its strain limit",
+    beside="limit_used",
 )
 def locked_fraction(body: BodyFields) -> Any:
     """Share of the volume with |ε| ≥ M (1 − 1e-6), or where another set of strains is used up."""
     return body.share(body.locked.x.array)
 
 
-@of_body("work of the loads", "energy", in_terminal=False)
+@quantity("body", "work of the loads", "energy", detail=True)
 def compliance(body: BodyFields) -> Any:
     """(f, u), the work of body force, tractions and pressures."""
     return body.system.compliance()
 
 
-@of_body("elastic energy", "energy", in_terminal=False)
+@quantity("body", "elastic energy", "energy", detail=True)
 def elastic_energy(body: BodyFields) -> Any:
     """½ a(u, u)."""
     return body.system.energy()
@@ -280,27 +275,25 @@ _ELSEWHERE = (
         "factor by which updates of the friction bound shrink",
     ),
 )
-QUANTITIES |= {quantity.key: quantity for quantity in _ELSEWHERE}
+QUANTITIES |= {item.key: item for item in _ELSEWHERE}
 
 
 def computed(of: str, fields: BodyFields | Contacts) -> dict[str, Any]:
     """The quantities of the body or of some contacts, for summary.json; collective."""
     found: dict[str, Any] = {}
-    for key, quantity in QUANTITIES.items():
-        if quantity.compute is not None and quantity.of == of:
-            value = quantity.compute(fields)
-            value, place = value if quantity.at else (value, None)
-            found[key] = np.asarray(value).tolist()
-            if quantity.at:
-                found[f"{key}_at"] = np.asarray(place).tolist()
+    for key, item in QUANTITIES.items():
+        if item.compute is not None and item.of == of:
+            value = item.compute(fields)
+            for name, part in zip((key, f"{key}_at"), value if item.at else (value,), strict=False):
+                found[name] = np.asarray(part).tolist()
     return found
 
 
 def columns(found: Mapping[str, Any], ending: str = "") -> dict[str, float]:
     """The columns of history.csv for the computed quantities of a summary or of a contact."""
     row: dict[str, float] = {}
-    for key, quantity in QUANTITIES.items():
-        if quantity.compute is not None and key in found:
+    for key, item in QUANTITIES.items():
+        if item.compute is not None and key in found:
             row |= components(f"{key}{ending}", found[key])
     return row
 

@@ -137,7 +137,7 @@ def history_charts(history: History) -> list[Chart]:
         names = {f"{key}_{axis}": f"{quantity.name}, {axis}" for axis in AXES} | {
             key: quantity.name
         }
-        for column in history.columns if quantity.in_terminal else ():
+        for column in history.columns if quantity.compute and not quantity.detail else ():
             if column in names and np.isfinite(history.column(column)).any():
                 label = "share" if quantity.share_of else quantity.unit
                 drawn.setdefault(label, {})[column] = names[column]
