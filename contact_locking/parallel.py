@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -67,13 +67,10 @@ def maximum(comm: MPI.Intracomm, values: FloatArray | float, least: float = 0.0)
     return float(comm.allreduce(float(np.max(values, initial=least)), op=MPI.MAX))
 
 
-def peak(
-    comm: MPI.Intracomm, values: FloatArray, places: FloatArray
-) -> tuple[float, tuple[float, ...] | None]:
-    """The largest of values (k,) >= 0 and its place, of places (k, d); collective.
+def peak(comm: MPI.Intracomm, values: FloatArray, places: FloatArray) -> tuple[float, Any]:
+    """The largest of values (k,) >= 0 and its place (d,), None if all are zero; collective.
 
-    Of values that rounding or the solver may have made unequal the place is the first one in
-    lexicographic order.  It is None if all values are zero.
+    Of values that may be unequal by rounding the first place in lexicographic order counts.
     """
     largest = maximum(comm, values)
     near = places[values >= (1.0 - _ALIKE) * largest] if largest > 0.0 else places[:0]

@@ -12,6 +12,7 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
 from contact_locking.problem.parts import describe_loose, describe_slide
+from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.contact_points import STICK
 from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
 from contact_locking.results.quantities import computed
@@ -46,13 +47,7 @@ def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution
         domain=problem.domain,
         element=problem.element,
         displacement=own,
-        strain_norm=body.strain_norm,
-        locking_limit=body.locking_limit,
-        locked=body.locked,
-        elastic_stress=body.elastic_stress,
-        locking_stress=body.locking_stress,
-        von_mises=body.von_mises,
-        locking_parts=body.locking_parts,
+        **{name: getattr(body, name) for name in BodyFields.FIELDS},
         error_indicator=indicator and indicator.field,
         elastic_error_indicator=indicator and indicator.elastic_field,
         error_bound=certificate and certificate.error_bound,

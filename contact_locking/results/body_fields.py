@@ -31,6 +31,12 @@ class BodyFields:
     whose stress across the plane is not known.
     """
 
+    #: The names of all fields.
+    FIELDS = (
+        *("strain_norm", "locking_limit", "locked", "elastic_stress", "locking_stress"),
+        *("von_mises", "locking_parts"),
+    )
+
     def __init__(
         self, problem: DiscreteProblem, system: PenalisedSystem, found: Multipliers
     ) -> None:

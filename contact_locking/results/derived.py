@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -74,18 +75,9 @@ class ContactFields:
         pressure at open points, within its tolerance.  This pressure stays in the table, so that
         the table balances the loads.
         """
-        columns = (
-            self.surface.points,
-            self.normal,
-            self.u_normal,
-            self.u_tangent,
-            self.gap,
-            self.pressure,
-            self.traction,
-            self.bound,
-            self.state,
-            np.zeros(len(self.state), dtype=np.int64),
-        )
+        names = [column.name for column in dataclasses.fields(ContactPoints)[1:-1]]
+        number = np.zeros(len(self.state), dtype=np.int64)
+        columns = [self.surface.points, *(getattr(self, name) for name in names), number]
         gathered = [self.surface.domain.comm.gather(column) for column in columns]
         corners = self.surface.facet_corners()
         whole = [np.concatenate(parts) for parts in gathered if parts is not None]

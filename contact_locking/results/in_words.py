@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from contact_locking.plain_text import count, per_cent
-from contact_locking.results.quantities import QUANTITIES, Quantity
+from contact_locking.results.quantities import QUANTITIES, Quantity, look_up
+from contact_locking.results.read import number
 
 # A result whose weakest number is above this share of the solution is a rough one.
 ROUGH = 0.1
@@ -40,7 +41,10 @@ class Weakness:
 
 
 def weakest(summary: Mapping[str, Any]) -> Weakness | None:
-    """The largest of the errors that the certificate knows; None if it knows none."""
+    """The largest of the errors that the certificate knows; None if it knows none.
+
+    The keys of the summary may be dotted, as in the row of a study.
+    """
     found = list(_weaknesses(summary))
     return max(found, key=lambda weakness: weakness.share) if found else None
 
@@ -57,16 +61,10 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The outcome in rows of a name and words."""
     iterations, certificate = summary["iterations"], summary["certificate"]
     restart = summary.get("restart")
-    counts = [
-        count(iterations["tangents"], "tangent"),
-        count(iterations["linear"], "linear solve"),
-        count(iterations["friction"], "friction update"),
-    ]
-    sizes = [
-        count(summary["cells"], "cell"),
-        count(summary["dofs"], "unknown"),
-        count(summary["ranks"], "rank"),
-    ]
+    kinds = {"tangents": "tangent", "linear": "linear solve", "friction": "friction update"}
+    counts = [count(iterations[key], name) for key, name in kinds.items()]
+    kinds = {"cells": "cell", "dofs": "unknown", "ranks": "rank"}
+    sizes = [count(summary[key], name) for key, name in kinds.items()]
     element = summary["discretisation"]
     body = "; axisymmetric" if element.get("axisymmetric") else ""
     return [
@@ -79,7 +77,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("proved", _proved(summary)),
         *_not_bounded(certificate["errors"].get("guaranteed")),
         *_limit_load(certificate.get("limit_load")),
-        ("estimated", _estimated(certificate["errors"])),
+        ("estimated", _estimated(summary)),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
         ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
@@ -106,13 +104,12 @@ def told(quantity: Quantity, value: Any, place: Sequence[float] | None = None) -
 
 
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
-    errors = _errors(summary)
-    if (mesh := _relative(errors, "mesh")) is not None:
+    if (mesh := _relative(summary, "mesh")) is not None:
         words = f"the error of the mesh is about {_roughly(mesh)}, by an estimate"
         # Meshes are not adapted in steps.
         adapt = "" if summary.get("steps") else ", or the section adapt"
         yield Weakness(mesh, words, f"a finer mesh{adapt}")
-    measured, bound = _relative(errors, "penalty_measured"), _relative(errors, "penalty")
+    measured, bound = _relative(summary, "penalty_measured"), _relative(summary, "penalty")
     if measured:
         words = f"the penalty changes the solution by {per_cent(measured)}, as measured"
         yield Weakness(measured, words, "a larger penalty.n, or none")
@@ -126,23 +123,13 @@ def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
         yield Weakness(bound, words, advice)
 
 
-def _errors(summary: Mapping[str, Any]) -> Mapping[str, Any]:
-    certificate = summary.get("certificate")
-    errors = certificate.get("errors") if isinstance(certificate, dict) else None
-    return errors if isinstance(errors, dict) else {}
-
-
-def _relative(errors: Mapping[str, Any], name: str) -> float | None:
-    entry = errors.get(name)
-    value = entry.get("relative") if isinstance(entry, dict) else None
-    return float(value) if isinstance(value, int | float) else None
+def _relative(summary: Mapping[str, Any], name: str) -> float | None:
+    return number(look_up(summary, f"certificate.errors.{name}.relative"))
 
 
 def _has_friction(summary: Mapping[str, Any]) -> bool:
     """Whether friction acts, or would if there were a pressure."""
-    certificate = summary.get("certificate")
-    constants = certificate.get("constants") if isinstance(certificate, dict) else None
-    coefficient = constants.get("friction_coefficient") if isinstance(constants, dict) else None
+    coefficient = look_up(summary, "certificate.constants.friction_coefficient")
     return bool(coefficient) or summary.get("friction_used") is not None
 
 
@@ -195,16 +182,16 @@ def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _proved(summary: Mapping[str, Any]) -> str:
-    bounds, errors = summary["bounds"], summary["certificate"]["errors"]
+    bounds = summary["bounds"]
     under = ", for the friction bound reached" if _has_friction(summary) else ""
     broken = [_spaced(name) for name, entry in bounds.items() if entry["holds"] is False]
     if broken:
         return f"violated: {', '.join(broken)}"
     held = sum(entry["holds"] is True for entry in bounds.values())
     told = []
-    if (whole := _relative(errors, "guaranteed")) is not None:
+    if (whole := _relative(summary, "guaranteed")) is not None:
         told.append(_at_most("the whole error is", whole, "the whole error", under))
-    if distance := _relative(errors, "penalty"):
+    if distance := _relative(summary, "penalty"):
         change = "the penalty changes the solution on this mesh by"
         told.append(_at_most(change, distance, "what the penalty changes", under))
     if held:
@@ -238,8 +225,8 @@ def _limit_load(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     return [("limit load", f"of the prescribed displacements {shares}")]
 
 
-def _estimated(errors: Mapping[str, Any]) -> str:
-    mesh, measured = _relative(errors, "mesh"), _relative(errors, "penalty_measured")
+def _estimated(summary: Mapping[str, Any]) -> str:
+    mesh, measured = _relative(summary, "mesh"), _relative(summary, "penalty_measured")
     told = [] if mesh is None else [f"the error of the mesh is about {_roughly(mesh)}"]
     if measured is not None:
         change = f"the penalty changes the solution on this mesh by {per_cent(measured)}"

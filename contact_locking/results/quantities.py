@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
@@ -32,8 +31,8 @@ class Quantity:
     ``compute`` maps the fields that the quantity is ``of`` to its value; without it the solver or
     the certificate computes the value.  With a preposition ``at`` the value has a place, which the
     summary has under ``<key>_at``.  A ``share_of`` something is told in per cent, and a quantity
-    ``beside`` another only if that is known.  The terminal leaves out a ``detail`` and pages fold
-    it, as they fold what is ``internal`` to the solver.
+    ``beside`` another only if that is known.  The terminal leaves out a ``detail``, and pages fold
+    it.
 
     A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
     ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
@@ -45,13 +44,12 @@ class Quantity:
     meaning: str
     unit: str
     compute: Callable[[Any], Any] | None = None
-    of: Literal["body", "contact", "solver"] = "solver"
+    of: Literal["body", "contact", "certificate", "solver"] = "solver"
     trend: Literal["settles", "vanishes", "jumps"] | None = "settles"
     at: str = ""
     share_of: str = ""
     detail: bool = False
     beside: str = ""
-    internal: bool = False
 
 
 Compute = TypeVar("Compute", bound=Callable[..., Any])
@@ -226,54 +224,21 @@ def elastic_energy(body: BodyFields) -> Any:
     return body.system.energy()
 
 
-_error = partial(Quantity, unit="1", trend="vanishes")
-_internal = partial(Quantity, unit="1", trend=None, internal=True)
+def _error(key: str, name: str, meaning: str) -> Quantity:
+    meaning, key = f"{meaning}, relative in the energy norm", f"certificate.errors.{key}.relative"
+    return Quantity(key, name, meaning, "1", of="certificate", trend="vanishes")
+
+
+_PROVED = "proved bound of the error of mesh and penalty, for the friction bound kept fixed"
+_TANGENTS = "tangents factorised or preconditioned"
+_TO_LIMIT = "distance to the solution for n = ∞"
 _ELSEWHERE = (
-    _error(
-        "certificate.errors.mesh.relative",
-        "mesh error",
-        "estimated error of the mesh, relative in the energy norm",
-    ),
-    _error(
-        "certificate.errors.penalty.relative",
-        "bound of the penalty's effect",
-        "bound of the distance to the solution for n = ∞, relative in the energy norm",
-    ),
-    _error(
-        "certificate.errors.penalty_measured.relative",
-        "measured effect of the penalty",
-        "measured distance to the solution for n = ∞, relative in the energy norm",
-    ),
-    _error(
-        "certificate.errors.guaranteed.relative",
-        "bound of the whole error",
-        "proved bound of the error of mesh and penalty, relative in the energy norm, for the "
-        "friction bound kept fixed",
-    ),
-    _error(
-        "admissible_load_factor",
-        "admissible share of the displacements",
-        "between these shares of the prescribed displacements a solution on this mesh ends",
-        trend=None,
-    ),
-    _internal("cells", "cells", "cells of the mesh"),
-    _internal("dofs", "unknowns", "degrees of freedom"),
-    _internal("discretisation.degree", "degree", "degree of the displacements"),
-    _internal("discretisation.limit_at", "limit at", "points of each cell with the limit"),
-    _internal(
-        "iterations.tangents",
-        "tangents",
-        "tangents factorised or preconditioned",
-        trend="jumps",
-    ),
-    _internal("wall_seconds", "time", "time of the whole solve", unit="s", trend="jumps"),
-    _internal("residual", "residual", "equilibrium residual relative to the forces"),
-    _internal("duality_gap", "duality gap", "duality gap of the last solve, over the energy"),
-    _internal(
-        "friction_fixed_point.contraction",
-        "contraction factor",
-        "factor by which updates of the friction bound shrink",
-    ),
+    _error("mesh", "mesh error", "estimated error of the mesh"),
+    _error("penalty", "bound of the penalty's effect", f"bound of the {_TO_LIMIT}"),
+    _error("penalty_measured", "measured effect of the penalty", f"measured {_TO_LIMIT}"),
+    _error("guaranteed", "bound of the whole error", _PROVED),
+    Quantity("iterations.tangents", "tangents", _TANGENTS, "1", trend="jumps"),
+    Quantity("wall_seconds", "time", "time of the whole solve", "s", trend="jumps"),
 )
 QUANTITIES |= {item.key: item for item in _ELSEWHERE}
 
@@ -306,7 +271,9 @@ def components(name: str, value: Any) -> dict[str, float]:
 
 
 def look_up(summary: Mapping[str, Any], dotted: str) -> Any:
-    """The value of a summary under a dotted key, None without one."""
+    """The value of a summary, or of the row of a study, under a dotted key; None without one."""
+    if dotted in summary:
+        return summary[dotted]
     value: Any = summary
     for name in dotted.split("."):
         value = value.get(name) if isinstance(value, dict) else None

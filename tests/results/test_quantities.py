@@ -9,17 +9,18 @@ from typing import Any
 import generated_reference
 import numpy as np
 import pytest
-from contact_locking.parameters import Parameters
 from mpi4py import MPI
 from problems import block, column, with_changes
 from sheared_block import sheared
 
-from contact_locking import running, solve
+from contact_locking import solve
 from contact_locking.extras import report
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.results import in_words
 from contact_locking.results.quantities import QUANTITIES, quantity, touches
 from contact_locking.results.read import read_all
+from contact_locking.running.process import run_steps
+from contact_locking.study_file.parameters import Parameters
 
 PRESSURE, YOUNG, POISSON = 0.01, 2.0, 0.3
 
@@ -105,7 +106,9 @@ def test_the_von_mises_stress_is_not_known_without_the_stress_across_the_plane(
 def test_friction_balances_the_moment_of_a_shear_on_the_top(dim: int) -> None:
     """A traction ``t`` on the top of height 1, and in 3D a twist ``c (-y, x)`` about its middle."""
     shear, twist = 0.02, 0.1
-    push = [shear, -1.0] if dim == 2 else [f"{twist}*(0.5 - y)", f"{twist}*(x - 0.5)", -1.0]
+    push: list[Any] = [shear, -1.0]
+    if dim == 3:
+        push = [f"{twist}*(0.5 - y)", f"{twist}*(x - 0.5)", -1.0]
     found = summary(
         pressed(
             dim,
@@ -125,7 +128,7 @@ def test_friction_balances_the_moment_of_a_shear_on_the_top(dim: int) -> None:
 
 def test_a_block_that_slides_uses_all_of_its_friction() -> None:
     drag = {"displacements": [{"on": "top", "value": [0.1, -0.01]}]}
-    free = {"friction__smoothing": {"kernel": "none"}, "penalty": {}}
+    free: dict[str, Any] = {"friction__smoothing": {"kernel": "none"}, "penalty": {}}
     found = summary(block(h=0.5, loads=drag, material__locking_limit=float("inf"), **free))
     assert found["friction_used"] == pytest.approx(1.0, abs=1e-6)
     force, friction = found["contact_force"][1], -found["friction_force"][0]
@@ -168,7 +171,7 @@ def own() -> Iterator[str]:
 @pytest.mark.serial
 def test_a_quantity_of_five_lines_is_everywhere(own: str, tmp_path: Path) -> None:
     parameters = sheared(2, output={"directory": "r", "picture": False, "fields": False})
-    solution, _ = running.run_steps(parameters, tmp_path)
+    solution, _ = run_steps(parameters, tmp_path)
     mean = solution.summary[own]
     assert mean == pytest.approx(solution.summary["contact_force"][1], rel=1e-6) and mean > 0.0
     assert solution.history.column(own)[-1] == mean

@@ -57,6 +57,11 @@ def _flat(value: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]
 
 
 _INFEASIBLE = "infeasible: "
+# The keys of a summary about the work of the solver.
+_OF_SOLVER = (
+    *("cells", "dofs", "discretisation", "penalty", "iterations", "friction_fixed_point"),
+    *("residual", "duality_gap", "admissible_load_factor", "wall_seconds"),
+)
 
 
 def run_page(run: RunResults) -> tuple[str, list[Chart]]:
@@ -64,15 +69,16 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     summary = run.summary
     charts, adapt = contact_charts(run), adapt_charts(run)
     steps = history_charts(run.history)
+    stages = [stage for stage in _list(summary.get("stages")) if isinstance(stage, dict)]
     contact_names, contact_quantities = _by_contact(summary)
     parts, numbers = certificate(summary), _quantities(summary)
     html = render(
         "run.html.j2",
         title=shown(summary.get("title") or "Run"),
         warnings=_list(summary.get("warnings")),
-        quantities=[row for row in numbers if not (row[0].detail or row[0].internal)],
+        quantities=[row for row in numbers if not row[0].detail],
         details=[row for row in numbers if row[0].detail],
-        internals=[row for row in numbers if row[0].internal],
+        internals=dict(_flat({key: summary[key] for key in _OF_SOLVER if key in summary})),
         contact_names=contact_names,
         contact_quantities=contact_quantities,
         contact=run.contact,
@@ -96,7 +102,8 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         weakness=weakest(summary),
         **_verdict(summary),
         **_picture(run),
-        **_iterations(summary),
+        stages=stages,
+        stage_columns=list(dict.fromkeys(name for stage in stages for name in stage)),
     )
     return html, [*(chart for _, drawn in charts for chart in drawn), *adapt, *steps]
 
@@ -128,9 +135,9 @@ _Row = tuple[Quantity, list[tuple[Any, Any]]]
 def _quantities(summary: Mapping[str, Any]) -> list[_Row]:
     """The quantities that the summary has, and the reactions."""
     found = [
-        (quantity, [(look_up(summary, key), summary.get(f"{key}_at"))])
+        (quantity, [(value, summary.get(f"{key}_at"))])
         for key, quantity in QUANTITIES.items()
-        if look_up(summary, key) is not None
+        if quantity.of != "solver" and (value := look_up(summary, key)) is not None
     ]
     reactions, meaning = summary.get("reactions"), "resultant of the reactions on the body"
     return found + [
@@ -161,17 +168,6 @@ def _states(contact: ContactPoints) -> list[str]:
     """How many points are open, stick and slip, in words."""
     counts = np.bincount(contact.state, minlength=len(STATE_NAMES))
     return [f"{n} {name}" for n, name in zip(counts, STATE_NAMES, strict=True) if n]
-
-
-def _iterations(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """The totals, and the stages with the names of their columns."""
-    totals = summary.get("iterations")
-    stages = [stage for stage in _list(summary.get("stages")) if isinstance(stage, dict)]
-    return {
-        "iterations": totals if isinstance(totals, dict) else {},
-        "stages": stages,
-        "stage_columns": list(dict.fromkeys(name for stage in stages for name in stage)),
-    }
 
 
 def _list(value: Any) -> list[Any]:

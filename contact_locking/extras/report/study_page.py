@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
-from contact_locking.results.in_words import Weakness, weakest
+from contact_locking.results.in_words import weakest
 from contact_locking.results.names import PARAMETERS, PICTURE
 from contact_locking.results.quantities import QUANTITIES
 from contact_locking.results.read import Row, StudyResults, number
@@ -91,22 +91,11 @@ def remark(row: Row) -> str:
     """Why a case failed, or the warnings and the weakness of one that converged; often empty."""
     if row.get("converged") is not True:
         return " ".join(filter(None, (shown(row.get("reason") or ""), _text(row, "suggestion"))))
-    weak = weakness(row)
+    weak = weakest(row)
     told = [f"rough: {weak.words}"] if weak is not None and weak.is_rough else []
     if warnings := _text(row, "warnings"):
         told.append(f"warning: {warnings}")
     return "; ".join(told)
-
-
-def weakness(row: Row) -> Weakness | None:
-    """The weakest number of a row."""
-    prefix, ending = "certificate.errors.", ".relative"
-    errors: dict[str, Any] = {
-        key.removeprefix(prefix).removesuffix(ending): {"relative": number(value)}
-        for key, value in row.items()
-        if key.startswith(prefix) and key.endswith(ending)
-    }
-    return weakest({"certificate": {"errors": errors}})
 
 
 def _text(row: Row, key: str) -> str:
@@ -121,7 +110,7 @@ def _kind(name: str, front: Sequence[str], rows: Sequence[Row]) -> str | None:
     if name in front or name == "case":
         return None
     found = QUANTITIES.get(name) or QUANTITIES.get(vector)
-    is_main = found is not None and found.trend is not None and not found.internal
+    is_main = found is not None and found.trend is not None and found.of != "solver"
     return None if is_main and _tells_apart(name, rows) else "more"
 
 
@@ -169,7 +158,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     drawn = [(trend, trend_charts(trend)) for trend in found]
     over: dict[str, list[tuple[Trend, list[Chart]]]] = {}
     for trend, charts in drawn:
-        if not trend.quantity.internal:
+        if trend.quantity.of != "solver":
             over.setdefault(trend.axis.title, []).append((trend, charts))
     html = render(
         "study.html.j2",
@@ -180,7 +169,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
         side_by_side=len(what.zip) > 1,
         table=cases(study.rows, keys, pictures, texts),
         trends=list(over.items()),
-        internals=[pair for pair in drawn if pair[0].quantity.internal],
+        internals=[pair for pair in drawn if pair[0].quantity.of == "solver"],
         rates=any(trend.differences for trend in found),
         pictures=pictures,
         most_pictures=_MOST_PICTURES,
@@ -202,7 +191,7 @@ def _states(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _is_rough(row: Row) -> bool:
-    weak = weakness(row)
+    weak = weakest(row)
     return row.get("converged") is True and weak is not None and weak.is_rough
 
 

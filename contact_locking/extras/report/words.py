@@ -65,7 +65,13 @@ _TITLES: Mapping[str, str] = {
     "penalty.epsilon": "compliance ε",
     "penalty.n": "penalty n",
     "solver.method": "solver",
+    "dofs": "unknowns",
     "dolfinx": "DOLFINx",
+    "discretisation.limit_at": "points of each cell with the limit",
+    "friction_fixed_point.contraction": "contraction factor of the friction updates",
+    "iterations.friction": "friction updates",
+    "iterations.linear": "linear solves",
+    "penalty.regularisation": "regularisation of friction",
 }
 # What the entries of the lists of loads are.
 _LOADS: Mapping[str, str] = {
@@ -74,14 +80,12 @@ _LOADS: Mapping[str, str] = {
     "displacements": "displacement",
     "supports": "support",
 }
-# The names of values of a certificate that are not their keys with blanks, and of the iterations.
+# The names of values of a certificate and of stages that are not their keys with blanks.
 _WORDS: Mapping[str, str] = {
     "alpha": "α",
     "c_0": "c_0",
     "c_0_reason": "why c_0 is not known",
     "epsilon": "ε",
-    "linear": "linear solves",
-    "friction": "friction updates",
 }
 #: The meanings of the values of the certificate, by their names.
 MEANINGS = {
@@ -192,5 +196,5 @@ def _at(data: Any, place: Sequence[str]) -> Any:
 
 
 def words(name: str) -> str:
-    """The name of a value of a certificate, which may be dotted, or of a count of iterations."""
+    """The name of a value of a certificate, which may be dotted, or of a stage."""
     return _WORDS.get(name) or name.replace(".", ", ").replace("_", " ")
