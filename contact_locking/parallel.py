@@ -5,6 +5,7 @@ An error that only one rank raises would leave the other ranks waiting.
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 from collections.abc import Callable
@@ -70,13 +71,15 @@ def maximum(comm: MPI.Intracomm, values: FloatArray | float, least: float = 0.0)
 def peak(comm: MPI.Intracomm, values: FloatArray, places: FloatArray) -> tuple[float, Any]:
     """The largest of values (k,) >= 0 and its place (d,), None if all are zero; collective.
 
-    Of values that may be unequal by rounding the first place in lexicographic order counts.
+    Of values that may be unequal by rounding the first place in lexicographic order counts, and
+    rounding does not change the order.
     """
     largest = maximum(comm, values)
     near = places[values >= (1.0 - _ALIKE) * largest] if largest > 0.0 else places[:0]
-    own = near[np.lexsort(near.T[::-1])[:1]].tolist()
-    firsts = [tuple(place) for found in comm.allgather(own) for place in found]
-    return largest, min(firsts, default=None)
+    order = np.round(near / (maximum(comm, np.abs(places)) or 1.0), 9)
+    first = np.lexsort(order.T[::-1])[:1]
+    found = comm.allgather([*zip(order[first].tolist(), near[first].tolist(), strict=True)])
+    return largest, min(itertools.chain(*found), default=(None, None))[1]
 
 
 def minimum(comm: MPI.Intracomm, values: FloatArray | float) -> float:

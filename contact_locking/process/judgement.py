@@ -157,19 +157,13 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
 
 def _contacts(state: SolvedState) -> dict[str, Any]:
     """The keys of summary.json about all contacts together, and about each contact; collective."""
-    domain, pushed = (
-        state.problem.domain,
-        {id(item.contact): item for item in state.problem.data.tools},
-    )
-    found = [computed("contact", Contacts(domain, (fields,))) for fields in state.contacts]
-    total = found[0] if len(found) == 1 else computed("contact", Contacts(domain, state.contacts))
-    entries = [
-        {"on": list(one.contact.on), **own} for one, own in zip(state.contacts, found, strict=True)
-    ]
-    for fields, entry in zip(state.contacts, entries, strict=True):
-        if tool := pushed.get(id(fields.contact)):
-            entry["tool"] = tool.summary()
-    return total | {"contacts": entries}
+    domain, tools = state.problem.domain, state.problem.data.tools
+    entries: list[dict[str, Any]] = []
+    for fields in state.contacts:
+        found = computed("contact", Contacts(domain, (fields,)))
+        pushed = [("tool", item.summary()) for item in tools if item.contact is fields.contact]
+        entries.append({"on": list(fields.contact.on), **found, **dict(pushed)})
+    return computed("contact", Contacts(domain, state.contacts)) | {"contacts": entries}
 
 
 def _judged(

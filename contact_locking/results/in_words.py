@@ -60,23 +60,23 @@ def verdict(summary: Mapping[str, Any]) -> str:
 def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The outcome in rows of a name and words."""
     iterations, certificate = summary["iterations"], summary["certificate"]
-    restart = summary.get("restart")
     kinds = {"tangents": "tangent", "linear": "linear solve", "friction": "friction update"}
     counts = [count(iterations[key], name) for key, name in kinds.items()]
     kinds = {"cells": "cell", "dofs": "unknown", "ranks": "rank"}
     sizes = [count(summary[key], name) for key, name in kinds.items()]
     element = summary["discretisation"]
     body = "; axisymmetric" if element.get("axisymmetric") else ""
-    return [
+    bound = certificate["errors"].get("guaranteed", {})
+    found = [
         ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
-        *([("restart", restart)] if restart else []),
+        ("restart", summary.get("restart")),
         *_quantities(summary),
-        *_reactions(summary),
+        ("reactions", _reactions(summary)),
         *_tools(summary["contacts"]),
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary)),
-        *_not_bounded(certificate["errors"].get("guaranteed")),
-        *_limit_load(certificate.get("limit_load")),
+        ("guaranteed bound", None if bound.get("applicable", True) else bound["reason"]),
+        ("limit load", _limit_load(certificate.get("limit_load"))),
         ("estimated", _estimated(summary)),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
@@ -84,6 +84,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
     ]
+    return [(name, words) for name, words in found if words]
 
 
 def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
@@ -158,13 +159,13 @@ def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
     ]
 
 
-def _reactions(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The reaction of each boundary part that is held; no row without supports."""
+def _reactions(summary: Mapping[str, Any]) -> str:
+    """The reaction of each boundary part that is held; empty without supports."""
     reactions = summary["reactions"]
     forces = [summary["contact_force"], summary["friction_force"], *reactions.values()]
     largest = max((abs(value) for force in forces for value in force), default=0.0)
     told = [f"{_vector(force, largest)} on {name}" for name, force in reactions.items()]
-    return [("reactions", ", ".join(told))] if told else []
+    return ", ".join(told)
 
 
 def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
@@ -206,23 +207,14 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
     return f"{change} at most {per_cent(bound)}{under}"
 
 
-def _not_bounded(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    """Why the guaranteed bound that the study file asks for does not apply."""
-    if entry is None or entry["applicable"]:
-        return []
-    return [("guaranteed bound", entry["reason"])]
-
-
-def _limit_load(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+def _limit_load(entry: Mapping[str, Any] | None) -> str | None:
     """The limit load, if the study file asks for proofs and displacements move."""
-    if entry is None:
-        return []
-    if entry["load_factor"] is None:
-        return [("limit load", entry["reason"])]
+    if entry is None or entry["load_factor"] is None:
+        return entry and entry["reason"]
     confirmed, excluded = entry["load_factor"]
     most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
     shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
-    return [("limit load", f"of the prescribed displacements {shares}")]
+    return f"of the prescribed displacements {shares}"
 
 
 def _estimated(summary: Mapping[str, Any]) -> str:

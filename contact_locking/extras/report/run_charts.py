@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from contact_locking.arrays import AXES, FloatArray, IntArray
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.extras.pictures import contact_map, plane, style
 from contact_locking.results.adapted_meshes import AdaptedMesh, load
@@ -133,14 +133,13 @@ def history_charts(history: History) -> list[Chart]:
     if len(history) < 2:
         return []
     drawn: dict[str, dict[str, str]] = {}
-    for key, quantity in QUANTITIES.items():
-        names = {f"{key}_{axis}": f"{quantity.name}, {axis}" for axis in AXES} | {
-            key: quantity.name
-        }
-        for column in history.columns if quantity.compute and not quantity.detail else ():
-            if column in names and np.isfinite(history.column(column)).any():
-                label = "share" if quantity.share_of else quantity.unit
-                drawn.setdefault(label, {})[column] = names[column]
+    for column in history.columns:
+        is_scalar = column in QUANTITIES
+        quantity = QUANTITIES.get(column if is_scalar else column[:-2])
+        if quantity and not quantity.detail and np.isfinite(history.column(column)).any():
+            label = "share" if quantity.share_of else quantity.unit
+            name = quantity.name if is_scalar else f"{quantity.name}, {column[-1]}"
+            drawn.setdefault(label, {})[column] = name
     drawn["energy"] = _WORK
     return [
         chart(

@@ -117,18 +117,14 @@ MEANINGS = {
     "uniqueness.verdict": "whether theory says that there is no other solution",
     "uniqueness.contraction": "factor by which updates of the friction bound shrink",
     "mesh.energy_norm": "estimated distance to the solution on finer meshes",
-    "mesh.relative": "the same over the solution",
     "mesh.with_locking": "the same with the locking stress in it",
     "penalty.energy_norm": "bound of the distance to the solution for n = ∞ on this mesh",
-    "penalty.relative": "the same over the solution",
     "penalty.displacement_norm": "the same bound in the norm of the strain",
     "load_factor": "shares of the prescribed displacements that can, and cannot, be followed",
     "infeasible": "whether no displacement on any mesh follows the prescribed values",
     "guaranteed.energy_norm": "proved bound of the whole error, for the friction bound kept fixed",
-    "guaranteed.relative": "the same over the solution",
     "guaranteed.applicable": "whether the bound is proved for these data",
     "penalty_measured.energy_norm": "measured distance to the solution for n = ∞ on this mesh",
-    "penalty_measured.relative": "the same over the solution",
     "penalty_measured.displacement_norm": "the same distance in the norm of the strain",
 }
 # Sections whose names say nothing beside that of the key below them.
