@@ -11,6 +11,7 @@ from contact_locking.certificate import Certificate
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
+from contact_locking.parallel import maximum
 from contact_locking.problem.parts import describe_loose, describe_slide
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.contact_points import STICK
@@ -79,8 +80,9 @@ def state_of(state: SolvedState) -> State:
 def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
     """What is probably not intended in a solution; collective."""
     problem, target, data, body = state.problem, state.target, state.problem.data, state.body
-    entering = [fields.penetration(fields.free) for fields in state.contacts]
-    held = [fields.penetration(~fields.free) for fields in state.contacts]
+    depths = [(fields.u_normal - fields.gap, fields.free) for fields in state.contacts]
+    entering = [maximum(state.comm, depth[free]) for depth, free in depths]
+    held = [maximum(state.comm, depth[~free]) for depth, free in depths]
     found = plausibility.about_the_strain(numbers["strain_norm_max"])
     found += plausibility.about_the_overstrain(
         body.largest(body.strain_norm, body.locking_limit) - 1.0, target.penalty.n, target.young

@@ -13,13 +13,13 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.outline import box_around
 from contact_locking.fem import compiled
 from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import maximum, peak
+from contact_locking.parallel import peak
 from contact_locking.problem import forms
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
@@ -88,10 +88,6 @@ class ContactFields:
         points = ContactPoints(*(column[order] for column in whole))
         return points, facets_of(points.x, corners)
 
-    def penetration(self, nodes: BoolArray) -> float:
-        """The largest ``[u_nu - gap]^+`` of some nodes (k,); collective."""
-        return maximum(self.surface.domain.comm, (self.u_normal - self.gap)[nodes])
-
 
 @dataclass(frozen=True)
 class Contacts:
@@ -104,10 +100,6 @@ class Contacts:
         """The integral of a density (k,), or (k, size), over Gamma_C of the contacts."""
         integrals = (one.surface.integral(density(one)) for one in self.fields)
         return sum(integrals, np.zeros(size) if size else 0.0)
-
-    def largest(self, values: Callable[[ContactFields], FloatArray]) -> float:
-        """The largest of values (k,), at least 0."""
-        return max((maximum(self.domain.comm, values(one)) for one in self.fields), default=0.0)
 
     def peak(self, values: Callable[[ContactFields], FloatArray]) -> Any:
         """The largest of values (k,) and its place, as :func:`~contact_locking.parallel.peak`."""

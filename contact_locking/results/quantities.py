@@ -154,19 +154,19 @@ def slip_area(contacts: Contacts) -> Any:
 @quantity("contact", "largest slip", "length", detail=True)
 def slip_max(contacts: Contacts) -> Any:
     """Largest accumulated slip of the points that touch."""
-    return contacts.largest(lambda fields: fields.slip * touches(fields))
+    return contacts.peak(lambda fields: fields.slip * touches(fields))[0]
 
 
 @quantity("contact", "largest slip of the step", "length", trend=None, detail=True)
 def slip_step_max(contacts: Contacts) -> Any:
     """Largest slip of the last step, of the points that touch."""
-    return contacts.largest(lambda f: np.linalg.norm(f.increment, axis=1) * touches(f))
+    return contacts.peak(lambda f: np.linalg.norm(f.increment, axis=1) * touches(f))[0]
 
 
 @quantity("contact", "penetration", "length", trend="vanishes", detail=True)
 def penetration_max(contacts: Contacts) -> Any:
     """Largest [u_ν − g]⁺ at the nodes, held nodes included."""
-    return contacts.largest(lambda fields: fields.u_normal - fields.gap)
+    return contacts.peak(lambda fields: fields.u_normal - fields.gap)[0]
 
 
 @quantity("contact", "penetration between nodes", "length", trend=None, detail=True)
