@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from contact_locking.results.contact_points import OPEN, SLIP
 if TYPE_CHECKING:
     from contact_locking.results.body_fields import BodyFields
     from contact_locking.results.derived import ContactFields, Contacts
+
+Of = Literal["body", "contact", "certificate", "solver"]
 
 # A moment below this share of the moments that it is the sum of is rounding.
 _ROUNDING = 1e-12
@@ -44,15 +46,12 @@ class Quantity:
     meaning: str
     unit: str
     compute: Callable[[Any], Any] | None = None
-    of: Literal["body", "contact", "certificate", "solver"] = "solver"
+    of: Of = "solver"
     trend: Literal["settles", "vanishes", "jumps"] | None = "settles"
     at: str = ""
     share_of: str = ""
     detail: bool = False
     beside: str = ""
-
-
-Compute = TypeVar("Compute", bound=Callable[..., Any])
 
 
 def touches(fields: ContactFields) -> FloatArray:
@@ -64,16 +63,14 @@ def touches(fields: ContactFields) -> FloatArray:
 QUANTITIES: dict[str, Quantity] = {}
 
 
-def quantity(
-    of: Literal["body", "contact"], name: str, unit: str, **others: Any
-) -> Callable[[Compute], Compute]:
+def quantity(of: Of, name: str, unit: str, **others: Any) -> Callable[[Any], Any]:
     """Register a collective function: its name is the key, and its docstring the meaning.
 
     It takes `BodyFields`, or the `Contacts` that the number is of: all for the summary, one for an
     entry of ``contacts``.  With ``at`` it returns the value and its place, None without one.
     """
 
-    def register(compute: Compute) -> Compute:
+    def register(compute: Any) -> Any:
         key, words = compute.__name__, " ".join((compute.__doc__ or "").split()).rstrip(".")
         meaning = words[:1].lower() + words[1:]
         QUANTITIES[key] = Quantity(key, name, meaning, unit, compute, of, **others)
@@ -243,7 +240,7 @@ _ELSEWHERE = (
 QUANTITIES |= {item.key: item for item in _ELSEWHERE}
 
 
-def computed(of: str, fields: BodyFields | Contacts) -> dict[str, Any]:
+def computed(of: Of, fields: BodyFields | Contacts) -> dict[str, Any]:
     """The quantities of the body or of some contacts, for summary.json; collective."""
     found: dict[str, Any] = {}
     for key, item in QUANTITIES.items():
@@ -256,11 +253,9 @@ def computed(of: str, fields: BodyFields | Contacts) -> dict[str, Any]:
 
 def columns(found: Mapping[str, Any], ending: str = "") -> dict[str, float]:
     """The columns of history.csv for the computed quantities of a summary or of a contact."""
-    row: dict[str, float] = {}
-    for key, item in QUANTITIES.items():
-        if item.compute is not None and key in found:
-            row |= components(f"{key}{ending}", found[key])
-    return row
+    keys = [key for key, item in QUANTITIES.items() if item.compute and key in found]
+    parts = [components(f"{key}{ending}", found[key]) for key in keys]
+    return {name: value for part in parts for name, value in part.items()}
 
 
 def components(name: str, value: Any) -> dict[str, float]:
@@ -270,11 +265,13 @@ def components(name: str, value: Any) -> dict[str, float]:
     return {name: math.nan if value is None else value}
 
 
-def look_up(summary: Mapping[str, Any], dotted: str) -> Any:
-    """The value of a summary, or of the row of a study, under a dotted key; None without one."""
-    if dotted in summary:
-        return summary[dotted]
-    value: Any = summary
+def look_up(data: Any, dotted: str) -> Any:
+    """The value of mappings and lists, or of the row of a study, under a dotted key; or None."""
+    if isinstance(data, Mapping) and dotted in data:
+        return data[dotted]
     for name in dotted.split("."):
-        value = value.get(name) if isinstance(value, dict) else None
-    return value
+        if isinstance(data, list):
+            data = data[int(name)] if name.isdecimal() and int(name) < len(data) else None
+        else:
+            data = data.get(name) if isinstance(data, Mapping) else None
+    return data

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from contact_locking.arrays import AXES
-from contact_locking.results.quantities import QUANTITIES
+from contact_locking.results.quantities import QUANTITIES, look_up
 
 
 def shown(value: Any) -> str:
@@ -67,11 +67,8 @@ _TITLES: Mapping[str, str] = {
     "solver.method": "solver",
     "dofs": "unknowns",
     "dolfinx": "DOLFINx",
-    "discretisation.limit_at": "points of each cell with the limit",
-    "friction_fixed_point.contraction": "contraction factor of the friction updates",
     "iterations.friction": "friction updates",
     "iterations.linear": "linear solves",
-    "penalty.regularisation": "regularisation of friction",
 }
 # What the entries of the lists of loads are.
 _LOADS: Mapping[str, str] = {
@@ -128,7 +125,7 @@ MEANINGS = {
     "penalty_measured.displacement_norm": "the same distance in the norm of the strain",
 }
 # Sections whose names say nothing beside that of the key below them.
-_UNSAID = ("mesh", "material", "loads", "solver", "certificate", "output", "friction_fixed_point")
+_UNSAID = ("mesh", "material", "loads", "solver", "certificate", "output")
 
 
 def title(key: str) -> str:
@@ -161,7 +158,7 @@ def titles_in(keys: Sequence[str], data: Any) -> dict[str, str]:
 
 def _title_in(parts: list[str], data: Any) -> str:
     *above, last = parts
-    entry = _at(data, above)
+    entry = look_up(data, ".".join(above))
     if last.isdecimal() and isinstance(entry, list) and not any(isinstance(e, dict) for e in entry):
         axis = AXES[int(last)] if int(last) < len(AXES) else last
         return f"{_title_in(above, data)}, {axis}"
@@ -177,18 +174,8 @@ def _title_in(parts: list[str], data: Any) -> str:
 
 def _on(data: Any, place: list[str], index: str) -> str:
     """The boundary parts of an entry of a list, its number if it names none."""
-    on = _at(data, [*place, index, "on"])
+    on = look_up(data, ".".join([*place, index, "on"]))
     return ", ".join(map(str, on)) if isinstance(on, list) else str(on or index)
-
-
-def _at(data: Any, place: Sequence[str]) -> Any:
-    """The value at a place of a study file, None if there is none."""
-    for part in place:
-        if isinstance(data, list):
-            data = data[int(part)] if part.isdecimal() and int(part) < len(data) else None
-        else:
-            data = data.get(part) if isinstance(data, dict) else None
-    return data
 
 
 def words(name: str) -> str:
