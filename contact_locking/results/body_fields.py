@@ -117,15 +117,16 @@ class BodyFields:
         """
         points, across = problem.limits.points, problem.material.across
         elastic = points.values(self.elastic_stress)
-        stress = elastic + points.values(self.locking_stress)
-        squares, trace = (stress**2).sum(axis=(1, 2)), np.trace(stress, axis1=1, axis2=2)
-        if stress.shape[1] == 2:
-            if across is None or (across.any() and not self.system.data.only_ball):
+        size, stress = elastic.shape[1], np.zeros((len(elastic), 3, 3))
+        stress[:, :size, :size] = elastic + points.values(self.locking_stress)
+        if size == 2:
+            in_space = problem.body.elasticity.plane != "stress"
+            if across is None or (in_space and not self.system.data.only_ball):
                 return None
-            normal = across * np.trace(elastic, axis1=1, axis2=2)
-            squares, trace = squares + normal**2, trace + normal
+            stress[:, 2, 2] = across * np.trace(elastic, axis1=1, axis2=2)
+        stress -= np.trace(stress, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3.0
         field = fem.Function(points.space, name="von_mises")
-        points.write(field, np.sqrt(np.maximum(1.5 * squares - 0.5 * trace**2, 0.0)))
+        points.write(field, np.sqrt(1.5) * np.linalg.norm(stress, axis=(1, 2)))
         return field
 
     def largest(self, values: fem.Function, over: fem.Function | None = None) -> float:

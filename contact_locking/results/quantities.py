@@ -227,14 +227,13 @@ def _error(key: str, name: str, meaning: str) -> Quantity:
 
 
 _PROVED = "proved bound of the error of mesh and penalty, for the friction bound kept fixed"
-_TANGENTS = "tangents factorised or preconditioned"
 _TO_LIMIT = "distance to the solution for n = ∞"
 _ELSEWHERE = (
     _error("mesh", "mesh error", "estimated error of the mesh"),
     _error("penalty", "bound of the penalty's effect", f"bound of the {_TO_LIMIT}"),
     _error("penalty_measured", "measured effect of the penalty", f"measured {_TO_LIMIT}"),
     _error("guaranteed", "bound of the whole error", _PROVED),
-    Quantity("iterations.tangents", "tangents", _TANGENTS, "1", trend="jumps"),
+    Quantity("iterations.tangents", "tangents", "factorised or preconditioned", "1", trend="jumps"),
     Quantity("wall_seconds", "time", "time of the whole solve", "s", trend="jumps"),
 )
 QUANTITIES |= {item.key: item for item in _ELSEWHERE}

@@ -72,6 +72,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     stages = [stage for stage in _list(summary.get("stages")) if isinstance(stage, dict)]
     contact_names, contact_quantities = _by_contact(summary)
     parts, numbers = certificate(summary), _quantities(summary)
+    holds = [entry["holds"] for part in parts for entry in part.judged.values()]
     html = render(
         "run.html.j2",
         title=shown(summary.get("title") or "Run"),
@@ -91,7 +92,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         adapt=summary.get("adapt"),
         adapt_charts=adapt,
         certificate=parts,
-        judged=_judged(parts),
+        judged=(holds.count(True), holds.count(False)),
         meanings=MEANINGS,
         restart=summary.get("restart"),
         parameter_file=run.parameters,
@@ -156,12 +157,6 @@ def _by_contact(summary: Mapping[str, Any]) -> tuple[list[str], list[_Row]]:
         for key, quantity in QUANTITIES.items()
         if any(key in contact for contact in contacts)
     ]
-
-
-def _judged(parts: list[Part]) -> tuple[int, int]:
-    """How many criteria and bounds hold, and how many fail."""
-    holds = [entry["holds"] for part in parts for entry in part.judged.values()]
-    return sum(one is True for one in holds), sum(one is False for one in holds)
 
 
 def _states(contact: ContactPoints) -> list[str]:
