@@ -159,6 +159,8 @@ def _curves(figure: Figure, history: History, label: str, lines: Mapping[str, st
         dashes = "-" if number < len(_COLOURS) else "--"
         colour = _COLOURS[number % len(_COLOURS)]
         axes.plot(time, history.column(column), dashes, color=colour, label=name)
+    # From zero on, so that rounding in a constant is not seen.
+    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
     axes.set(xlabel="t", ylabel=label)
     figure.legend(loc="outside upper center", ncols=2, fontsize="small")
 
