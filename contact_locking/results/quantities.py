@@ -33,8 +33,7 @@ class Quantity:
     ``compute`` maps the fields that the quantity is ``of`` to its value; without it the solver or
     the certificate computes the value.  With a preposition ``at`` the value has a place, which the
     summary has under ``<key>_at``.  A ``share_of`` something is told in per cent, and a quantity
-    ``beside`` another only if that is known.  The terminal leaves out a ``detail``, and pages fold
-    it.
+    ``beside`` another only if that is known.  Pages fold a ``detail``; the terminal has none.
 
     A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
     ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
@@ -222,7 +221,7 @@ def elastic_energy(body: BodyFields) -> Any:
 
 
 def _error(key: str, name: str, meaning: str) -> Quantity:
-    meaning, key = f"{meaning}, relative in the energy norm", f"certificate.errors.{key}.relative"
+    key, meaning = f"certificate.errors.{key}.relative", f"{meaning}, relative in the energy norm"
     return Quantity(key, name, meaning, "1", of="certificate", trend="vanishes")
 
 
