@@ -159,7 +159,7 @@ def test_the_guide_to_meshes_makes_a_mesh_that_is_solved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     script, writer = blocks("docs/guides/mesh.md", "python")
-    (study,) = blocks("docs/guides/mesh.md", "yaml")
+    _, study = blocks("docs/guides/mesh.md", "yaml")
     monkeypatch.chdir(tmp_path)
     subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, timeout=60)
     Path("beam.yml").write_text(study, encoding="utf-8")

@@ -196,7 +196,7 @@ def mesh(arguments: argparse.Namespace) -> int:
         place = arguments.output
         try:
             with explained(f"cannot write {place}", place):
-                write(geometry, place, study.parameters.contact_names)
+                write(geometry, place, study.parameters.refined_names)
         except ImportError as error:
             raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
         except (ValueError, RuntimeError) as error:

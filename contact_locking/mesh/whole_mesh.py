@@ -25,14 +25,15 @@ from contact_locking.mesh.file.diagnosis import Diagnosis
 class WholeMesh:
     """Points, cells and named facets, with what the mesh of a body knows beside them.
 
-    ``diagnosis`` has the part of each cell and the named facets.  For ``origin`` and
-    ``smoothing_radii`` see `Domain`.
+    ``diagnosis`` has the part of each cell and the named facets.  For ``origin``,
+    ``smoothing_radii`` and ``facet_names`` see `Domain`.
     """
 
     data: MeshData
     diagnosis: Diagnosis
     origin: str
     smoothing_radii: dict[str, float]
+    facet_names: dict[str, tuple[int, ...]]
 
     def save(self, folder: Path, stem: str) -> list[Path]:
         """Write ``STEM.npz`` and ``STEM.json``; returns the two paths."""
@@ -46,6 +47,7 @@ class WholeMesh:
             "warnings": found.warnings,
             "origin": self.origin,
             "smoothing_radii": self.smoothing_radii,
+            "facet_names": self.facet_names,
         }
         facts.write_text(json.dumps(words) + "\n", encoding="utf-8")
         return [arrays, facts]
@@ -63,7 +65,8 @@ class WholeMesh:
             list(words["warnings"]),
         )
         radii = {str(key): float(value) for key, value in words["smoothing_radii"].items()}
-        return cls(data, found, str(words["origin"]), radii)
+        names = {str(name): tuple(map(int, tags)) for name, tags in words["facet_names"].items()}
+        return cls(data, found, str(words["origin"]), radii, names)
 
 
 def gather_mesh(domain: Domain) -> WholeMesh | None:
@@ -91,7 +94,8 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
     points = np.empty((int(place.max()) + 1, dim))
     points[place] = coordinates
     order = np.lexsort(np.sort(all_corners, axis=1).T[::-1])
-    named = simplices(all_corners[order], marks[order], domain.facet_names)
+    tags = {str(tag): tag for values in domain.facet_names.values() for tag in values}
+    named = simplices(all_corners[order], marks[order], tags)
     data = MeshData(
         dim, points, np.arange(len(points)), simplices(all_cells, groups, domain.cell_names), named
     )
@@ -102,7 +106,8 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
         dict(domain.unusable),
         list(domain.warnings),
     )
-    return WholeMesh(data, found, domain.origin, dict(domain.smoothing_radii))
+    radii, names = dict(domain.smoothing_radii), dict(domain.facet_names)
+    return WholeMesh(data, found, domain.origin, radii, names)
 
 
 def gather_cells(domain: Domain, values: Any) -> FloatArray | None:
@@ -127,10 +132,12 @@ def simplices(nodes: Any, groups: Any, names: Mapping[str, int]) -> Simplices:
 
 def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
     """A refined mesh, distributed; only rank 0 has ``mesh``; collective."""
-    origin, radii = comm.bcast(None if mesh is None else (mesh.origin, mesh.smoothing_radii))
+    about = None if mesh is None else (mesh.origin, mesh.smoothing_radii, mesh.facet_names)
+    origin, radii, names = comm.bcast(about)
 
     def make() -> tuple[MeshData, Diagnosis]:
         assert mesh is not None
         return mesh.data, mesh.diagnosis
 
-    return distributed(make, comm, origin, is_refined=True, smoothing_radii=radii)
+    more = {"smoothing_radii": radii, "facet_names": names}
+    return distributed(make, comm, origin, is_refined=True, **more)

@@ -75,7 +75,7 @@ def _read(path: Path, grids: Grids, comm: MPI.Intracomm) -> Domain:
         boundary.on(mesh, grids.dim - 1),
         parts.astype(np.int32),
         regions.names,
-        boundary.names,
+        {name: (tag,) for name, tag in boundary.names.items()},
         _part_names(cells, count, parts, regions),
         unusable,
         (*warnings, *more),

@@ -139,9 +139,10 @@ def _check_nodes(mesh: WholeMesh, curve: Curved) -> None:
     points, masks = mesh.data.points, []
     for name in curve.groups:
         mask = np.zeros(len(points), dtype=bool)
-        for group in (mesh.data.facets, mesh.data.cells):
-            if name in group.names:
-                mask[group.nodes[group.groups == group.names[name]]] = True
+        facets, cells = mesh.data.facets, mesh.data.cells
+        mask[facets.nodes[np.isin(facets.groups, mesh.facet_names.get(name, ()))]] = True
+        if name in cells.names:
+            mask[cells.nodes[cells.groups == cells.names[name]]] = True
         masks.append(mask)
     nodes = np.all(masks, axis=0)
     distance = np.linalg.norm(points[nodes] - np.array(curve.centre), axis=1)

@@ -119,6 +119,17 @@ class Parameters(Section):
         """The names of all parts of Gamma_C, each once."""
         return tuple(dict.fromkeys(name for contact in self.contacts for name in contact.on))
 
+    @property
+    def refined_names(self) -> tuple[str, ...]:
+        """The boundary parts of a builder that ``h_contact`` refines: Gamma_C, or what has it."""
+        own = self.mesh.geometry.facet_names
+        names = [
+            part
+            for name in self.contact_names
+            for part in (self.mesh.parts[name].on if name in self.mesh.parts else (name,))
+        ]
+        return tuple(dict.fromkeys(name for name in names if name in own))
+
     def limit(self) -> Parameters:
         """The variational inequality on the same mesh: n = .inf, and no regularisation."""
 
@@ -200,7 +211,7 @@ class Parameters(Section):
 
     def _name_faults(self) -> Iterator[Fault]:
         """Names that the builder does not give; names of a mesh file are checked with the mesh."""
-        cells, facets = self.mesh.geometry.cell_names, self.mesh.geometry.facet_names
+        cells, facets = self.mesh.geometry.cell_names, self.mesh.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
         for kind in ("tractions", "pressures", "displacements", "supports"):
@@ -233,7 +244,10 @@ class Parameters(Section):
                 )
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        sections: list[tuple[Place, LoadParameters | ContactSection | OutputParameters]] = [
+        sections: list[
+            tuple[Place, MeshParameters | LoadParameters | ContactSection | OutputParameters]
+        ] = [
+            (("mesh",), self.mesh),
             (("loads",), self.loads),
             (("output",), self.output),
             *self._contact_sections(),
