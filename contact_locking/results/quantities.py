@@ -210,7 +210,7 @@ def locked_fraction(body: BodyFields) -> Any:
 
 @quantity("body", "work of the loads", "energy", detail=True)
 def compliance(body: BodyFields) -> Any:
-    """(f, u), the work of body force, tractions and pressures."""
+    """(f, u), the work of body force, tractions, pressures and forces."""
     return body.system.compliance()
 
 

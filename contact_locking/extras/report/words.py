@@ -74,6 +74,7 @@ _TITLES: Mapping[str, str] = {
 _LOADS: Mapping[str, str] = {
     "tractions": "traction",
     "pressures": "pressure",
+    "forces": "force",
     "displacements": "displacement",
     "supports": "support",
 }
