@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
@@ -166,8 +165,3 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
         if name != "contact_state":
             make_nodal(function, [fields.surface.limited for fields in contacts])
     return found
-
-
-def integral(domain: Domain, form: Expr) -> float:
-    """The value of a functional; collective."""
-    return float(domain.comm.allreduce(fem.assemble_scalar(compiled.form(form))))
