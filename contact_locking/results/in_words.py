@@ -209,14 +209,13 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
 
 def _limit_load(entry: Mapping[str, Any] | None) -> str | None:
     """The limit load, if the study file asks for proofs and displacements move."""
-    if entry is None:
-        return None
-    if entry["load_factor"] is None:
-        return str(entry["reason"])
+    if entry is None or entry["load_factor"] is None:
+        return None if entry is None else str(entry["reason"])
     confirmed, excluded = entry["load_factor"]
     most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
-    shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
-    return f"of the prescribed displacements {shares}"
+    return (
+        f"of the prescribed displacements {per_cent(confirmed)} can be followed, {most} on no mesh"
+    )
 
 
 def _estimated(summary: Mapping[str, Any]) -> str:
