@@ -213,9 +213,8 @@ def _limit_load(entry: Mapping[str, Any] | None) -> str | None:
         return None if entry is None else str(entry["reason"])
     confirmed, excluded = entry["load_factor"]
     most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
-    return (
-        f"of the prescribed displacements {per_cent(confirmed)} can be followed, {most} on no mesh"
-    )
+    shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
+    return f"of the prescribed displacements {shares}"
 
 
 def _estimated(summary: Mapping[str, Any]) -> str:
