@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from contact_locking.monitor import Monitor
-    from contact_locking.results import in_words
-    from contact_locking.results.solution import StudySolution
     from contact_locking.study_file import StudyFile
 
 CONVERGED, NOT_CONVERGED = 0, 3
@@ -79,9 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
                 )
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")
-    use = _use_of_limit(solution)
     if speaks:
-        outcome = [*in_words.rows(solution.summary, use), ("results in", str(directory))]
+        outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]
         print(terminal.columns(outcome))
     if solution.converged:
         return CONVERGED
@@ -283,20 +279,6 @@ def _explained(study: StudyFile) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(study.explain(error), error.key) from error
-
-
-def _use_of_limit(solution: StudySolution) -> in_words.UseOfLimit | None:
-    """How far the body uses its strain limit, None for a body without a limit; collective."""
-    from contact_locking.parallel import maximum, minimum
-    from contact_locking.results import in_words
-
-    comm = solution.domain.comm
-    strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array
-    least = minimum(comm, limit)
-    if least == math.inf:
-        return None
-    ratio = maximum(comm, strain / limit)
-    return in_words.UseOfLimit(ratio, varies=maximum(comm, limit) > least)
 
 
 def _shown(value: Any) -> str:

@@ -14,6 +14,7 @@ from dolfinx import fem, jit
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError
+from contact_locking.mesh.domain import Domain
 
 T = TypeVar("T")
 
@@ -26,6 +27,11 @@ def form(integrals: Any) -> fem.Form:
     """The compiled form of a UFL form; collective."""
     with _explained():
         return fem.form(integrals, jit_options=options())
+
+
+def integral(domain: Domain, integrals: Any) -> float:
+    """The value of a functional; collective."""
+    return float(domain.comm.allreduce(fem.assemble_scalar(form(integrals))))
 
 
 def expression(value: Any, points: FloatArray, comm: Any = None) -> fem.Expression:

@@ -172,6 +172,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         *((part.on, f"{part.key}.on") for part in parameters.contacts),
         *((load.on, f"loads.tractions.{i}.on") for i, load in enumerate(loads.tractions)),
         *((load.on, f"loads.pressures.{i}.on") for i, load in enumerate(loads.pressures)),
+        *((load.on, f"loads.forces.{i}.on") for i, load in enumerate(loads.forces)),
     ):
         require_surface(domain, on, key)
     for place, condition in parameters.loads.held():

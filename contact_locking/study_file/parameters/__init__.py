@@ -196,6 +196,13 @@ class Parameters(Section):
                 "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is no number "
                 "at a vertex on the axis; take gauss, or leave the key out",
             )
+        for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):
+            if force.value and force.value[0] != 0.0:
+                yield Fault(
+                    ("loads", "forces", index, "value", 0),
+                    "must be 0: the total force on a body of revolution acts along the axis; give "
+                    "what acts along the radius in loads.pressures or loads.tractions",
+                )
         yield from self._expression_faults()
         if self.study is not None:
             yield from below(("study",), self.study.key_faults(type(self)))
@@ -214,7 +221,7 @@ class Parameters(Section):
         cells, facets = self.mesh.geometry.cell_names, self.mesh.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
-        for kind in ("tractions", "pressures", "displacements", "supports"):
+        for kind in ("tractions", "pressures", "forces", "displacements", "supports"):
             for index, load in enumerate(getattr(self.loads, kind)):
                 for name in load.on:
                     place = ("loads", kind, index, "on")
