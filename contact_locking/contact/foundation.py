@@ -1,4 +1,4 @@
-"""A foundation at its place: a gap, or a rigid body that may move."""
+"""A foundation at its place: a gap, or a shape that may move."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ _TOUCH = 8.0 * float(np.finfo(float).eps)
 
 @runtime_checkable
 class PlacedFoundation(Protocol):
-    """What the body at one contact does not enter, at its present place.
+    """The foundation of one contact, at its present place.
 
     ``is_timed`` says that gap or normal may change from solve to solve, and ``moves`` that the
     foundation has a motion, which drags the body by friction.  ``is_distance`` says that its
@@ -115,7 +115,7 @@ class PlacedFoundation(Protocol):
         """
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """What is probably not intended, of the gap (k,) at the nodes at present; collective."""
+        """Warnings about the present gap (k,) at the nodes; collective."""
 
 
 class GivenGap:
@@ -186,9 +186,9 @@ def _name_of(body: Foundation) -> str:
 
 
 class RigidFoundation:
-    """A rigid body with a prescribed motion from rest, or at rest.
+    """A foundation with a shape, at rest or with a prescribed motion from rest.
 
-    ``motion`` tells where the body is at present, and ``is_timed`` that it may move, or change its
+    ``motion`` is its present motion, and ``is_timed`` says that it may move, or change its
     shape.  ``key`` is that of the foundation in messages.  The methods raise InputError for a body
     whose distance is not finite, and Misplaced for one that lies behind Gamma_C, or reaches into
     the body so that the way out of it leads through the body.
@@ -212,8 +212,8 @@ class RigidFoundation:
         # A body is judged once, at its first place, whether its orientation fits that of the
         # deformable body.
         self._is_oriented = False
-        #: What was not intended, probably, with the shape itself.
-        self.told: list[str] = []
+        #: Warnings about the shape itself.
+        self.shape_warnings: list[str] = []
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._evaluated(self.now.gap, x)
@@ -294,7 +294,7 @@ class RigidFoundation:
     def _reverse(self) -> None:
         assert isinstance(self._body, TriangulatedSurface | Polyline)
         self._body = self._body.reversed()
-        self.told.append(
+        self.shape_warnings.append(
             f"{self._key}.{self._shape}: it is that of a die, whose hole is inside of the outline, "
             f"but the body is not in the hole; the other side was taken: {_TURN[self._shape]}"
         )
@@ -340,8 +340,8 @@ class RigidFoundation:
         return motion.place(self._body.sharp_points(at_rest, spacing).T).T
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """What is probably not intended with the gap (k,) at the nodes at present; collective."""
-        found, comm = [*self.told], self._comm
+        """Warnings about the present gap (k,) at the nodes; collective."""
+        found, comm = [*self.shape_warnings], self._comm
         body = self._body
         if isinstance(body, LevelSet):
             low, high = self._slopes(body, surface)

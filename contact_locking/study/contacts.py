@@ -21,7 +21,7 @@ from contact_locking.laws.friction_law import FrictionLaw
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum
-from contact_locking.study.shapes import Site, build
+from contact_locking.study.shapes import Placement, build
 from contact_locking.study_file.parameters import ContactParameters, Foundation
 
 # A negative friction coefficient smaller than this share of the largest value is zero with
@@ -57,7 +57,7 @@ def contact_of(
 
 
 def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:
-    """What the nodes do not see of the friction coefficient; collective.  Raises for a pole."""
+    """Features of the friction coefficient between the nodes; collective.  Raises for a pole."""
     key = given.friction_key("coefficient")
     expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
     facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))
@@ -83,16 +83,16 @@ class GapOfStudy(GivenGap):
 def _foundation(
     domain: Domain, contact: ContactParameters, given: Foundation, clock: Clock
 ) -> RigidFoundation:
-    """The rigid body of a section; collective."""
+    """The foundation of a section; collective."""
     key, dim = f"{contact.key}.foundation", domain.dim
-    site = Site(dim, domain.comm, clock, key)
-    body = build(*given.shape, site)
+    placement = Placement(dim, domain.comm, clock, key)
+    body = build(*given.shape, placement)
     text = given.expression
     timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME), tables=clock.tables))
     motion = partial(_motion, given, f"{key}.motion", dim, clock)
     is_moved = given.moved is not None or timed_shape
     found = RigidFoundation(domain.comm, dim, body, motion, key, is_moved)
-    found.told += site.warnings
+    found.shape_warnings += placement.warnings
     return found
 
 
