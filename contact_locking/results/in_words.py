@@ -209,8 +209,10 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
 
 def _limit_load(entry: Mapping[str, Any] | None) -> str | None:
     """The limit load, if the study file asks for proofs and displacements move."""
-    if entry is None or entry["load_factor"] is None:
-        return entry and entry["reason"]
+    if entry is None:
+        return None
+    if entry["load_factor"] is None:
+        return str(entry["reason"])
     confirmed, excluded = entry["load_factor"]
     most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
     shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
