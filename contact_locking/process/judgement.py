@@ -29,7 +29,8 @@ _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
 _WAY_OUT_OF_ENTRY = (
-    "Refine the mesh where the foundation enters: mesh.h_contact, or adapt; or take a rounder tool."
+    "Refine the mesh where the foundation enters: mesh.h_contact, or adapt; or take a rounder "
+    "foundation."
 )
 
 

@@ -151,7 +151,7 @@ def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
     pushed = [(", ".join(entry["on"]), entry["tool"]) for entry in contacts if "tool" in entry]
     return [
         (
-            f"tool on {on}",
+            f"foundation on {on}",
             f"moved by {tool['travel']:.6g} along {_vector(tool['direction'])}, "
             f"pushed by {tool['force']:.6g}",
         )

@@ -154,14 +154,16 @@ class TimedForce:
         at = f" at t = {time:g}" if any(law.names for law in self._force) else ""
         if np.linalg.norm(force - size * self.direction) > _STRAIGHT * self.largest:
             raise InputError(
-                f"has another direction{at} than at first, and a tool moves along one line; keep "
+                f"has another direction{at} than at first, and a foundation moves along one line; "
+                "keep "
                 "the ratio of the components",
                 self.key,
             )
         if size < -_ROUNDING * self.largest:
             raise InputError(
-                f"is turned round{at}: a tool pushes and cannot pull, and nothing would stop the "
-                "tool; a force of 0 lets the body go",
+                f"is turned round{at}: a foundation pushes and cannot pull, and nothing would stop "
+                "the "
+                "foundation; a force of 0 lets the body go",
                 self.key,
             )
         if self._translation:
@@ -169,7 +171,7 @@ class TimedForce:
             if abs(moved @ self.direction) > _STRAIGHT * np.linalg.norm(moved):
                 raise InputError(
                     f"is along foundation.motion at t = {time:g}: the force decides how far the "
-                    "tool moves along it; leave out this component of the motion",
+                    "foundation moves along it; leave out this component of the motion",
                     self.key,
                 )
         return size if size > _ROUNDING * self.largest else 0.0
