@@ -39,8 +39,7 @@ _TOO_DEEP = (
 )
 _INSIDE = (
     "a part of Gamma_C lies inside the foundation, and the shortest way out leads through the "
-    "body; "
-    "either the foundation is inside out, or it reaches too deep into the body"
+    "body; either the foundation is inside out, or it reaches too deep into the body"
 )
 #: How to turn a foundation that is inside out.
 _TURN = {
@@ -50,8 +49,7 @@ _TURN = {
 }
 _TOO_FAR_IN = (
     "a part of Gamma_C lies inside the foundation, and no way out of it leads along the normal of "
-    "the "
-    "body within the width of the body; let the foundation reach less deep into the body"
+    "the body within the width of the body; let the foundation reach less deep into the body"
 )
 # The nearest side of a foundation is no way out if the normal of the side has a smaller component
 # along that of the body: it is the side of an edge, or lies behind the body.
@@ -385,8 +383,7 @@ class RigidFoundation:
         if on_any_rank(self._comm, self._at_open_end(points) & (gap < 0.0)):
             raise Misplaced(
                 "Gamma_C reaches around the end of the open foundation, where it has no inside; "
-                "close "
-                "the foundation, or let it reach beyond the body",
+                "close the foundation, or let it reach beyond the body",
                 f"{self._key}.{self._shape}",
             )
 

@@ -155,15 +155,13 @@ class TimedForce:
         if np.linalg.norm(force - size * self.direction) > _STRAIGHT * self.largest:
             raise InputError(
                 f"has another direction{at} than at first, and a foundation moves along one line; "
-                "keep "
-                "the ratio of the components",
+                "keep the ratio of the components",
                 self.key,
             )
         if size < -_ROUNDING * self.largest:
             raise InputError(
                 f"is turned round{at}: a foundation pushes and cannot pull, and nothing would stop "
-                "the "
-                "foundation; a force of 0 lets the body go",
+                "the foundation; a force of 0 lets the body go",
                 self.key,
             )
         if self._translation:
