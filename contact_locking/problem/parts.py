@@ -452,7 +452,8 @@ class _Motions:
                     "body and foundations can move together as one rigid body "
                     f"({self._words(scale * motion)}): the forces "
                     "tell how hard the foundations press, and nothing tells where; fix a "
-                    "component on a boundary part in loads.displacements, or leave out one foundation.force",
+                    "component on a boundary part in loads.displacements, or leave out one "
+                    "foundation.force",
                     self._tools[0].key,
                 )
 
