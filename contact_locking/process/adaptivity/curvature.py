@@ -1,4 +1,4 @@
-"""Boundary parts of a mesh file that look curved, whose curve no one knows."""
+"""Boundary parts of a mesh file that look curved; the file does not describe their curves."""
 
 from __future__ import annotations
 
