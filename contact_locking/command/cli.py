@@ -84,7 +84,7 @@ def _end_ranks(arguments: argparse.Namespace, interrupt: KeyboardInterrupt) -> N
 
 
 def _unexpected(error: Exception) -> tuple[str, str]:
-    """In one line what went wrong, and in another what to do."""
+    """One line about the error, and another about the remedy."""
     if isinstance(error, OSError) and error.strerror:
         place = error.filename or "a file of its own, perhaps in the cache of compiled forms"
         hint = (

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from contact_locking.monitor import Monitor
-    from contact_locking.results import in_words
-    from contact_locking.results.solution import StudySolution
     from contact_locking.study_file import StudyFile
     from contact_locking.study_file.parameters import Parameters
 
@@ -82,14 +79,13 @@ def run(arguments: argparse.Namespace) -> int:
                 )
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")
-    use = _use_of_limit(solution)
     if speaks:
-        outcome = [*in_words.rows(solution.summary, use), ("results in", str(directory))]
+        outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]
         print(terminal.columns(outcome))
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
-    lines = (f"not converged: {reason}", way_out, f"What was reached is in {directory}.")
+    lines = (f"not converged: {reason}", way_out, f"The state that it reached is in {directory}.")
     terminal.complain("error: " + "\n".join(line for line in lines if line))
     return NOT_CONVERGED
 
@@ -203,7 +199,7 @@ def mesh(arguments: argparse.Namespace) -> int:
         place = arguments.output
         try:
             with explained(f"cannot write {place}", place):
-                write(geometry, place, study.parameters.contact_names)
+                write(geometry, place, study.parameters.refined_names)
         except ImportError as error:
             raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
         except (ValueError, RuntimeError) as error:
@@ -306,20 +302,6 @@ def _explained(study: StudyFile) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(study.explain(error), error.key) from error
-
-
-def _use_of_limit(solution: StudySolution) -> in_words.UseOfLimit | None:
-    """How far the body uses its strain limit, None for a body without a limit; collective."""
-    from contact_locking.parallel import maximum, minimum
-    from contact_locking.results import in_words
-
-    comm = solution.domain.comm
-    strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array
-    least = minimum(comm, limit)
-    if least == math.inf:
-        return None
-    ratio = maximum(comm, strain / limit)
-    return in_words.UseOfLimit(ratio, varies=maximum(comm, limit) > least)
 
 
 def _shown(value: Any) -> str:

@@ -18,6 +18,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.files.lock import wait_for_lock
+from contact_locking.mesh.domain import Domain
 
 T = TypeVar("T")
 
@@ -31,6 +32,11 @@ def form(integrals: Any) -> fem.Form:
     (mesh, *_) = integrals.ufl_domains()
     with _compiling(mesh.ufl_cargo().comm):
         return fem.form(integrals, jit_options=options())
+
+
+def integral(domain: Domain, integrals: Any) -> float:
+    """The value of a functional; collective."""
+    return float(domain.comm.allreduce(fem.assemble_scalar(form(integrals))))
 
 
 def expression(value: Any, points: FloatArray, comm: Any = None) -> fem.Expression:
@@ -61,13 +67,13 @@ def options() -> dict[str, Any]:
 
 
 class Kept:
-    """What has been compiled or evaluated for one problem, by names, for its next solve."""
+    """Compiled forms and evaluated data of one problem, by names, for its next solve."""
 
     def __init__(self) -> None:
         self._found: dict[Hashable, Any] = {}
 
     def __call__(self, name: Hashable, make: Callable[[], T]) -> T:
-        """What :func:`make` returned at the first call with the name; collective as it is."""
+        """The result of the first call of :func:`make` with the name; collective if that is."""
         if name not in self._found:
             self._found[name] = make()
         found: T = self._found[name]

@@ -27,6 +27,7 @@ from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.contacts import contact_of, friction_warnings
 from contact_locking.study.loads import build_loads
 from contact_locking.study.material import MaterialOfStudy
+from contact_locking.study.places import with_placed_parts
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file.parameters import LoadParameters, Parameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
@@ -153,9 +154,14 @@ def assemble(
 
 def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     """The mesh of the study, which is the first mesh where meshes are adapted; collective."""
+    return with_placed_parts(_given_mesh(parameters, comm), parameters.mesh)
+
+
+def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+    """The mesh of a builder, or the mesh in a file; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
-        return domains.from_geometry(geometry, comm, parameters.contact_names)
+        return domains.from_geometry(geometry, comm, parameters.refined_names)
     assert parameters.mesh.file is not None
     path = Path(parameters.mesh.file)
     if not is_xdmf(path):
@@ -174,6 +180,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         *((part.on, f"{part.key}.on") for part in parameters.contacts),
         *((load.on, f"loads.tractions.{i}.on") for i, load in enumerate(loads.tractions)),
         *((load.on, f"loads.pressures.{i}.on") for i, load in enumerate(loads.pressures)),
+        *((load.on, f"loads.forces.{i}.on") for i, load in enumerate(loads.forces)),
     ):
         require_surface(domain, on, key)
     for place, condition in parameters.loads.held():

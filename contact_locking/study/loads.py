@@ -19,6 +19,7 @@ from dolfinx import fem
 from contact_locking.arrays import AXES, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import LARGEST, TIME, Expression, Lookup, parse
+from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
 from contact_locking.fields.lookups import Lookups
@@ -57,6 +58,7 @@ def build_loads(domain: Domain, given: LoadParameters, element: Element, clock: 
         low, high = domain.bounding_box()
         found.add(load, domain.dx(**load.metadata), key, float((high - low).max()))
     on_boundary: list[tuple[tuple[str, ...], str, type[_Load], Sequence[float | str]]] = [
+        *((item.on, f"forces.{i}", _TotalForce, item.value) for i, item in enumerate(given.forces)),
         *((item.on, f"tractions.{i}", _Load, item.value) for i, item in enumerate(given.tractions)),
         *(
             (item.on, f"pressures.{i}", _Pressure, (item.value,))
@@ -67,7 +69,8 @@ def build_loads(domain: Domain, given: LoadParameters, element: Element, clock: 
         key = f"loads.{place}"
         on = Entities.of(domain, domain.dim - 1, domain.facets(names, f"{key}.on"))
         load = kind(on, values, f"{key}.value", element, clock)
-        found.add(load, domain.ds(names, f"{key}.on", **load.metadata), f"{key}.value")
+        measure = domain.ds(names, f"{key}.on", **load.metadata)
+        found.add(load, measure, f"{key}.value", load.spread_over(measure))
     return found
 
 
@@ -80,11 +83,11 @@ class Loads:
         self._told: list[str] = []
         self._stresses: list[tuple[float, str]] = []
 
-    def add(self, load: _Load, measure: ufl.Measure, key: str, length: float = 1.0) -> None:
-        """Add a load that acts on a measure, and times ``length`` is a stress; collective."""
+    def add(self, load: _Load, measure: ufl.Measure, key: str, per: float = 1.0) -> None:
+        """Add a load that acts on a measure, and times ``per`` is a stress; collective."""
         largest, told = load.check()
         self._told += told
-        self._stresses.append((largest * length, key))
+        self._stresses.append((largest * per, key))
         self.terms.append((load.ufl(), measure))
         if load.timed:
             self._timed.append(load)
@@ -158,6 +161,10 @@ class _Load:
                 ),
             }
         return found
+
+    def spread_over(self, measure: ufl.Measure) -> float:
+        """The stress of a unit of the load on a part of the boundary; collective."""
+        return 1.0
 
     def ufl(self) -> Any:
         if self._constant:
@@ -294,6 +301,20 @@ class _Pressure(_Load):
 
     def _component_key(self, i: int) -> str:
         return self._key
+
+
+class _TotalForce(_Load):
+    """One force F that is spread evenly over a part of the boundary."""
+
+    _stress: float
+
+    def spread_over(self, measure: ufl.Measure) -> float:
+        one = fem.Constant(self._domain.mesh, 1.0)
+        self._stress = 1.0 / integral(self._domain, one * measure)
+        return self._stress
+
+    def ufl(self) -> Any:
+        return self._stress * super().ufl()
 
 
 @dataclass(frozen=True)
