@@ -63,13 +63,11 @@ def _write(domain: Domain, path: Path) -> None:
     mesh.name = _MESH
     with io.XDMFFile(domain.comm, path, "w") as file:
         file.write_mesh(mesh)
-        for tags, names in (
-            (domain.cell_tags, domain.cell_names),
-            (domain.facet_tags, domain.facet_names),
-        ):
-            for name, number in names.items():
-                own = tags.find(number)
-                values = np.full(len(own), number, dtype=np.int32)
-                group = dmesh.meshtags(mesh, tags.dim, own, values)
-                group.name = name
-                file.write_meshtags(group, mesh.geometry)
+        groups = [
+            *((domain.dim, name, domain.cells(name)) for name in domain.cell_names),
+            *((domain.dim - 1, name, domain.facets((name,))) for name in domain.facet_names),
+        ]
+        for number, (dim, name, own) in enumerate(groups, start=1):
+            group = dmesh.meshtags(mesh, dim, own, np.full(len(own), number, dtype=np.int32))
+            group.name = name
+            file.write_meshtags(group, mesh.geometry)

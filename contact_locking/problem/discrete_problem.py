@@ -11,6 +11,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import IndexArray
 from contact_locking.contact.contact import Contact
+from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.contact.state import ContactState
@@ -20,14 +21,14 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.problem import forms
 from contact_locking.problem.elasticity import Elasticity, Material
 from contact_locking.problem.limits import Limit, LimitsOnMesh
-from contact_locking.problem.parts import Held, check_parts_held
+from contact_locking.problem.parts import Held, parts_held, require_parts_held
 from contact_locking.problem.points import Points
 from contact_locking.supports.conditions import Constraints
 
 
 @dataclass(frozen=True)
 class Body:
-    """The body and what acts on it beside contact.
+    """The body with its loads and supports, without contact.
 
     ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
     bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
@@ -51,7 +52,7 @@ class Body:
 
 
 class DiscreteProblem:
-    """The discrete problem; what it is made of stays, and the values of its data may change.
+    """The discrete problem: its parts stay, and the values of its data may change.
 
     ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
     solve for, and ``held`` tells how each part of the body is held.  ``follows_n`` says that the
@@ -59,7 +60,7 @@ class DiscreteProblem:
     intended.
 
     The constructor is collective.  ``compliance`` is epsilon, None for 1/n.  Raises InputError for
-    data that cannot be used, for a foundation behind Gamma_C, and for a body that is not held.
+    data that cannot be used, and for a foundation behind Gamma_C.
     """
 
     def __init__(
@@ -81,6 +82,10 @@ class DiscreteProblem:
             NodalContact(domain, space, body.constraints, item, element, limited, slip)
             for item in contacts
         )
+        for contact in nodal:
+            if isinstance(contact.friction, NoSlip):
+                others = [other.surface for other in nodal if other is not contact]
+                contact.friction = contact.friction.beside(others)
         self.warnings = [text for contact in nodal for text in contact.warnings()]
         slips = tuple(float(contact.regularisation.value) for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
@@ -100,18 +105,13 @@ class DiscreteProblem:
             own_energy=body.own_energy,
         )
         self.u = fem.Function(space, name="displacement")
-        self.held: list[Held] = self._check_held()
-
-    def _check_held(self) -> list[Held]:
-        body = self.body
-        return check_parts_held(
-            self.domain,
-            body.space,
-            self.data,
-            self.constraints,
-            body.displacements,
-            body.supports,
+        self.held: list[Held] = parts_held(
+            domain, space, self.data, self.constraints, body.displacements, body.supports
         )
+
+    def require_held(self) -> None:
+        """Raise InputError for a part of the body that is free to move; collective."""
+        require_parts_held(self.domain, self.body.space, self.data, self.constraints)
 
     @property
     def contacts(self) -> tuple[NodalContact, ...]:
@@ -128,12 +128,12 @@ class DiscreteProblem:
         return sum(part.sliding for part in self.held)
 
     def enter(self, states: Sequence[ContactState]) -> None:
-        """Begin a step with what friction remembers of each contact; collective."""
+        """Begin a step with the memory of friction at each contact; collective."""
         for contact, state in zip(self.contacts, states, strict=True):
             contact.enter(state)
 
     def at_rest(self) -> tuple[ContactState, ...]:
-        """What friction remembers before the first step."""
+        """The memory of friction before the first step."""
         return tuple(
             ContactState.at_rest(len(item.surface.nodes), self.domain.dim) for item in self.contacts
         )
@@ -154,7 +154,7 @@ class DiscreteProblem:
         self.material.refresh()
         self.limits.refresh()
         self.place()
-        self.held = self._check_held()
+        self.require_held()
 
     def close(self) -> None:
         """Destroy the PETSc objects; collective."""

@@ -148,7 +148,7 @@ def _static(
         sensitivities = Sensitivities(problem)
         solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
-    solution.summary["restart"] = None if restarted is None else restarted.told(report)
+    solution.summary["restart"] = None if restarted is None else restarted.in_words(report)
     solver.close()
     problem.close()
     return solution

@@ -442,3 +442,24 @@ def test_a_half_section_that_crosses_the_axis_is_refused() -> None:
     space = fem.functionspace(body, ("Lagrange", 1, (2,)))
     with pytest.raises(cl.InputError, match="must lie in x >= 0"):
         cl.ContactProblem(cl.Elasticity(young=1.0, poisson=0.3), space=space, axisymmetric=True)
+
+
+def test_a_body_that_its_loads_alone_press_may_have_loads_later(comm: MPI.Intracomm) -> None:
+    square = mesh.create_unit_square(comm, 6, 6)
+    space = fem.functionspace(square, ("Lagrange", 1, (2,)))
+    load = fem.Constant(square, (0.0, 0.0))
+    L = ufl.inner(load, ufl.TestFunction(space)) * ufl.dx
+    bottom = mesh.locate_entities_boundary(square, 1, lambda x: np.isclose(x[1], 0.0))
+    contact = cl.Contact(bottom, cl.HalfSpace((0, 0), (0, 1)), friction=rubbing())
+    problem = cl.ContactProblem(elastic(space), L, contacts=[contact])
+    load.value[:] = (0.01, -0.1)
+    found = problem.solve()
+    assert found.converged
+    assert found.summary["contact_force"] == pytest.approx([0.0, 0.1], rel=1e-6)
+    assert found.summary["friction_force"] == pytest.approx([-0.01, 0.0], abs=1e-8)
+    load.value[:] = (0.1, -0.1)
+    assert not problem.solve().converged
+    load.value[:] = (0.0, 0.1)
+    with pytest.raises(cl.InputError, match="do not press the body"):
+        problem.solve()
+    problem.close()

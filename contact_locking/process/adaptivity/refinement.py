@@ -48,7 +48,8 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
     data, parent = _bisected(mesh, marked)
     before = signed_measures(data.points, data.cells.nodes)
     if curved:
-        data = replace(data, points=rounded(curved, data.points, partial(_nodes_of, data)))
+        nodes_of = partial(_nodes_of, data)
+        data = replace(data, points=rounded(curved, data.points, nodes_of))
         after = signed_measures(data.points, data.cells.nodes)
         if np.any(after / before < 1.0 - _LARGEST_LOSS):
             raise NotRefined(
@@ -101,8 +102,7 @@ def _nodes_of(data: MeshData, name: str) -> BoolArray:
     """The nodes (m,) of a boundary part or a region; none if there is no such group."""
     mask = np.zeros(len(data.points), dtype=bool)
     for group in (data.facets, data.cells):
-        if name in group.names:
-            mask[group.nodes[group.groups == group.names[name]]] = True
+        mask[group.nodes[group.named(name)]] = True
     return mask
 
 
