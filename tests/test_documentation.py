@@ -121,6 +121,7 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
         "friction": {"coefficient": 0.3, "smoothing": {"radius": 0.5}},
         "penalty": {"n": 1e4},
         "certificate": {"limit": True, "error_bound": True},
+        "sensitivities": {"of": "compliance", "to": "friction.coefficient"},
     }
     adapted = solve(from_mapping(given | {"adapt": {"max_meshes": 1}}))
     (step,) = solve_steps(from_mapping(given | {"steps": {"times": [1.0]}}))

@@ -75,7 +75,7 @@ class Parameters(Section):
     title: Text = entry("", "what the study is about, for headings")
     parameters: dict[str, Number] | None = entry(
         None,
-        "numbers by names that any expression of the file may use, as mu0 in 'mu0*exp(-s/s0)'",
+        "numbers by names that the expressions of the file may use, as mu0 in 'mu0*exp(-s/s0)'",
         optional=True,
     )
     mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
