@@ -82,8 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
     if speaks:
         outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]
         print(terminal.columns(outcome))
-        if lines := in_words.sensitivities(solution.summary):
-            print(terminal.columns(lines))
+        if derived := in_words.sensitivities(solution.summary):
+            print(terminal.columns(derived))
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]

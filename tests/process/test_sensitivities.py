@@ -144,3 +144,26 @@ def test_a_check_stands_beside_the_derivative() -> None:
     found = solution.summary["sensitivities"]["contact_force.1"]["contact.gap"]
     assert found["checked"] == pytest.approx(found["derivative"], rel=1e-3)
     assert "change" in solution.summary["share_at_change"]["in_words"]
+
+
+def test_a_block_that_slides_has_the_derivative_of_coulombs_law() -> None:
+    """A plate drags a block over its foundation: the friction is mu times the pressing force."""
+    parameters = with_changes_of(
+        study(
+            friction__coefficient="mu0",
+            friction__smoothing={"kernel": "none"},
+            loads={"displacements": [{"on": "top", "value": [0.5, -0.01]}]},
+            material={},
+            contact__gap=0.0,
+        ),
+        {"of": ["friction_force.0", "contact_force.1"], "to": ["parameters.mu0"]},
+    )
+    solution = solve(parameters)
+    summary = solution.summary
+    assert summary["slip_area"] == pytest.approx(1.0)
+    friction, force = summary["friction_force"][0], summary["contact_force"][1]
+    found = {name: entry["parameters.mu0"] for name, entry in summary["sensitivities"].items()}
+    # F = -mu N, of which N changes with mu as well.
+    expected = -force - 0.3 * found["contact_force.1"]["derivative"]
+    assert friction == pytest.approx(-0.3 * force, rel=1e-6)
+    assert found["friction_force.0"]["derivative"] == pytest.approx(expected, rel=1e-5)
