@@ -75,7 +75,9 @@ class BodyFields:
         """The share of the body where ``marks`` (k,) of the space of strains are 1; collective."""
         weights = self._kept("weights", lambda: self._weights(domain))
         # Both sums round alike, so that all or none of the body is exactly 1 or 0.
-        marked, unmarked = domain.comm.allreduce(np.array([weights @ marks, weights @ (1.0 - marks)]))
+        marked, unmarked = domain.comm.allreduce(
+            np.array([weights @ marks, weights @ (1.0 - marks)])
+        )
         return float(marked / (marked + unmarked))
 
     def _weights(self, domain: Domain) -> FloatArray:
