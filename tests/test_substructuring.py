@@ -17,7 +17,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.solver.linear.direct import Substructuring, substructuring
+from contact_locking.solver.linear.direct import substructuring
 from contact_locking.solver.linear.direct.native import is_available
 from contact_locking.solver.linear.direct.separator import Separator
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
@@ -108,19 +108,6 @@ def test_the_pieces_together_solve_with_the_matrix(
     assert np.max(np.abs(whole @ x - RIGHT) / scale) < 1e-13
     if IN_PIECES:
         assert ksp.getPC().getPythonContext().in_pieces
-
-
-def test_the_pieces_may_be_in_single_precision(
-    ksp: PETSc.KSP, distributed: Callable[[sp.csr_matrix], PETSc.Mat]
-) -> None:
-    whole = grid()
-    if IN_PIECES:
-        ksp.getPC().setPythonContext(Substructuring(np.float32))
-    x = solved(ksp, distributed(whole), RIGHT)
-    error = np.linalg.norm(whole @ x - RIGHT) / np.linalg.norm(RIGHT)
-    assert error < 1e-5
-    # The factor is in single precision indeed.
-    assert (error > 1e-10) == IN_PIECES
 
 
 def test_ranks_without_rows_factorise_a_piece_like_the_others(

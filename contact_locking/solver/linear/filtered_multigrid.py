@@ -125,24 +125,11 @@ class FilteredMultigrid:
         self._made: Filter | None = None
         self._filter: Filter | None = None
         self._projection: Projection | None = None
-        #: Whether the projection may factorise in single precision: not where :meth:`apply` is all
-        #: that a solver knows of it.
-        self.in_single = False
 
     @property
     def filters(self) -> bool:
         """Whether the filter or the projection takes part at present."""
         return self._filter is not None or self._projection is not None
-
-    @property
-    def projection(self) -> Projection | None:
-        """The projection, if it takes part at present and anything is stiff."""
-        return self._projection if self._projection and not self._projection.is_empty else None
-
-    @property
-    def soft(self) -> PETSc.Mat:
-        """The matrix without the stiffness of what is filtered or projected."""
-        return self._smoothed
 
     @property
     def filters_exactly(self) -> bool:
@@ -165,8 +152,6 @@ class FilteredMultigrid:
         """
         # Its factor is free before multigrid takes memory for the new values.
         if self._projection is not None:
-            # The points become stiffer from one tangent to the next.
-            self.in_single &= not self._projection.is_bad
             self._projection.destroy()
             self._projection = None
         projects = stiff is not None and self.must_project(stiff)
@@ -181,7 +166,7 @@ class FilteredMultigrid:
         self._filter = None if stiff is None or projects else self._filter_of(stiff)
         if stiff is not None and projects:
             self._forget()
-            self._projection = Projection(*stiff.find_rows(), by_entry, self.in_single)
+            self._projection = Projection(*stiff.find_rows(), by_entry)
 
     def smooth_more(self) -> None:
         """Let multigrid take more steps of its smoother; to be called after :meth:`refresh`."""
@@ -214,11 +199,6 @@ class FilteredMultigrid:
         if self._filter is not None:
             self._matrix.mult(z, self._product)
             self._filter.add(-1.0, self._product, z)
-
-    def invert(self, r: PETSc.Vec, s: PETSc.Vec, z: PETSc.Vec, forces: PETSc.Vec) -> None:
-        """That of :class:`Projection`, which takes part."""
-        assert self._projection is not None
-        self._projection.invert(self._multigrid, r, s, z, forces)
 
     def apply_to_any(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` for any residual; collective."""

@@ -54,20 +54,19 @@ def cholmod() -> Path | None:
     return None
 
 
-def library(comm: MPI.Intracomm, single: bool = False) -> tuple[Any, Any]:
-    """CFFI's ``lib`` and ``ffi`` of substructure.c, in double or single precision; collective."""
-    return jit.mpi_jit_decorator(_library)(comm, single)
+def library(comm: MPI.Intracomm) -> tuple[Any, Any]:
+    """CFFI's ``lib`` and ``ffi`` of substructure.c; collective."""
+    return jit.mpi_jit_decorator(_library)(comm)
 
 
 @functools.cache
-def _library(single: bool) -> tuple[Any, Any]:
+def _library() -> tuple[Any, Any]:
     prefix, here = cholmod(), Path(__file__).parent
     assert prefix is not None
-    arguments = [*_ARGUMENTS, *(["-DSINGLE"] if single else [])]
     header, source = (here / f"substructure.{kind}" for kind in "hc")
     # Another version of CHOLMOD may have another layout of its data.
     read = [path.read_text("utf-8") for path in (header, source, prefix / "include" / _CHOLMOD)]
-    name = hashlib.sha256("\n".join([*read, *arguments, str(prefix)]).encode()).hexdigest()[:32]
+    name = hashlib.sha256("\n".join([*read, *_ARGUMENTS, str(prefix)]).encode()).hexdigest()[:32]
     module, folder = f"contact_locking_substructure_{name}", Path(compiled.options()["cache_dir"])
     path = folder / (module + importlib.machinery.EXTENSION_SUFFIXES[0])
     if not path.exists():
@@ -81,7 +80,7 @@ def _library(single: bool) -> tuple[Any, Any]:
             libraries=["cholmod"],
             include_dirs=[str(here), str(prefix / "include")],
             library_dirs=[str(prefix / "lib")],
-            extra_compile_args=arguments,
+            extra_compile_args=list(_ARGUMENTS),
         )
         # Another process may compile at the same time: only a complete module enters the cache.
         with tempfile.TemporaryDirectory(prefix=module, dir=folder) as unfinished:

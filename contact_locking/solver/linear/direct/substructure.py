@@ -14,9 +14,6 @@ from contact_locking.arrays import FloatArray
 from contact_locking.solver.linear.direct import native
 
 Numbers = npt.NDArray[np.integer]
-#: In which the factor is stored, and its solves are done.
-Precision = type[np.float64] | type[np.float32]
-Reals = npt.NDArray[np.floating[Any]]
 
 
 class Substructure:
@@ -33,9 +30,8 @@ class Substructure:
         interior: Numbers,
         corner: Numbers,
         comm: MPI.Intracomm,
-        precision: Precision = np.float64,
     ) -> None:
-        self._library, self._ffi = native.library(comm, precision is np.float32)
+        self._library, self._ffi = native.library(comm)
         starts, columns, _ = matrix.getValuesCSR()
         self.order = np.concatenate([interior, corner]).astype(np.int32)
         # CHOLMOD keeps no copy of the pattern.
@@ -44,31 +40,30 @@ class Substructure:
         made = self._library.substructure_new(*sizes, self._ints(self.order))
         self.has_memory = bool(made)
         self._made = self._ffi.gc(made, self._library.substructure_free) if made else made
-        self._corner = np.empty((len(corner), len(corner)), precision, order="F")
-        self._vector = np.empty(len(self.order), precision)
-        (self._lauum,) = get_lapack_funcs(("lauum",), dtype=precision)
+        self._corner = np.empty((len(corner), len(corner)), order="F")
+        self._vector = np.empty(len(self.order))
+        (self._lauum,) = get_lapack_funcs(("lauum",))
         self._inside = self._vector[: len(interior)]
         self._reversed = self._vector[len(interior) :][::-1]
 
     def factorise(self, values: FloatArray) -> bool:
         """Whether a matrix with these values is positive definite, and L exists."""
         corner = self._numbers(self._corner.reshape(-1, order="F"))
-        given = self._numbers(values.astype(self._vector.dtype, copy=False))
-        return not self._library.substructure_factorise(self._made, given, corner)
+        return not self._library.substructure_factorise(self._made, self._numbers(values), corner)
 
-    def complement(self) -> Reals:
+    def complement(self) -> FloatArray:
         """``U U^T``, its upper triangle: the Schur complement of the interior."""
         product, _ = self._lauum(self._corner)
         return np.asarray(product)
 
-    def forward(self, interior: FloatArray) -> Reals:
+    def forward(self, interior: FloatArray) -> FloatArray:
         """``-A_GI A_I^-1 b`` for a right-hand side b inside; to be followed by ``backward``."""
         self._vector[:] = 0.0
         self._inside[:] = interior
         self._library.substructure_forward(self._made, self._numbers(self._vector))
         return self._reversed.copy()
 
-    def backward(self, corner: Reals) -> Reals:
+    def backward(self, corner: FloatArray) -> FloatArray:
         """The solution inside for the solution in the corner."""
         self._reversed[:] = corner
         self._library.substructure_backward(self._made, self._numbers(self._vector))
@@ -77,5 +72,5 @@ class Substructure:
     def _ints(self, array: npt.NDArray[Any]) -> Any:
         return self._ffi.from_buffer("int[]", np.ascontiguousarray(array, dtype=np.int32))
 
-    def _numbers(self, array: Reals) -> Any:
-        return self._ffi.from_buffer(array)
+    def _numbers(self, array: FloatArray) -> Any:
+        return self._ffi.from_buffer("double[]", array)

@@ -34,7 +34,7 @@ from scipy.linalg import get_blas_funcs, lapack
 from contact_locking.arrays import IndexArray
 from contact_locking.solver.linear.direct.native import is_available
 from contact_locking.solver.linear.direct.separator import Separator
-from contact_locking.solver.linear.direct.substructure import Precision, Substructure
+from contact_locking.solver.linear.direct.substructure import Substructure
 
 # A dense matrix on every rank: no more unknowns than these, and no larger share of all.  With it
 # two ranks are 1.2 to 1.6 times as fast as with MUMPS, in 2D, and from 2000 unknowns on in 3D; four
@@ -50,13 +50,10 @@ _NO_MEMORY, _NOT_DEFINITE = 55, 71
 class Substructuring:
     """The context of a PETSc preconditioner of type python that solves with its matrix.
 
-    The pieces have ``precision``, single or double.
-    MUMPS takes over, in double precision, where the separator is too large, and where there is
-    nothing to compile with.
+    MUMPS takes over where the separator is too large, and where there is nothing to compile with.
     """
 
-    def __init__(self, precision: Precision = np.float64) -> None:
-        self._precision: Precision = precision
+    def __init__(self) -> None:
         self._handle: int | None = None
         self._solver: Pieces | Whole | None = None
 
@@ -70,7 +67,7 @@ class Substructuring:
         matrix = pc.getOperators()[1]
         if self._solver is None or matrix.handle != self._handle:
             self.destroy()
-            found = _analysed(matrix, pc.getOptionsPrefix(), self._precision)
+            found = _analysed(matrix, pc.getOptionsPrefix())
             self._solver, self._handle = found, matrix.handle
         self._solver.factorise()
 
@@ -86,13 +83,13 @@ class Substructuring:
         self._solver = self._handle = None
 
 
-def _analysed(matrix: PETSc.Mat, prefix: str, precision: Precision) -> Pieces | Whole:
+def _analysed(matrix: PETSc.Mat, prefix: str) -> Pieces | Whole:
     comm = matrix.getComm().tompi4py()
     if comm.size > 1 and is_available(comm):
         separator = Separator(matrix)
         limit = min(_LARGEST, _LARGEST_SHARE * matrix.getSize()[0])
         if separator.divides and len(separator.shared) <= limit:
-            return Pieces(matrix, separator, precision)
+            return Pieces(matrix, separator)
     return Whole(matrix, prefix)
 
 
@@ -130,9 +127,7 @@ class Pieces:
     so has the separator.
     """
 
-    def __init__(
-        self, matrix: PETSc.Mat, separator: Separator, precision: Precision = np.float64
-    ) -> None:
+    def __init__(self, matrix: PETSc.Mat, separator: Separator) -> None:
         self._matrix, self._comm = matrix, matrix.getComm().tompi4py()
         shared, interior = separator.shared, separator.interior
         self._touched = separator.touched
@@ -142,11 +137,10 @@ class Pieces:
         self._own, self._joint = matrix.createSubMatrices(self._rows)
         self._find_entries()
         inside, outside = (np.searchsorted(numbers, part) for part in (interior, corner))
-        self._piece = Substructure(self._own, inside, outside, self._comm, precision)
+        self._piece = Substructure(self._own, inside, outside, self._comm)
         self._raise_unless(self._piece.has_memory, _NO_MEMORY)
         self._place = len(shared) - 1 - self._touched[::-1]
-        self._precision: Precision = precision
-        (self._trsv,) = get_blas_funcs(("trsv",), dtype=precision)
+        (self._trsv,) = get_blas_funcs(("trsv",))
         self._find_scatters(numbers[self._piece.order[: len(interior)]], shared, separator.mine)
 
     def factorise(self) -> None:
@@ -164,7 +158,7 @@ class Pieces:
         schur.reshape(-1, order="F")[self._entries] += self._missing * values
         schur, info = lapack.dpotrf(schur, lower=0, clean=0, overwrite_a=1)
         self._raise_unless(info == 0, _NOT_DEFINITE)
-        self._schur = schur.astype(self._precision, order="F", copy=False)
+        self._schur = schur
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
         """``A^-1 b``; collective."""
@@ -172,10 +166,10 @@ class Pieces:
         self._gather.scatter(right, self._local)
         local = self._local.array
         part, at_separator = local[:count], local[count:]
-        force = np.zeros(len(at_separator), self._precision)
+        force = np.zeros(len(at_separator))
         force[self._place] = self._piece.forward(part)
         self._comm.Allreduce(MPI.IN_PLACE, force)
-        force += at_separator.astype(self._precision)
+        force += at_separator
         for transposed in (1, 0):
             force = self._trsv(self._schur, force, trans=transposed, overwrite_x=1)
         part[:] = self._piece.backward(force[self._place])
