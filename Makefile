@@ -9,7 +9,7 @@ SEVERAL = -n $(WORKERS) --dist loadfile
 PARALLEL = env OMPI_MCA_mpi_yield_when_idle=1 timeout --kill-after=30 2700 mpirun -n $(RANKS)
 
 # The compiled C serves several ranks: these tests also run with MUMPS in its place.
-NATIVE = $(addprefix tests/test_,substructuring.py one_substructure.py projection.py saddle_point.py)
+NATIVE = $(addprefix tests/solver/test_,substructuring.py one_substructure.py projection.py saddle_point.py)
 
 # $(call optional,TOOL,COMMANDS): a Python of the user's own need not have the tool.
 optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \
@@ -63,12 +63,12 @@ FAMILIES =
 JOBS = 2
 LINEAR = auto
 sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2 LINEAR=auto): results/sweep
-	./in-env env PYTHONPATH=tests OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --first $(FIRST) --jobs $(JOBS) \
+	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --first $(FIRST) --jobs $(JOBS) \
 		--linear $(LINEAR) --families $(FAMILIES)
 
 verification: ## solve the problems with known answers and write docs/verification.md
-	./in-env python3 -m pytest -m "" tests/test_verification*.py tests/test_conic_reference.py \
-		tests/test_data.py::test_v14_four_ranks_agree_with_one --table docs/verification.md
+	./in-env python3 -m pytest -m "" tests/verification \
+		tests/fields/test_data.py::test_v14_four_ranks_agree_with_one --table docs/verification.md
 
 # Of contraction.yml and lost_equilibrium.yml some cases do not converge, as they should (exit code 3).
 studies: ## measure the convergence that the paper asserts (ten minutes): docs/studies.md

@@ -25,13 +25,13 @@ from mpi4py import MPI
 from contact_locking import convergence
 from contact_locking.fem.spaces import P1, P2, P2_GAUSS, Element
 from contact_locking.files.atomic import write_text
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
 from problems import block
 from stopwatch import Stopwatch
 

@@ -25,17 +25,17 @@ import numpy as np
 from dolfinx import fem, geometry
 
 from contact_locking import _compat
-from contact_locking.adaptivity import solve_adaptively
 from contact_locking.arrays import FloatArray
 from contact_locking.convergence import fitted_rate
 from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
 from contact_locking.fem import compiled
 from contact_locking.laws.elasticity import strain
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
+from contact_locking.process.adaptivity import solve_adaptively
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
 from problems import block
 
 

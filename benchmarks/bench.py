@@ -27,7 +27,7 @@ import dolfinx
 from contact_locking.files.atomic import write_text
 
 # The conic solver's form of the reference problem belongs to the tests.
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
 from conic import block_problem
 from ranked import on_ranks
 from timed_block import Run, elastic_seconds, run, say, warmed_up

@@ -24,12 +24,12 @@ from contact_locking.certificate.guaranteed import guaranteed_error
 from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
-from contact_locking.parameters import Parameters
 from contact_locking.process.of_study import solver_of
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
 from problems import block
 
 

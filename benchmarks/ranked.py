@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("linear", choices=["direct", "iterative"])
     given = parser.parse_args()
 
-    sys.path.append(str(HERE.parent / "tests"))
+    sys.path.append(str(HERE.parent / "tests/support"))
     from mpi4py import MPI
     from problems import block
     from stopwatch import WallClock

@@ -26,15 +26,15 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking.costs.factorised import FILTER_LIMIT
-from contact_locking.parameters import Parameters
 from contact_locking.process import solving
+from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
 from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
 from contact_locking.solver.linear.projection import Projection
+from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
 from problems import block
 from stopwatch import WallClock
 

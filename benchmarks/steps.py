@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from contact_locking import load
-from contact_locking.running import run_steps
+from contact_locking.running.process import run_steps
 
 DEMO = Path(__file__).resolve().parent.parent / "demos" / "cyclic_slip.yml"
 

@@ -21,14 +21,14 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.laws.triangulated import TriangulatedSurface
-from contact_locking.mesh_file.tool_surface import read_surface
+from contact_locking.mesh.file.tool_surface import read_surface
 from contact_locking.monitor import Monitor
-from contact_locking.parameters import Parameters
 from contact_locking.process.of_study import solver_of
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 # The block and the files of tools belong to the tests.
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))
 from problems import block
 from tool_files import ball, binary_stl
 

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any
 from contact_locking._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from contact_locking.adaptivity import solve, solve_adaptively
     from contact_locking.certificate.verdict import Extras
     from contact_locking.contact.contact import Contact, Force, Gap, Motion
     from contact_locking.contact.coulomb import Convolution, Coulomb, Helmholtz, Local
@@ -33,17 +32,18 @@ if TYPE_CHECKING:
     from contact_locking.laws.level_set import LevelSet
     from contact_locking.laws.polyline import Polyline
     from contact_locking.laws.triangulated import TriangulatedSurface
-    from contact_locking.parameters import Parameters
     from contact_locking.problem.elasticity import Elasticity
     from contact_locking.problem.limits import Deviator, Direction, StrainBall, Volume, Weighted
+    from contact_locking.process.adaptivity import solve, solve_adaptively
     from contact_locking.process.solving import check, solve_assembled, solve_steps
     from contact_locking.results.solution import Solution, StudySolution
     from contact_locking.results.state import State
+    from contact_locking.running.writing import save, write
     from contact_locking.solver.settings import Settings
     from contact_locking.study.assembly import assemble
     from contact_locking.study_file import from_mapping, load
+    from contact_locking.study_file.parameters import Parameters
     from contact_locking.supports.supports import Support
-    from contact_locking.writing import save, write
 
 __all__ = [
     "Contact",
@@ -113,7 +113,7 @@ _HOME = {
     "Local": "contact.coulomb",
     "Motion": "contact.contact",
     "NotConverged": "errors",
-    "Parameters": "parameters",
+    "Parameters": "study_file.parameters",
     "Polyline": "laws.polyline",
     "Settings": "solver.settings",
     "Solution": "results.solution",
@@ -129,12 +129,12 @@ _HOME = {
     "check": "process.solving",
     "from_mapping": "study_file",
     "load": "study_file",
-    "save": "writing",
-    "solve": "adaptivity",
-    "solve_adaptively": "adaptivity",
+    "save": "running.writing",
+    "solve": "process.adaptivity",
+    "solve_adaptively": "process.adaptivity",
     "solve_assembled": "process.solving",
     "solve_steps": "process.solving",
-    "write": "writing",
+    "write": "running.writing",
 }
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from exchange import task
 
-sys.path.append(str(Path(__file__).resolve().parents[2] / "tests"))
+sys.path.append(str(Path(__file__).resolve().parents[2] / "tests/support"))
 from simplices import Body
 
 job = task()

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from contact_locking.command import commands, terminal
 from contact_locking.command.arguments import parse
 from contact_locking.errors import ContactLockingError, interrupt_behind
-from contact_locking.studies import signals
+from contact_locking.running.studies import signals
 
 UNEXPECTED = 1
 

@@ -55,8 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
     study = _load(arguments.file, _overrides(arguments))
     comm = world_with_dolfinx(arguments)
-    from contact_locking import adaptivity, running, writing
+    from contact_locking.process import adaptivity
     from contact_locking.results import in_words, output_folder
+    from contact_locking.running import writing
+    from contact_locking.running.process import run_steps
 
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
@@ -72,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
                 solution = adaptivity.solve(parameters, comm, monitor, arguments.petsc, restart)
                 warnings = writing.write(solution, directory, save_state)
             else:
-                solution, warnings = running.run_steps(
+                solution, warnings = run_steps(
                     parameters, directory, comm, monitor, arguments.petsc, restart, save_state
                 )
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
@@ -95,7 +97,7 @@ def study(arguments: argparse.Namespace) -> int:
         raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
     began = time.perf_counter()
     file = _load(arguments.file, _overrides(arguments))
-    from contact_locking import studies
+    from contact_locking.running import studies
 
     plan = studies.Plan(arguments.jobs, arguments.ranks, arguments.executor)
     with _explained(file):
@@ -137,8 +139,8 @@ def check(arguments: argparse.Namespace) -> int:
     parameters = study.parameters
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
-    from contact_locking.costs import forecast
     from contact_locking.mesh import groups
+    from contact_locking.process import forecast
     from contact_locking.results import output_folder
     from contact_locking.study import assembly
 
@@ -158,7 +160,7 @@ def check(arguments: argparse.Namespace) -> int:
         rows += [(name, _shown(value)) for name, value in facts.items()]
         rows += [(f"{part} is held by", words) for part, words in held.items()]
         if parameters.study is not None:
-            from contact_locking import studies
+            from contact_locking.running import studies
 
             cases = studies.Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
@@ -172,7 +174,7 @@ def check(arguments: argparse.Namespace) -> int:
 def mesh(arguments: argparse.Namespace) -> int:
     """Write the mesh of the study file: of its builder for Gmsh, and any mesh as XDMF."""
     study = _load(arguments.file, arguments.set)
-    from contact_locking.mesh_file.xdmf_grids import is_xdmf
+    from contact_locking.mesh.file.xdmf_grids import is_xdmf
 
     if is_xdmf(arguments.output):
         comm = world_with_dolfinx(arguments)
@@ -235,7 +237,7 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
 
 def _keep_checkpoint(restart: Path, results: Path) -> None:
     """Refuse to replace the checkpoint that the run starts from by results without one."""
-    from contact_locking.checkpoint import locate
+    from contact_locking.process.checkpoint import locate
 
     if locate(restart).resolve() == locate(results).resolve():
         raise InputError(
@@ -246,7 +248,7 @@ def _keep_checkpoint(restart: Path, results: Path) -> None:
 
 def _checkpoints_work() -> bool:
     """Whether checkpoints can be saved; a warning says why not."""
-    from contact_locking import checkpoint
+    from contact_locking.process import checkpoint
 
     missing = checkpoint.unavailable()
     if missing is not None:

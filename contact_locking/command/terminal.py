@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.plain_text import printable
-from contact_locking.studies import signals
+from contact_locking.running.studies import signals
 
 if TYPE_CHECKING:
     from mpi4py import MPI

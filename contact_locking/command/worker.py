@@ -12,7 +12,7 @@ import os
 import sys
 
 from contact_locking.command import cli
-from contact_locking.studies import signals
+from contact_locking.running.studies import signals
 
 
 def main() -> int:

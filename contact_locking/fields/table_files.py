@@ -15,8 +15,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import LARGEST, Table
 from contact_locking.parallel import on_root
-from contact_locking.parameters import TableParameters
 from contact_locking.plain_text import nearest
+from contact_locking.study_file.parameters import TableParameters
 
 # A larger file is no table of loads.
 _MOST_BYTES, _MOST_ROWS, _LONGEST_LINE = 50_000_000, 1_000_000, 100_000

@@ -21,11 +21,11 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file import places
-from contact_locking.mesh_file.contiguity import check_boundary
-from contact_locking.mesh_file.data import MeshData, Simplices
-from contact_locking.mesh_file.diagnosis import MOST_PARTS, check_cells
-from contact_locking.mesh_file.topology import signed_measures
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.contiguity import check_boundary
+from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.diagnosis import MOST_PARTS, check_cells
+from contact_locking.mesh.file.topology import signed_measures
 from contact_locking.parallel import agree, on_root
 
 

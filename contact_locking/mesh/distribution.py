@@ -16,7 +16,7 @@ from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
-from contact_locking.mesh_file.data import MeshData, Simplices
+from contact_locking.mesh.file.data import MeshData, Simplices
 
 _CELL = {2: "triangle", 3: "tetrahedron"}
 _SCOTCH_THREADS = "SCOTCH_PTHREAD_NUMBER"

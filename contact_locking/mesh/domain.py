@@ -21,10 +21,10 @@ from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh.distribution import distribute
-from contact_locking.mesh_file.data import MeshData
-from contact_locking.mesh_file.diagnosis import Diagnosis, diagnose
-from contact_locking.mesh_file.gmsh_model import extract
-from contact_locking.mesh_file.reader import read
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.file.diagnosis import Diagnosis, diagnose
+from contact_locking.mesh.file.gmsh_model import extract
+from contact_locking.mesh.file.reader import read
 from contact_locking.parallel import maximum, on_root
 from contact_locking.plain_text import nearest
 

@@ -15,7 +15,7 @@ from dolfinx import mesh as dmesh
 from contact_locking.errors import InputError, explained
 from contact_locking.files.atomic import staging
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh_file.xdmf_grids import data_file
+from contact_locking.mesh.file.xdmf_grids import data_file
 from contact_locking.parallel import on_root
 
 T = TypeVar("T")

@@ -12,10 +12,10 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh_file import places
-from contact_locking.mesh_file.data import MeshData, Simplices
-from contact_locking.mesh_file.diagnosis import check_coordinates
-from contact_locking.mesh_file.topology import keys
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.diagnosis import check_coordinates
+from contact_locking.mesh.file.topology import keys
 from contact_locking.parallel import agree, maximum, on_any_rank
 
 # The largest z of a body in the plane, as a share of the largest coordinate.

@@ -17,8 +17,8 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.mesh.domain import Domain, distributed
-from contact_locking.mesh_file.data import MeshData, Simplices
-from contact_locking.mesh_file.diagnosis import Diagnosis
+from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.diagnosis import Diagnosis
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from contact_locking.errors import InputError, with_key
 from contact_locking.mesh.distributed_cells import DistributedCells, box
 from contact_locking.mesh.distribution import simplicial_mesh
 from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.xdmf_grids import Grid, Grids, data_file, read_grids
 from contact_locking.mesh.mesh_shares import MeshShare
-from contact_locking.mesh_file import places
-from contact_locking.mesh_file.xdmf_grids import Grid, Grids, data_file, read_grids
 from contact_locking.parallel import agree, on_root
 
 _KEY = "mesh.file"

@@ -20,7 +20,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.problem import forms
 from contact_locking.problem.elasticity import Elasticity, Material
 from contact_locking.problem.limits import Limit, LimitsOnMesh
-from contact_locking.problem.parts import Held, check_parts_held
+from contact_locking.problem.parts import Held, parts_held, require_parts_held
 from contact_locking.problem.points import Points
 from contact_locking.supports.conditions import Constraints
 
@@ -59,7 +59,7 @@ class DiscreteProblem:
     intended.
 
     The constructor is collective.  ``compliance`` is epsilon, None for 1/n.  Raises InputError for
-    data that cannot be used, for a foundation behind Gamma_C, and for a body that is not held.
+    data that cannot be used, and for a foundation behind Gamma_C.
     """
 
     def __init__(
@@ -100,18 +100,13 @@ class DiscreteProblem:
             own_energy=body.own_energy,
         )
         self.u = fem.Function(space, name="displacement")
-        self.held: list[Held] = self._check_held()
-
-    def _check_held(self) -> list[Held]:
-        body = self.body
-        return check_parts_held(
-            self.domain,
-            body.space,
-            self.data,
-            self.constraints,
-            body.displacements,
-            body.supports,
+        self.held: list[Held] = parts_held(
+            domain, space, self.data, self.constraints, body.displacements, body.supports
         )
+
+    def require_held(self) -> None:
+        """Raise InputError for a part of the body that is free to move; collective."""
+        require_parts_held(self.domain, self.body.space, self.data, self.constraints)
 
     @property
     def contacts(self) -> tuple[NodalContact, ...]:
@@ -154,7 +149,7 @@ class DiscreteProblem:
         self.material.refresh()
         self.limits.refresh()
         self.place()
-        self.held = self._check_held()
+        self.require_held()
 
     def close(self) -> None:
         """Destroy the PETSc objects; collective."""

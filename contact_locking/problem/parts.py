@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -68,7 +69,7 @@ class Held:
         return " and ".join(words)
 
 
-def check_parts_held(
+def parts_held(
     domain: Domain,
     space: fem.FunctionSpace,
     data: forms.ProblemData,
@@ -76,24 +77,13 @@ def check_parts_held(
     displacements: Sequence[str],
     supports: Sequence[str],
 ) -> list[Held]:
-    """How each part is held; raises InputError for a part that is free to move; collective.
+    """How each part is held, whatever the loads; collective.
 
     ``displacements`` and ``supports`` are the boundary parts that conditions hold.
     """
-    several = len(domain.part_names) > 1
     found = []
     for number, name in enumerate(domain.part_names):
         motions = _Motions(domain, space, data, constraints, number)
-        try:
-            motions.require_tools_held()
-            motions.require_held(motions.most_work)
-        except InputError as error:
-            if not several:
-                raise
-            shared = "edge" if domain.dim == 2 else "face"
-            raise InputError(
-                f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
-            ) from None
         touching = [part for contact in data.contacts for part in contact.on]
         found.append(
             Held(
@@ -106,6 +96,25 @@ def check_parts_held(
             )
         )
     return found
+
+
+def require_parts_held(
+    domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
+) -> None:
+    """Raise InputError for a part that is free to move under the present loads; collective."""
+    several = len(domain.part_names) > 1
+    for number, name in enumerate(domain.part_names):
+        motions = _Motions(domain, space, data, constraints, number)
+        try:
+            motions.require_tools_held()
+            motions.require_held(motions.most_work)
+        except InputError as error:
+            if not several:
+                raise
+            shared = "edge" if domain.dim == 2 else "face"
+            raise InputError(
+                f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
+            ) from None
 
 
 def describe_slide(
@@ -199,29 +208,16 @@ class _Motions:
     ) -> None:
         part = _dofs(domain, space, number)
         free, motions = _loose_fields(domain, space, constraints, part)
-        self._domain, self.of_body = domain, len(motions)
+        self._domain, self._space, self._data = domain, space, data
+        self._of_body, self.of_body = motions, len(motions)
         self._tools = [tool for tool in data.tools if _is_at(tool, part)]
         self.free = np.pad(free, ((0, 0), (0, len(self._tools))))
         count = self.free.shape[1]
-        self.work: FloatArray = np.zeros(count)
-        self.at_contacts: list[MotionsAtContact] = []
         self.normals: FloatArray = np.zeros((0, count))
         self.rubs: BoolArray = np.zeros(0, dtype=bool)
-        self.most_work = self.work
-        if not count:
-            return
-        of_loads: FloatArray = np.zeros(0)
-        if self.of_body:
-            dofmap = space.dofmap
-            loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
-            work = JointForm(forms.external_work(ufl.TestFunction(space), data))
-            work.assemble_vector(loads)
-            owned = dofmap.index_map.size_local * dofmap.index_map_bs
-            of_loads = domain.comm.allreduce(motions[:, :owned] @ loads.array[:owned])
-        self.work = np.array([*of_loads, *(tool.force for tool in self._tools)])
-        self.most_work = np.array([*of_loads, *(tool.largest for tool in self._tools)])
         self.at_contacts = [
-            MotionsAtContact(contact, motions, part, self._tools) for contact in data.contacts
+            MotionsAtContact(contact, motions, part, self._tools)
+            for contact in (data.contacts if count else ())
         ]
         comm = domain.comm
         for item in self.at_contacts:
@@ -229,6 +225,27 @@ class _Motions:
             self.normals = np.vstack([self.normals, normals])
             rubs = np.full(len(normals), not item.contact.friction.frictionless)
             self.rubs = np.append(self.rubs, rubs)
+
+    @property
+    def work(self) -> FloatArray:
+        return np.array([*self._of_loads, *(tool.force for tool in self._tools)])
+
+    @property
+    def most_work(self) -> FloatArray:
+        return np.array([*self._of_loads, *(tool.largest for tool in self._tools)])
+
+    @functools.cached_property
+    def _of_loads(self) -> FloatArray:
+        """The work of the loads along the motions of the part; collective."""
+        if not self.of_body:
+            return np.zeros(0)
+        dofmap = self._space.dofmap
+        loads = la.vector(dofmap.index_map, dofmap.index_map_bs)
+        work = JointForm(forms.external_work(ufl.TestFunction(self._space), self._data))
+        work.assemble_vector(loads)
+        owned = dofmap.index_map.size_local * dofmap.index_map_bs
+        own = self._of_body[:, :owned] @ loads.array[:owned]
+        return np.asarray(self._domain.comm.allreduce(own))
 
     def require_held(self, work: FloatArray) -> None:
         """Raise InputError if the part can move rigidly without resistance; collective.

@@ -35,7 +35,7 @@ from contact_locking.results.history import History
 from contact_locking.results.probe_table import ProbeSample
 from contact_locking.results.solution import StudySolution
 from contact_locking.results.state import State
-from contact_locking.solver import SolverReport
+from contact_locking.solver.solver_report import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
 CRITERION = "energy_balance"

@@ -8,13 +8,13 @@ from typing import Any
 
 from contact_locking.certificate import Extras
 from contact_locking.monitor import Monitor
-from contact_locking.parameters import Parameters
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import Solution, StudySolution
-from contact_locking.solver import Settings
 from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
+from contact_locking.solver.settings import Settings
 from contact_locking.study.assembly import StudyProblem
+from contact_locking.study_file.parameters import Parameters
 
 
 def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None = None) -> Settings:

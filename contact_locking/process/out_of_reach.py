@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contact_locking.process.demand import Demand
 from contact_locking.results.solution import StudySolution
-from contact_locking.solver import SolverReport
+from contact_locking.solver.solver_report import SolverReport
 
 
 class OutOfReach:

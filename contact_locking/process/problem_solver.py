@@ -8,7 +8,6 @@ import math
 from dolfinx import fem
 
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.costs.factorised import chosen
 from contact_locking.errors import InputError
 from contact_locking.monitor import Monitor
 from contact_locking.problem.discrete_problem import DiscreteProblem
@@ -16,9 +15,13 @@ from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.parts import loose_fields
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.derived import integral
-from contact_locking.solver import SavedState, Settings, SolverReport, Task
-from contact_locking.solver import solve as solve_system
+from contact_locking.solver.linear.factorised import chosen
+from contact_locking.solver.saved import SavedState
+from contact_locking.solver.settings import Settings
+from contact_locking.solver.solver_report import SolverReport
+from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.target import Target
+from contact_locking.solver.task import Task
 
 
 class ProblemSolver:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from contact_locking import checkpoint
 from contact_locking.certificate.energy import EnergyBalance
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.checkpoint.step import SavedStep
 from contact_locking.errors import InputError
+from contact_locking.process import checkpoint
+from contact_locking.process.checkpoint.step import SavedStep
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.solver import SolverReport
+from contact_locking.solver.solver_report import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
 

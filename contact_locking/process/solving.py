@@ -10,23 +10,23 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking import checkpoint, study_file
+from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.certificate import certify
 from contact_locking.certificate.penalty_error import distance
-from contact_locking.checkpoint.restart import Restart
-from contact_locking.checkpoint.saved_steps import saved_steps
-from contact_locking.costs import forecast
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
-from contact_locking.parameters import Parameters
+from contact_locking.process import checkpoint, forecast
+from contact_locking.process.checkpoint.restart import Restart
+from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.loop import Steps
 from contact_locking.process.of_study import extras_of, of_study, require_usable_options, solver_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.study_file.parameters import Parameters
 
 
 def solve(
@@ -149,7 +149,7 @@ def _static(
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
     """The facts and warnings of the assembled problem, without a solve; collective.
 
-    ``estimate`` is what the solve would take (:class:`contact_locking.costs.forecast.Estimate`).
+    ``estimate`` is what the solve would take (:class:`contact_locking.process.forecast.Estimate`).
     """
     require_usable_options(parameters)
     return forecast.completed(assembly.check(parameters, comm), parameters, comm)

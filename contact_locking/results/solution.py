@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
     from contact_locking.fem.spaces import Element
     from contact_locking.mesh.domain import Domain
-    from contact_locking.parameters import Parameters
     from contact_locking.results.derived import ContactFields
     from contact_locking.results.probe_table import ProbeSample
     from contact_locking.results.state import State
+    from contact_locking.study_file.parameters import Parameters
 
 
 @dataclass(kw_only=True)

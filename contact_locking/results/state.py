@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from contact_locking.contact.state import ContactState
-from contact_locking.solver import SavedState
 from contact_locking.solver.multipliers import Multipliers
+from contact_locking.solver.saved import SavedState
 
 
 @dataclass(frozen=True)

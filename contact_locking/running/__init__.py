@@ -1,5 +1,1 @@
-"""Runs that leave a folder with their results."""
-
-from contact_locking.running.process import run_steps
-
-__all__ = ["run_steps"]
+"""Runs and studies of study files, which leave folders with their results."""

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from contact_locking.errors import NoRendering
 from contact_locking.monitor import Monitor
-from contact_locking.parameters import Parameters
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
 
 if TYPE_CHECKING:
     from contact_locking.extras.pictures.animation import Film

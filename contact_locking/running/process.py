@@ -13,16 +13,17 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking import checkpoint, study_file, writing
-from contact_locking.checkpoint import saved_steps
+from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
-from contact_locking.parameters import Parameters
-from contact_locking.process import solving
+from contact_locking.process import checkpoint, solving
+from contact_locking.process.checkpoint import saved_steps
 from contact_locking.results.output_folder import on_root_of
 from contact_locking.results.solution import StudySolution
+from contact_locking.running import writing
 from contact_locking.running.filming import film_of
+from contact_locking.study_file.parameters import Parameters
 
 
 def run_steps(

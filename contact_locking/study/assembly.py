@@ -17,15 +17,15 @@ from contact_locking.fields.table_files import read_tables
 from contact_locking.fields.values import PresentValue
 from contact_locking.mesh import domain as domains
 from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.file.xdmf_grids import is_xdmf
 from contact_locking.mesh.groups import groups
 from contact_locking.mesh.half_section import half_section, require_surface
-from contact_locking.mesh_file.xdmf_grids import is_xdmf
-from contact_locking.parameters import LoadParameters, Parameters
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.contacts import contact_of, friction_warnings
 from contact_locking.study.loads import build_loads
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.probe_points import locate
+from contact_locking.study_file.parameters import LoadParameters, Parameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
 
@@ -73,6 +73,7 @@ class StudyProblem(DiscreteProblem):
         )
         penalty = parameters.penalty
         super().__init__(body, contacts, penalty.n, penalty.epsilon)
+        self.require_held()
         told += given.warnings()
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)

@@ -21,8 +21,8 @@ from contact_locking.laws.friction_law import FrictionLaw
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum
-from contact_locking.parameters import ContactParameters, Foundation
 from contact_locking.study.shapes import Site, build
+from contact_locking.study_file.parameters import ContactParameters, Foundation
 
 # A negative friction coefficient smaller than this share of the largest value is zero with
 # rounding.

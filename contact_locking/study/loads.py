@@ -26,7 +26,7 @@ from contact_locking.fields.plausibility import about_a_load
 from contact_locking.fields.sampling import Entities, refuse_poles, rule
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree
-from contact_locking.parameters import LoadParameters
+from contact_locking.study_file.parameters import LoadParameters
 
 # The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
 # or 2 need no more.  The rule for comparison has a higher degree and parts half as long.

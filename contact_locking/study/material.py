@@ -15,8 +15,6 @@ from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.values import evaluate
 from contact_locking.laws import elasticity as law
 from contact_locking.mesh.domain import Domain
-from contact_locking.parameters import Elasticity as ElasticityParameters
-from contact_locking.parameters import MaterialParameters, Region, StrainLimit
 from contact_locking.problem.elasticity import Elasticity, require_symmetric
 from contact_locking.problem.limits import (
     Deviator,
@@ -28,6 +26,8 @@ from contact_locking.problem.limits import (
     require_positive,
 )
 from contact_locking.problem.points import Points
+from contact_locking.study_file.parameters import Elasticity as ElasticityParameters
+from contact_locking.study_file.parameters import MaterialParameters, Region, StrainLimit
 
 _ADVICE = "refine the mesh there, or let a boundary of material.regions go there"
 Scalar = float | str

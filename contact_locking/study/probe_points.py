@@ -13,7 +13,7 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
-from contact_locking.parameters.probes import Probe
+from contact_locking.study_file.parameters.probes import Probe
 
 # A point whose barycentric coordinates are above minus this share is in a cell.  Rounding alone
 # must not take a point of the boundary out of the body.

@@ -9,8 +9,8 @@ from pydantic import BaseModel
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
-from contact_locking.parameters import MeshParameters, Parameters
-from contact_locking.parameters.base import marks
+from contact_locking.study_file.parameters import MeshParameters, Parameters
+from contact_locking.study_file.parameters.base import marks
 
 
 def dump(parameters: Parameters) -> str:

@@ -14,14 +14,14 @@ from typing import Any
 from pydantic import ValidationError
 
 from contact_locking.errors import InputError
-from contact_locking.mesh_file.tool_surface import check_size
-from contact_locking.parameters import Parameters
-from contact_locking.parameters.base import MOST_FAULTS, Fault, FaultsError, Place
-from contact_locking.parameters.keys import known_keys
-from contact_locking.parameters.telling_apart import labels
-from contact_locking.parameters.values import CHOICES
-from contact_locking.parameters.wording import show, unknown_key, value_message
+from contact_locking.mesh.file.tool_surface import check_size
 from contact_locking.plain_text import nearest
+from contact_locking.study_file.parameters import Parameters
+from contact_locking.study_file.parameters.base import MOST_FAULTS, Fault, FaultsError, Place
+from contact_locking.study_file.parameters.keys import known_keys
+from contact_locking.study_file.parameters.telling_apart import labels
+from contact_locking.study_file.parameters.values import CHOICES
+from contact_locking.study_file.parameters.wording import show, unknown_key, value_message
 
 from .dump import dump
 from .schema import rows

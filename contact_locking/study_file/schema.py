@@ -14,12 +14,17 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, TypeAdapter
 
 from contact_locking.meshes import BUILDERS
-from contact_locking.parameters import MeshParameters, Parameters
-from contact_locking.parameters.base import marks
-from contact_locking.parameters.keys import may_be_list, may_be_vector, section_in, visible_fields
-from contact_locking.parameters.mesh import builder_types
-from contact_locking.parameters.study import MAX_CASES
-from contact_locking.parameters.wording import show
+from contact_locking.study_file.parameters import MeshParameters, Parameters
+from contact_locking.study_file.parameters.base import marks
+from contact_locking.study_file.parameters.keys import (
+    may_be_list,
+    may_be_vector,
+    section_in,
+    visible_fields,
+)
+from contact_locking.study_file.parameters.mesh import builder_types
+from contact_locking.study_file.parameters.study import MAX_CASES
+from contact_locking.study_file.parameters.wording import show
 
 _NARROWEST_DESCRIPTION = 30
 
@@ -134,8 +139,8 @@ def _shown(value: Any) -> str:
 
 # The language servers of editors know this version best; nothing in the schema takes a later one.
 _VERSION = "http://json-schema.org/draft-07/schema#"
-#: Marks of `contact_locking.parameters.base.entry` that are not part of the schema, and the titles
-#: that pydantic makes from the names of keys.
+#: Marks of `contact_locking.study_file.parameters.base.entry` that are not part of the schema, and
+#: the titles that pydantic makes from the names of keys.
 _INTERNAL = ("scalar", "optional", "hidden", "title")
 _PLACES = {"INDEX": r"\d+", "NAME": r"[^.]+"}
 

@@ -16,11 +16,11 @@ from pydantic import BaseModel
 
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
-from contact_locking.parameters import MeshParameters, Parameters
-from contact_locking.parameters.base import marks
-from contact_locking.parameters.keys import section_in, visible_fields
-from contact_locking.parameters.wording import show
 from contact_locking.plain_text import nearest, printable
+from contact_locking.study_file.parameters import MeshParameters, Parameters
+from contact_locking.study_file.parameters.base import marks
+from contact_locking.study_file.parameters.keys import section_in, visible_fields
+from contact_locking.study_file.parameters.wording import show
 
 from .load import with_absolute_paths
 from .source import read

@@ -8,10 +8,10 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.parameters import Parameters
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
 
 from . import judge, reference
 from .case import Study, Truth

@@ -20,8 +20,8 @@ from contact_locking.arrays import AXES, BoolArray, FloatArray
 from contact_locking.expressions import parse
 from contact_locking.laws.elasticity import mean_young
 from contact_locking.mesh.domain import Domain
-from contact_locking.parameters import Elasticity, Parameters
 from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Elasticity, Parameters
 
 from .geometry import Geometry
 

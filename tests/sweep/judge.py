@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from contact_locking.arrays import BoolArray, FloatArray
-from contact_locking.parameters import Parameters
+from contact_locking.study_file.parameters import Parameters
 
 from .discrete import Discrete, State, at
 

@@ -13,11 +13,11 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.parameters import Parameters
 from contact_locking.process.loop import Steps
 from contact_locking.process.solving import solve_assembled
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.study_file.parameters import Parameters
 
 from . import comparisons, judge, pair_judge, reference, stepwise
 from .case import Case, Study, Truth

@@ -18,9 +18,9 @@ from pydantic import ValidationError
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.extras.pictures import style
-from contact_locking.parameters.study import StudyParameters
-from contact_locking.parameters.telling_apart import told_apart
 from contact_locking.results.read import Row, number
+from contact_locking.study_file.parameters.study import StudyParameters
+from contact_locking.study_file.parameters.telling_apart import told_apart
 
 from .charts import Chart, chart
 from .quantities import QUANTITIES, Quantity

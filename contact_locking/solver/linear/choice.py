@@ -7,7 +7,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from contact_locking.costs.factorised import chosen
+from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.gmres import OWN_PRECONDITIONER
 from contact_locking.solver.linear.ksp import FROM_ANY_START, default_options, option
 from contact_locking.solver.linear.ksp_tangents import KspTangents

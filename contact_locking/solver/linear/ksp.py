@@ -8,9 +8,9 @@ from typing import Any
 from petsc4py import PETSc
 
 from contact_locking import _compat
-from contact_locking.costs.factorised import chosen
 from contact_locking.errors import InputError
 from contact_locking.solver.linear.direct import SPARE_MEMORY, Substructuring
+from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"

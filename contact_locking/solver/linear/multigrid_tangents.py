@@ -8,8 +8,8 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from contact_locking.costs.factorised import FILTER_LIMIT, MODERATE_CONTRAST
 from contact_locking.errors import NotConverged
+from contact_locking.solver.linear.factorised import FILTER_LIMIT, MODERATE_CONTRAST
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE

@@ -1,0 +1,157 @@
+"""The check that neighbouring cells share nodes: duplicate nodes, hanging nodes and hinges.
+
+Only nodes of the boundary, which consists of the facets of a single cell, need the check.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.errors import InputError
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.mesh.file.topology import Facets, longest_edges
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+# Nodes are at one place if they are nearer than this share of a facet: files hold rounded numbers.
+_SAME_PLACE = 1e-5
+_FRAGMENT = (
+    "make one mesh of what meets there (fragment in Gmsh before it is meshed, or "
+    "gmsh.model.mesh.removeDuplicateNodes)"
+)
+
+
+def check_contiguity(mesh: MeshData, facets: Facets, parts: IntArray, warnings: list[str]) -> None:
+    """Raise InputError where parts touch without shared nodes, or a node hangs on a facet."""
+    exterior = np.flatnonzero(facets.shared == 1)
+    owner = facets.owner(exterior)
+    check_boundary(mesh, facets.nodes[exterior], owner, parts[owner], warnings)
+
+
+def check_boundary(
+    mesh: MeshData, boundary: IntArray, owner: IntArray, parts: IntArray, warnings: list[str]
+) -> None:
+    """`check_contiguity` for the boundary (f, d) of a body, as nodes of ``mesh``.
+
+    ``owner`` (f,) are the cells of the facets and ``parts`` (f,) the parts of these cells.  Other
+    cells and nodes of the mesh may be missing.
+    """
+    from scipy.spatial import cKDTree
+
+    size = longest_edges(mesh.points, boundary)
+    nodes = np.unique(boundary)
+    part = np.empty(len(mesh.points), dtype=np.int64)
+    part[boundary] = parts[:, None]
+    tree = cKDTree(mesh.points[nodes])
+    _check_duplicates(mesh, nodes, part, tree, float(size.min()), warnings)
+    _check_hanging(mesh, nodes, tree, boundary, owner, size)
+    _warn_of_hinges(mesh, boundary, parts, warnings)
+
+
+def _check_duplicates(
+    mesh: MeshData,
+    nodes: IntArray,
+    part: IntArray,
+    tree: cKDTree,
+    size: float,
+    warnings: list[str],
+) -> None:
+    # The nearest neighbour suffices, and the number of nodes at one place has no bound.
+    distance, near = tree.query(tree.data, k=2, distance_upper_bound=_SAME_PLACE * size)
+    # Of several nodes at one place, a node need not be the first in the list of its own neighbours.
+    own = np.arange(len(nodes))
+    other = np.where(near[:, 0] == own, near[:, 1], near[:, 0])
+    double = np.isfinite(distance[:, 1])
+    if not double.any():
+        return
+    pairs = np.column_stack([nodes[double], nodes[other[double]]])
+    apart = part[pairs[:, 0]] != part[pairs[:, 1]]
+    chosen = pairs[apart] if apart.any() else pairs
+    one, two = sorted(chosen[0])
+    said = (
+        f"nodes {mesh.numbers[one]} and {mesh.numbers[two]} are both at "
+        f"{places.at(mesh.points[one])}"
+    )
+    rest = len(np.unique(chosen)) - 2
+    said += f", and {rest} more nodes" if rest else ""
+    if apart.any():
+        raise InputError(
+            f"two parts of the body touch and share no nodes: {said}; {_FRAGMENT}, or leave a gap"
+        )
+    warnings.append(
+        f"the body is cut where nodes are double: {said}; unless it is meant to be, {_FRAGMENT}"
+    )
+
+
+def _check_hanging(
+    mesh: MeshData,
+    nodes: IntArray,
+    tree: cKDTree,
+    boundary: IntArray,
+    owner: IntArray,
+    size: FloatArray,
+) -> None:
+    corners = mesh.points[boundary]
+    middle = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
+    # The ball around a facet holds the corners of the facet, and seldom many other nodes.
+    count = tree.query_ball_point(middle, reach, return_length=True)
+    more = np.flatnonzero(count > mesh.dim)
+    lists = tree.query_ball_point(middle[more], reach[more])
+    if not len(more):
+        return
+    facet = np.repeat(more, [len(found) for found in lists])
+    node = nodes[np.concatenate([np.asarray(found, dtype=np.int64) for found in lists])]
+    keep = (node[:, None] != boundary[facet]).all(axis=1)
+    facet, node = facet[keep], node[keep]
+    hanging = np.flatnonzero(_inside(mesh.points[node], corners[facet], size[facet]))
+    if not len(hanging):
+        return
+    first = int(hanging[np.argmin(mesh.numbers[node[hanging]])])
+    article, what = ("an", "edge") if mesh.dim == 2 else ("a", "face")
+    number = mesh.cells.numbers[owner[facet[first]]]
+    raise InputError(
+        f"{places.node(mesh, int(node[first]))} hangs: it lies on {article} {what} of "
+        f"{places.CELL[mesh.dim]} {number} ({places.nodes(mesh, boundary[facet[first]])}), and is "
+        f"none of its corners{places.more(len(np.unique(node[hanging])))}, so that the body would "
+        f"be cut there; neighbours have to share whole {what}s: {_FRAGMENT}"
+    )
+
+
+def _inside(points: FloatArray, corners: FloatArray, size: FloatArray) -> BoolArray:
+    """(k,) whether points (k, d) lie on facets with corners (k, d, d) without being a corner."""
+    # In units of the size of the facet, so that no product underflows.
+    edges = (corners[:, :-1] - corners[:, -1:]) / size[:, None, None]
+    gram = np.einsum("kia,kja->kij", edges, edges)
+    away = (points - corners[:, -1]) / size[:, None]
+    right = np.einsum("kia,ka->ki", edges, away)
+    inside = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
+    share = np.column_stack([inside, 1.0 - inside.sum(axis=1)])
+    off = np.linalg.norm(away - np.einsum("ki,kia->ka", inside, edges), axis=1)
+    on = (off <= _SAME_PLACE) & (share >= -_SAME_PLACE).all(axis=1)
+    return on & (share <= 1.0 - 10 * _SAME_PLACE).all(axis=1)
+
+
+def _warn_of_hinges(
+    mesh: MeshData, boundary: IntArray, parts: IntArray, warnings: list[str]
+) -> None:
+    """Warn of parts that share nodes but no facet; such a node is on the boundary of both."""
+    if not parts.any():
+        return
+    pairs = np.unique(
+        np.column_stack([boundary.ravel(), np.repeat(parts, boundary.shape[1])]), axis=0
+    )
+    twice = np.flatnonzero(pairs[1:, 0] == pairs[:-1, 0])
+    if len(twice):
+        joined = np.unique(pairs[twice, 0])
+        joint = "a node holds nothing" if mesh.dim == 2 else "nodes and edges hold nothing"
+        warnings.append(
+            f"parts of the body meet in {places.node(mesh, int(joined[0]))}"
+            f"{places.more(len(joined))}, and share no {'edge' if mesh.dim == 2 else 'face'}: "
+            f"{joint} as the mesh is refined"
+        )

@@ -1,0 +1,239 @@
+"""The check of a mesh file before any computation.
+
+A mesh that cannot be a body raises an InputError, with the numbers of nodes and elements in the
+file and their coordinates.  A suspicious mesh causes a warning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import IntArray
+from contact_locking.errors import InputError
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.contiguity import check_contiguity
+from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.topology import Facets, longest_edges, parts, signed_measures
+
+# A cell has collapsed, or nearly collapsed, if |cell| d! over (longest edge)^d is below these
+# shares.
+_COLLAPSED = 1e-12
+_NEARLY_COLLAPSED = 1e-6
+#: A mesh of more parts is one whose elements share no nodes: nobody holds so many parts one by one.
+MOST_PARTS = 100
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The result for a mesh that can be a body.
+
+    ``parts`` (k,) gives for each cell the index of its connected part in ``part_names``; facets
+    connect the cells of a part.  ``facets`` are the named facets on the boundary.  ``unusable``
+    gives, for the name of every other group of facets, why the group bounds nothing.
+    """
+
+    part_names: tuple[str, ...]
+    parts: IntArray
+    facets: Simplices
+    unusable: dict[str, str]
+    warnings: list[str]
+
+    @staticmethod
+    def of_sound(mesh: MeshData) -> Diagnosis:
+        """The result for a mesh of a builder: one part, all groups of facets on the boundary."""
+        named = mesh.facets.take(mesh.facets.groups != 0)
+        return Diagnosis(("the body",), np.zeros(len(mesh.cells), dtype=np.int64), named, {}, [])
+
+
+def diagnose(mesh: MeshData, origin: str) -> Diagnosis:
+    """Check a mesh, which messages call ``origin``; raises InputError if it cannot be a body."""
+    try:
+        return _diagnose(mesh)
+    except InputError as error:
+        raise InputError(f"{origin}: {error}", error.key) from None
+
+
+def _diagnose(mesh: MeshData) -> Diagnosis:
+    warnings: list[str] = []
+    check_coordinates(mesh)
+    _check_groups_of_cells(mesh)
+    check_cells(mesh, warnings)
+    facets = Facets(mesh.cells.nodes, len(mesh.points))
+    _check_sharing(mesh, facets)
+    _check_folds(mesh, facets)
+    count, labels = parts(facets, len(mesh.cells))
+    check_contiguity(mesh, facets, labels, warnings)
+    if count > MOST_PARTS:
+        raise InputError(
+            f"the body falls into {count} parts that share no edges or faces; at most "
+            f"{MOST_PARTS} are allowed"
+        )
+    named, unusable = _named_facets(mesh, facets, warnings)
+    return Diagnosis(_part_names(mesh, count, labels), labels, named, unusable, warnings)
+
+
+def _part_names(mesh: MeshData, count: int, labels: IntArray) -> tuple[str, ...]:
+    """The name of each part, from its regions and its least and greatest coordinates."""
+    if count == 1:
+        return ("the body",)
+    names = []
+    for part in range(count):
+        own = labels == part
+        regions = ", ".join(mesh.cells.name(int(g)) for g in np.unique(mesh.cells.groups[own]))
+        x = mesh.points[mesh.cells.nodes[own]].reshape(-1, mesh.dim)
+        low, high = places.at(x.min(axis=0)), places.at(x.max(axis=0))
+        names.append(f"part {part + 1} of the body ({regions}, from {low} to {high})")
+    return tuple(names)
+
+
+def check_coordinates(mesh: MeshData) -> None:
+    """Raise InputError for a coordinate that is no finite number."""
+    bad = ~np.isfinite(mesh.points).all(axis=1)
+    if bad.any():
+        raise InputError(
+            f"the coordinates of {places.node(mesh, int(np.argmax(bad)))} are not finite numbers"
+            f"{places.more(int(bad.sum()))}"
+        )
+
+
+def _check_groups_of_cells(mesh: MeshData) -> None:
+    if not mesh.cells.names:
+        raise InputError("it has no physical group of cells; name the body's regions")
+    bare = mesh.cells.groups == 0
+    if bare.any():
+        raise InputError(
+            f"it has cells outside every physical group, such as "
+            f"{places.cell(mesh, int(np.argmax(bare)))}{places.more(int(bare.sum()))}; name them "
+            "all"
+        )
+
+
+def check_cells(mesh: MeshData, warnings: list[str]) -> None:
+    """Raise InputError for a cell that has collapsed or has a node twice."""
+    cells = mesh.cells.nodes
+    shape = places.CELL[mesh.dim]
+    corners = np.sort(cells, axis=1)
+    twice = (corners[:, 1:] == corners[:, :-1]).any(axis=1)
+    if twice.any():
+        raise InputError(
+            f"{places.cell(mesh, int(np.argmax(twice)))} has the same node twice"
+            f"{places.more(int(twice.sum()))}"
+        )
+    length = longest_edges(mesh.points, cells)
+    # A collapsed cell may have a volume from the rounding of its coordinates.
+    rounding = 8 * np.finfo(float).eps * np.abs(mesh.points).max() / np.maximum(length, 1e-300)
+    with np.errstate(all="ignore"):
+        share = np.abs(signed_measures(mesh.points, cells)) / length**mesh.dim
+    # The comparison is also false for NaN, from an underflow of lengths or an overflow of volumes.
+    bad = ~(share > np.maximum(_COLLAPSED, rounding))
+    if bad.any():
+        raise InputError(
+            f"{places.cell(mesh, int(np.argmax(bad)))} has collapsed: its nodes lie on one "
+            f"{'line' if mesh.dim == 2 else 'plane'}{places.more(int(bad.sum()))}"
+        )
+    thin = share < _NEARLY_COLLAPSED
+    if thin.any():
+        warnings.append(
+            f"{places.cell(mesh, int(np.argmax(thin)))} has nearly collapsed"
+            f"{places.more(int(thin.sum()))}; digits are lost where a {shape} is so thin"
+        )
+
+
+def _check_sharing(mesh: MeshData, facets: Facets) -> None:
+    """Raise InputError for a duplicate cell and for a facet of more than two cells."""
+    joined = np.flatnonzero(facets.shared >= 2)
+    both, opposite = facets.pairs(joined)
+    same = opposite[:, 0] == opposite[:, 1]
+    if same.any():
+        first, second = sorted(mesh.cells.numbers[both[np.argmax(same)]])
+        found = len(np.unique(both[same].max(axis=1)))
+        raise InputError(
+            f"{places.CELL[mesh.dim]} {second} is {places.CELL[mesh.dim]} {first} once more, at "
+            f"{places.centre(mesh, mesh.cells, int(both[np.argmax(same), 0]))}: they have the same "
+            f"nodes{places.more(found)}; remove the duplicates (gmsh.model.mesh."
+            "removeDuplicateElements)"
+        )
+    many = np.flatnonzero(facets.shared > 2)
+    if len(many):
+        facet = int(many[0])
+        corners = facets.nodes[facet]
+        *most, last = map(str, mesh.cells.numbers[facets.cells(facet)])
+        what, plural = ("edge", "triangles") if mesh.dim == 2 else ("face", "tetrahedra")
+        raise InputError(
+            f"{facets.shared[facet]} {plural} share one {what} ({places.nodes(mesh, corners)} at "
+            f"{places.at(mesh.points[corners].mean(axis=0))}): {', '.join(most)} and "
+            f"{last}{places.more(len(many))}; at most two can, as cells do not overlap"
+        )
+
+
+def _check_folds(mesh: MeshData, facets: Facets) -> None:
+    """Raise InputError if both cells of a facet lie on the same side of the facet."""
+    joined = np.flatnonzero(facets.shared == 2)
+    both, opposite = facets.pairs(joined)
+    rows = facets.nodes[joined]
+    sides = [
+        np.sign(signed_measures(mesh.points, np.column_stack([rows, opposite[:, i]])))
+        for i in (0, 1)
+    ]
+    folded = sides[0] * sides[1] > 0
+    if folded.any():
+        first, second = both[np.argmax(folded)]
+        raise InputError(
+            f"{places.cell(mesh, int(first))} and its neighbour "
+            f"{mesh.cells.numbers[second]} overlap: they lie on one side of what they share "
+            f"({places.nodes(mesh, rows[np.argmax(folded)])}){places.more(int(folded.sum()))}; one "
+            "of them is turned over"
+        )
+
+
+def _named_facets(
+    mesh: MeshData, facets: Facets, warnings: list[str]
+) -> tuple[Simplices, dict[str, str]]:
+    """The named facets on the boundary, each once, and why every other group bounds nothing."""
+    given = mesh.facets.take(mesh.facets.groups != 0)
+    named = MeshData(mesh.dim, mesh.points, mesh.numbers, mesh.cells, given)
+    found = facets.find(given.nodes)
+    shared = np.where(found >= 0, facets.shared[found], 0)
+    unusable: dict[str, str] = {}
+    for name, group in given.names.items():
+        own = given.groups == group
+        off, inner = own & (shared == 0), own & (shared == 2)
+        if off.any():
+            what = "edge" if mesh.dim == 2 else "face"
+            unusable[name] = (
+                f"{name!r} does not lie on the body: {places.facet(named, int(np.argmax(off)))} is "
+                f"no {what} of a {places.CELL[mesh.dim]} ({off.sum()} of {own.sum()} such); remove "
+                "what dangles, or make it part of the body's mesh (fragment)"
+            )
+            warnings.append(f"group {unusable[name]}")
+        elif inner.sum() == own.sum():
+            unusable[name] = (
+                f"{name!r} lies inside the body and is not a part of its boundary: "
+                f"{places.facet(named, int(np.argmax(own)))} has cells on both sides"
+            )
+        elif inner.any():
+            warnings.append(
+                f"group {name!r} is boundary in part only: "
+                f"{places.facet(named, int(np.argmax(inner)))} has cells on both sides"
+                f"{places.more(int(inner.sum()))}; these facets are left out"
+            )
+    boundary = shared == 1
+    order = np.flatnonzero(boundary)
+    _, first, inverse = np.unique(found[order], return_index=True, return_inverse=True)
+    other = given.groups[order] != given.groups[order[first]][inverse]
+    if other.any():
+        index = int(order[np.argmax(other)])
+        names = sorted(
+            {given.name(int(g)) for g in given.groups[order][found[order] == found[index]]}
+        )
+        raise InputError(
+            f"physical groups {names[0]!r} and {names[1]!r} share {places.facet(named, index)}; "
+            "let each part of the boundary have one name"
+        )
+    kept = np.zeros(len(given), dtype=bool)
+    kept[order[first]] = True
+    usable = {name: group for name, group in given.names.items() if name not in unusable}
+    kept &= np.isin(given.groups, list(usable.values()))
+    return Simplices(given.nodes[kept], given.numbers[kept], given.groups[kept], usable), unusable

@@ -1,0 +1,252 @@
+"""The surface of a tool from an STL or Gmsh file: its triangles, checked and each corner once.
+
+A file may come from anybody: its size is checked before its content is read, and the numbers of a
+binary file are read as an array whose length the size of the file has confirmed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.errors import InputError
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.reader import read_triangles, require_file
+
+#: Larger files are not read: 250 MB hold 5 million triangles in binary form.
+LARGEST_FILE = 250_000_000
+# A binary file has a head of 80 bytes and the number of triangles, and then 50 bytes for each:
+# normal, three corners, and two bytes that nobody uses.
+_HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+
+
+def check_size(path: Path, largest: int = LARGEST_FILE) -> None:
+    """Raise InputError unless the path is a file of at least 1 and at most ``largest`` bytes."""
+    require_file(path, "file", None)
+    size = path.stat().st_size
+    if size > largest:
+        raise InputError(
+            f"{path} has {size / 1e6:.0f} MB, and at most {largest / 1e6:.0f} MB are "
+            "read; make the tool coarser, which need not be finer than the mesh of the body"
+        )
+    if size == 0:
+        raise InputError(f"{path} is empty")
+
+
+def read_stl(path: Path) -> FloatArray:
+    """The corners (n, 3, 3) of the n triangles of an STL file, not checked yet.
+
+    Raises InputError for a file that is no STL file, is cut off, or holds no triangles.
+    """
+    check_size(path)
+    content = path.read_bytes()
+    count = int.from_bytes(content[80:_HEAD], "little") if len(content) >= _HEAD else -1
+    # A binary file may begin like one in text form, so that its length decides.
+    if count >= 0 and len(content) == _HEAD + _RECORD.itemsize * count:
+        records = np.frombuffer(content, dtype=_RECORD, offset=_HEAD)
+        corners: FloatArray = records["corners"].astype(float)
+    elif content[:_HEAD].lstrip().lower().startswith(b"solid"):
+        corners = _from_text(content, path)
+    elif count >= 0 and b"\0" in content[:_HEAD]:
+        raise InputError(
+            f"{path} is cut off or no STL file: with {count} triangles a binary STL file has "
+            f"{_HEAD + _RECORD.itemsize * count} bytes, and this file has {len(content)}"
+        )
+    else:
+        raise InputError(
+            f"{path} is neither an STL file, which begins with solid or is binary, nor a mesh of "
+            "Gmsh, which begins with $MeshFormat"
+        )
+    if not len(corners):
+        raise InputError(f"{path} holds no triangles")
+    return corners
+
+
+def _from_text(content: bytes, path: Path) -> FloatArray:
+    # Every corner stands behind the word vertex; names of solids stand in lines of their own.
+    lines = [line.split() for line in content.lower().splitlines()]
+    numbers = [line[1:] for line in lines if line and line[0] == b"vertex"]
+    facets = sum(1 for line in lines if line and line[0] == b"endfacet")
+    if len(numbers) != 3 * facets or b"endsolid" not in content[-1000:].lower():
+        raise InputError(
+            f"{path} is cut off: as an STL file in text form it has {len(numbers)} corners of "
+            f"{facets} whole triangles"
+        )
+    try:
+        return np.array(numbers, dtype=float).reshape(-1, 3, 3)
+    except ValueError:
+        raise InputError(
+            f"{path} cannot be read as an STL file: a line with vertex has no three numbers"
+        ) from None
+
+
+# A triangle is degenerate if its height is below this share of its longest edge.
+_FLAT = 1e-9
+# Coordinates beyond are no lengths in any unit.
+_LARGEST = 1e50
+_GMSH = b"$MeshFormat"
+
+
+@dataclass(frozen=True)
+class ToolSurface:
+    """Corners (m, 3), triangles (n, 3) as numbers of corners, and warnings.
+
+    ``is_closed`` says that every edge belongs to two triangles.
+    """
+
+    points: FloatArray
+    triangles: IntArray
+    is_closed: bool
+    warnings: tuple[str, ...]
+
+
+def read_surface(
+    path: Path,
+    scale: float = 1.0,
+    shift: Sequence[float] = (0.0, 0.0, 0.0),
+    turned: bool = False,
+) -> ToolSurface:
+    """The triangles of an STL file or a Gmsh file, at ``scale`` times coordinates plus ``shift``.
+
+    With ``turned`` the other side is outside.  Raises InputError for a file that cannot be read,
+    and for triangles that are not the surface of a tool: at an edge of three triangles no side is
+    outside.
+    """
+    check_size(path)
+    with path.open("rb") as stream:
+        is_gmsh = stream.read(len(_GMSH)) == _GMSH
+    corners = read_triangles(path) if is_gmsh else read_stl(path)
+    placed = scale * corners + np.asarray(shift)
+    if not np.isfinite(placed).all() or np.abs(placed).max() > _LARGEST:
+        raise InputError(f"{path} has coordinates that are not finite, or too large")
+    return checked(placed[:, ::-1] if turned else placed, str(path))
+
+
+def checked(corners: FloatArray, origin: str) -> ToolSurface:
+    """The surface of triangles with the corners (n, 3, 3).
+
+    Degenerate triangles and copies of triangles are left out.  Neighbours that look to different
+    sides are turned where the surface is closed.  Raises InputError if nothing is left, for an edge
+    of more than two triangles, and for an open surface whose triangles look to different sides.
+    """
+    warnings = []
+    flat = _degenerate(corners)
+    if flat.all():
+        raise InputError(f"{origin} holds degenerate triangles only, which have no area")
+    if flat.any():
+        warnings.append(f"{origin}: {flat.sum()} degenerate triangles were left out")
+    kept = corners[~flat]
+    corner = kept.reshape(-1, 3)
+    once, numbers = _distinct(corner)
+    points: FloatArray = corner[once]
+    triangles: IntArray = numbers.reshape(-1, 3)
+    first, _ = _distinct(np.sort(triangles, axis=1))
+    if len(first) < len(triangles):
+        warnings.append(
+            f"{origin}: {len(triangles) - len(first)} copies of triangles were left out"
+        )
+        triangles = triangles[np.sort(first)]
+    edges = _Edges(triangles)
+    if (edges.counts > 2).any():
+        a, b = points[edges.ends[np.argmax(edges.counts)]]
+        raise InputError(
+            f"{origin}: {edges.counts.max()} triangles share the edge from {places.at(a)} to "
+            f"{places.at(b)}, and a surface has two sides only where two do; leave out inner walls "
+            "and doubled parts"
+        )
+    is_closed = bool((edges.counts == 2).all())
+    turned = _to_turn(triangles, edges, origin)
+    if turned.any():
+        if not is_closed:
+            raise InputError(
+                f"{origin}: neighbouring triangles look to different sides, and an open surface "
+                "does not tell which side is outside; let all triangles run counterclockwise seen "
+                "from the body"
+            )
+        triangles[turned] = triangles[turned][:, ::-1]
+        _let_look_outwards(points, triangles)
+        warnings.append(f"{origin}: {turned.sum()} triangles looked inwards and were turned")
+    if not is_closed:
+        warnings.append(
+            f"{origin}: the surface is open, {(edges.counts == 1).sum()} edges have one triangle "
+            "only; the tool is behind the triangles, and the body must not reach around the rim"
+        )
+    return ToolSurface(points, triangles, is_closed, tuple(warnings))
+
+
+def _degenerate(corners: FloatArray) -> BoolArray:
+    """(n,) whether a triangle has no area, to rounding."""
+    sides = np.roll(corners, -1, axis=1) - corners
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return np.asarray(area <= _FLAT * longest**2)
+
+
+def _distinct(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
+    """The numbers of the first of equal rows (n, m), and for each row (n,) which of them it equals.
+
+    Column after column gets numbers, as NumPy sorts whole rows ten times slower than numbers.
+    """
+    known = np.zeros(len(rows), dtype=np.int64)
+    for column in rows.T:
+        values, place = np.unique(column, return_inverse=True)
+        known = np.unique(known * len(values) + place, return_inverse=True)[1]
+    _, first, number = np.unique(known, return_index=True, return_inverse=True)
+    return first.astype(np.int64), number.astype(np.int64)
+
+
+class _Edges:
+    """The edges of triangles (n, 3): their ``ends`` (e, 2) and in how many triangles they are.
+
+    For each of the three sides of the triangles, side after side, ``of_side`` (3 n,) is the number
+    of the edge and ``forward`` (3 n,) whether the side runs from its first end to its second.
+    """
+
+    def __init__(self, triangles: IntArray) -> None:
+        sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+        self.forward = sides[:, 0] < sides[:, 1]
+        ends = np.sort(sides, axis=1)
+        first, self.of_side = _distinct(ends)
+        self.ends, self.counts = ends[first], np.bincount(self.of_side)
+
+
+def _to_turn(triangles: IntArray, edges: _Edges, origin: str) -> BoolArray:
+    """(n,) the triangles to turn so that neighbours look to the same side.
+
+    Of each connected part the side that fewer triangles look to is turned.  Raises InputError if no
+    choice is consistent, as on a Moebius strip.
+    """
+    count = len(triangles)
+    order = np.argsort(edges.of_side, kind="stable")
+    paired = edges.counts[edges.of_side[order]] == 2
+    pairs = order[paired].reshape(-1, 2)
+    one, other = pairs[:, 0] % count, pairs[:, 1] % count
+    # Of two triangles that look to one side, one runs along the common edge and one against it.
+    same = edges.forward[pairs[:, 0]] != edges.forward[pairs[:, 1]]
+    if same.all():
+        return np.zeros(count, dtype=bool)
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    # Two copies of each triangle, as it is and turned: a path joins those that look to one side.
+    ends = np.where(same, other, other + count), np.where(same, other + count, other)
+    rows, columns = np.concatenate([one, one + count]), np.concatenate(ends)
+    graph = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(2 * count, 2 * count))
+    parts = connected_components(graph, directed=False)[1]
+    if np.any(parts[:count] == parts[count:]):
+        raise InputError(f"{origin} has no two sides, as a Moebius strip has none")
+    lower = np.minimum(parts[:count], parts[count:])
+    away = parts[:count] != lower
+    few = 2 * np.bincount(lower, away) <= np.bincount(lower)
+    return np.asarray(away == few[lower])
+
+
+def _let_look_outwards(points: FloatArray, triangles: IntArray) -> None:
+    """Turn a closed surface whose triangles look inwards, by the sign of its volume."""
+    a, b, c = (points[triangles[:, i]] - points.mean(axis=0) for i in range(3))
+    if np.sum(a * np.cross(b, c)) < 0.0:
+        triangles[:] = triangles[:, ::-1]

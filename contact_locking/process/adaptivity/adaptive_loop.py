@@ -1,0 +1,158 @@
+"""Solve, estimate, mark, refine, until the error is below the tolerance.
+
+1. Solve on the mesh, the first time on the mesh of the study.
+2. Estimate the relative error, and stop if it is small enough or if a limit is reached.
+3. Mark the fewest cells that have a given share of the squared error.
+4. Refine the marked cells, and begin again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from contact_locking.arrays import BoolArray
+from contact_locking.contact.coulomb import default_radius
+from contact_locking.errors import NotRefined
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
+from contact_locking.monitor import Attentive, Monitor
+from contact_locking.parallel import on_root
+from contact_locking.process import checkpoint, solving
+from contact_locking.process.adaptivity import curvature
+from contact_locking.process.adaptivity.marking import marked_cells
+from contact_locking.process.adaptivity.measured_error import MEASURES, ErrorMeasure
+from contact_locking.process.adaptivity.mesh_sequence import MeshSequence
+from contact_locking.process.adaptivity.refinement import refined, singular_place
+from contact_locking.results.adapted_meshes import AdaptedMesh
+from contact_locking.results.solution import StudySolution
+from contact_locking.study.assembly import mesh_of
+from contact_locking.study_file.parameters import AdaptParameters, Parameters
+
+
+def solve(
+    parameters: Parameters,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+    restart: str | Path | None = None,
+) -> StudySolution:
+    """Solve (25)/(26) for the given parameters; collective.
+
+    With a section ``adapt`` this is the last solution of `solve_adaptively`.  For the arguments and
+    the errors see `contact_locking.process.solving.solve`.
+    """
+    if parameters.adapt is None:
+        return solving.solve(parameters, comm, monitor, petsc_options, restart)
+    # Only the last solution is kept in memory.
+    solutions = solve_adaptively(parameters, comm, monitor, petsc_options, restart)
+    return deque(solutions, maxlen=1)[0]
+
+
+def solve_adaptively(
+    parameters: Parameters,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+    restart: str | Path | None = None,
+) -> Iterator[StudySolution]:
+    """The solutions on the adapted meshes, one after the other; collective.
+
+    The section ``adapt`` sets the tolerance and the limits; without it the defaults hold.  The
+    summary of each solution has the entry ``adapt`` with all meshes so far.  In the last summary
+    ``adapt.stopped`` is the reason why there is no further mesh.  ``restart`` is the folder of a
+    run with a checkpoint, on the first mesh or on a refined mesh, from which the loop goes on.
+
+    The loop ends where the error measure is not known.  Raises InputError for data that cannot be
+    used.
+    """
+    monitor = Attentive(monitor or Monitor())
+    given = parameters.adapt or AdaptParameters()
+    measure = MEASURES[given.by]
+    sequence = MeshSequence(given)
+    began = time.perf_counter()
+    domain = None if restart is None else checkpoint.refined_mesh(restart, comm)
+    domain = domain or mesh_of(parameters, comm)
+    while True:
+        solution = solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
+        restart = None
+        sequence.add(solution, measure)
+        finer = _refined(solution, measure, sequence)
+        monitor.mesh(len(sequence.meshes), sequence.told())
+        if sequence.stopped and not sequence.is_reached:
+            _warn(solution, monitor, sequence)
+        seconds = time.perf_counter() - began
+        solution.summary |= {"adapt": sequence.summary(), "wall_seconds": seconds}
+        solution.meshes = tuple(sequence.pictures)
+        yield solution
+        if finer is None:
+            return
+        domain = finer
+
+
+def _refined(
+    solution: StudySolution, measure: ErrorMeasure, sequence: MeshSequence
+) -> Domain | None:
+    """The next mesh; None, with the reason in ``sequence``, if there is none; collective."""
+    domain, given = solution.domain, sequence.given
+    mesh = gather_mesh(domain)
+    if mesh is not None:
+        sequence.pictures.append(AdaptedMesh.of(mesh.data.points, mesh.data.cells.nodes))
+    if sequence.stopped:
+        return None
+    squares = measure.squares(solution)
+    assert squares is not None
+    found = gather_cells(domain, squares)
+    radii = domain.smoothing_radii or {
+        one.contact.key: default_radius(one.surface) for one in solution.contacts
+    }
+    smoothing = [
+        one.friction.smoothing.radius or radii[one.key]
+        for one in solution.parameters.contacts
+        if one.friction.coefficient != 0 and one.friction.smoothing.kernel != "none"
+    ]
+    held: list[WholeMesh] = []
+
+    def work() -> None:
+        assert mesh is not None and found is not None
+        if sequence.stagnates:
+            raise NotRefined(singular_place(mesh.data, smoothing))
+        marked = marked_cells(found, given.share)
+        sequence.pictures[-1] = sequence.pictures[-1].with_marks(mesh.data.cells.nodes, marked)
+        held.append(replace(_finer(mesh, marked, solution.parameters), smoothing_radii=radii))
+
+    try:
+        on_root(domain.comm, work)
+    except NotRefined as reason:
+        sequence.stop(str(reason))
+        return None
+    finer = spread(held[0] if held else None, domain.comm)
+    dofmap = solution.element.displacement_space(finer.mesh).dofmap
+    dofs = int(dofmap.index_map.size_global * dofmap.index_map_bs)
+    if dofs > given.max_dofs:
+        sequence.stop(f"the next mesh has {dofs} unknowns, more than adapt.max_dofs")
+        return None
+    return finer
+
+
+def _finer(mesh: WholeMesh, marked: BoolArray, parameters: Parameters) -> WholeMesh:
+    """The refined mesh, with the curved sides of a builder; for one process."""
+    geometry = parameters.mesh.geometry
+    if geometry is not None:
+        return refined(mesh, marked, geometry.curved)
+    told = mesh.diagnosis.warnings
+    news = [text for text in curvature.warnings(mesh.data) if text not in told]
+    finer = refined(mesh, marked)
+    return replace(finer, diagnosis=replace(finer.diagnosis, warnings=[*told, *news]))
+
+
+def _warn(solution: StudySolution, monitor: Monitor, sequence: MeshSequence) -> None:
+    text = f"the meshes were not refined until adapt.tolerance was reached: {sequence.stopped}"
+    solution.summary["warnings"].append(text)
+    monitor.message(f"warning: {text}")

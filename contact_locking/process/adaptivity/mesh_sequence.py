@@ -1,0 +1,94 @@
+"""What the loop has done so far, and whether it goes on."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from contact_locking.process.adaptivity.measured_error import ErrorMeasure
+from contact_locking.results.adapted_meshes import AdaptedMesh
+from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import AdaptParameters
+
+# The error has to fall below this share of itself in so many meshes.
+_LEAST_FALL, _MESHES = 0.95, 4
+
+
+class MeshSequence:
+    """The meshes of the loop with their errors, and the reason why the loop ends.
+
+    ``meshes`` has an entry for each mesh, as in summary.json, and ``pictures`` has the meshes
+    themselves on rank 0.  ``stopped`` is empty as long as the loop goes on.
+    """
+
+    def __init__(self, given: AdaptParameters) -> None:
+        self.given = given
+        self.meshes: list[dict[str, Any]] = []
+        self.pictures: list[AdaptedMesh] = []
+        self.stopped = ""
+        self.is_reached = False
+        self._began = time.perf_counter()
+
+    def add(self, solution: StudySolution, measure: ErrorMeasure) -> None:
+        """Add the solution on a further mesh, and decide whether the loop goes on."""
+        summary, errors = solution.summary, solution.summary["certificate"]["errors"]
+        guaranteed = errors.get("guaranteed") or {}
+        now = time.perf_counter()
+        self.meshes.append(
+            {
+                "dofs": summary["dofs"],
+                "cells": summary["cells"],
+                "estimate": errors["mesh"]["relative"],
+                "bound": guaranteed.get("relative"),
+                "tangents": summary["iterations"]["tangents"],
+                "seconds": now - self._began,
+            }
+        )
+        self._began = now
+        error = measure.relative(solution)
+        if not solution.converged:
+            self.stop("the solve on this mesh did not converge")
+        elif error is None:
+            # A body at rest has no relative error.
+            self.is_reached = _is_at_rest(solution)
+            rests = "the body is at rest"
+            self.stop(rests if self.is_reached else f"no error: {measure.reason(solution)}")
+        elif error <= self.given.tolerance:
+            self.is_reached = True
+            self.stop(f"the {self.given.by} is below the tolerance")
+        elif len(self.meshes) >= self.given.max_meshes:
+            self.stop(f"adapt.max_meshes, {self.given.max_meshes}, is reached")
+
+    def stop(self, reason: str) -> None:
+        """End the loop."""
+        self.stopped = self.stopped or reason
+
+    def summary(self) -> dict[str, Any]:
+        """The entry ``adapt`` of summary.json."""
+        return {
+            "tolerance": self.given.tolerance,
+            "by": self.given.by,
+            "reached": self.is_reached,
+            "stopped": self.stopped or None,
+            "meshes": [dict(entry) for entry in self.meshes],
+        }
+
+    def told(self) -> str:
+        """The last mesh in words."""
+        last = self.meshes[-1]
+        error = last[self.given.by]
+        shown = "no error" if error is None else f"{self.given.by} {100.0 * error:.3g} %"
+        return (
+            f"{last['dofs']} unknowns, {shown}, {last['tangents']} tangents, "
+            f"{last['seconds']:.1f} s"
+        )
+
+    @property
+    def stagnates(self) -> bool:
+        """Whether the error has hardly fallen over the last meshes."""
+        errors = [entry[self.given.by] for entry in self.meshes[-_MESHES:]]
+        return len(errors) == _MESHES and errors[-1] > _LEAST_FALL * errors[0]
+
+
+def _is_at_rest(solution: StudySolution) -> bool:
+    return bool(solution.summary["elastic_energy"] == 0.0)

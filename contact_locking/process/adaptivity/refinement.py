@@ -1,0 +1,127 @@
+"""The refinement of marked cells, with regions, boundary parts and curved sides.
+
+DOLFINx does not carry mesh tags to the refinement of a mesh with ghost cells
+(https://github.com/FEniCS/dolfinx/issues/3443).  Therefore rank 0 refines the whole mesh, which has
+no ghosts there, and the result is distributed like any other mesh: the cells are spread evenly
+again, and the mesh does not depend on the number of ranks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from contact_locking import _compat
+from contact_locking.arrays import BoolArray, IntArray
+from contact_locking.errors import NotRefined
+from contact_locking.mesh.distribution import distribute
+from contact_locking.mesh.file import places
+from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.diagnosis import Diagnosis
+from contact_locking.mesh.file.topology import longest_edges, signed_measures
+from contact_locking.mesh.whole_mesh import WholeMesh, simplices
+from contact_locking.meshes.curved import Curved, rounded
+
+# A node that moves onto a curved side may take at most this share of the volume of a cell.
+_LARGEST_LOSS = 0.9
+# Cells that are smaller than this share of the smoothing radius no longer change what R smooths.
+_SMOOTHED = 0.05
+# Cells that are smaller than this share of the body are near the rounding of the coordinates.
+_SMALLEST_SHARE = 1e-9
+
+
+def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ()) -> WholeMesh:
+    """Bisect all edges of the marked cells, and as many others as a conforming mesh needs.
+
+    Plaza's algorithm bisects the longest edge of every cell that it divides, which keeps the angles
+    away from zero (doi:10.1016/S0168-9274(99)00022-7).  Regions, boundary parts and connected parts
+    pass from a cell or facet to its children.  New nodes on ``curved`` sides are moved there; the
+    other sides stay as they are.  ``marked`` (k,) are the marked cells.  For one process.
+
+    Raises NotRefined if a cell would collapse or become too small.
+    """
+    data, parent = _bisected(mesh, marked)
+    before = signed_measures(data.points, data.cells.nodes)
+    if curved:
+        data = replace(data, points=rounded(curved, data.points, partial(_nodes_of, data)))
+        after = signed_measures(data.points, data.cells.nodes)
+        if np.any(after / before < 1.0 - _LARGEST_LOSS):
+            raise NotRefined(
+                "the first mesh is too coarse at a curved side: a cell would collapse as its new "
+                "nodes move onto the side; make mesh.h smaller"
+            )
+    smallest = float(longest_edges(data.points, data.cells.nodes).min())
+    if smallest < _SMALLEST_SHARE * float(np.ptp(data.points, axis=0).max()):
+        raise NotRefined(f"the smallest cells, of {smallest:.1e}, are near the rounding")
+    old = mesh.diagnosis
+    found = Diagnosis(old.part_names, old.parts[parent], data.facets, old.unusable, old.warnings)
+    return WholeMesh(data, found, mesh.origin, mesh.smoothing_radii)
+
+
+def _bisected(mesh: WholeMesh, marked: BoolArray) -> tuple[MeshData, IntArray]:
+    """The mesh with straight new edges, and the parent (k,) of each cell."""
+    old, dim = mesh.data, mesh.data.dim
+    made = distribute(MPI.COMM_SELF, dim, old, mesh.diagnosis.facets, mesh.diagnosis.parts)
+    coarse = made.mesh
+    original = np.asarray(coarse.topology.original_cell_index, dtype=np.int64)
+    coarse.topology.create_entities(1)
+    coarse.topology.create_connectivity(dim, 1)
+    cells = np.flatnonzero(marked[original]).astype(np.int32)
+    edges = dmesh.compute_incident_entities(coarse.topology, cells, dim, 1)
+    option = dmesh.RefinementOption.parent_cell_and_facet
+    fine, parent, facet = dmesh.refine(coarse, edges, None, option)
+    topology = fine.topology
+    topology.create_connectivity(dim - 1, dim)
+    topology.create_connectivity(dim, dim - 1)
+    tags = dmesh.transfer_meshtag(made.facet_tags, fine, parent, facet)
+    # DOLFINx numbers the cells anew after the refinement, and ``parent`` has the numbers before.
+    order = np.argsort(topology.original_cell_index)
+    of = original[parent]
+    data = MeshData(
+        dim,
+        np.array(fine.geometry.x[:, :dim]),
+        np.arange(len(fine.geometry.x)),
+        simplices(_compat.cell_nodes(fine)[order], old.cells.groups[of], old.cells.names),
+        _facets(fine, dim, tags, old.facets),
+    )
+    return data, of
+
+
+def _facets(fine: dmesh.Mesh, dim: int, tags: dmesh.MeshTags, old: Simplices) -> Simplices:
+    nodes = _compat.entities_to_geometry(fine, dim - 1, tags.indices)
+    return simplices(nodes, tags.values, old.names)
+
+
+def _nodes_of(data: MeshData, name: str) -> BoolArray:
+    """The nodes (m,) of a boundary part or a region; none if there is no such group."""
+    mask = np.zeros(len(data.points), dtype=bool)
+    for group in (data.facets, data.cells):
+        if name in group.names:
+            mask[group.nodes[group.groups == group.names[name]]] = True
+    return mask
+
+
+def singular_place(data: MeshData, radii: Sequence[float]) -> str:
+    """Why an error that hardly falls ends the loop: where the smallest cells are, in words.
+
+    ``radii`` are the smoothing radii of the contacts.
+    """
+    sizes = longest_edges(data.points, data.cells.nodes)
+    least = int(np.argmin(sizes))
+    place = places.at(data.points[data.cells.nodes[least]].mean(axis=0))
+    told = (
+        "the error has hardly fallen over the last meshes; the smallest cells, of size "
+        f"{sizes[least]:.2g}, are at {place}, where the solution may be singular"
+    )
+    radius = min(radii, default=0.0)
+    if sizes[least] < _SMOOTHED * radius:
+        told += (
+            f"; R smooths the pressure over {radius:g}, so that finer cells do not change friction "
+            "there"
+        )
+    return told

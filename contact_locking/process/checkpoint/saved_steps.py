@@ -1,0 +1,56 @@
+"""The folder of the steps that a run has solved so far, from which a killed run goes on."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+from contact_locking._version import __version__
+from contact_locking.files import ownership
+from contact_locking.process.checkpoint.record import RECORD
+
+#: The folder of the saved steps in the folder of a run; it is removed when the run has ended.
+FOLDER = "steps"
+_RUN = "run.json"
+
+
+def name_of(number: int) -> str:
+    """The name of the folder of the step with this number, counted from 1."""
+    return f"{number:06d}"
+
+
+def saved_steps(directory: Path) -> list[Path]:
+    """The saved steps of a run in the order of their times; the saved state if there are none."""
+    folder = directory / FOLDER
+    found = sorted(path.parent for path in folder.glob(f"[0-9]*/{RECORD}"))
+    return found or [directory]
+
+
+def unfinished(directory: Path, fingerprint: str) -> list[Path]:
+    """The saved steps of a killed run with the same parameters; empty if there is none.
+
+    For rank 0.  The saved steps of other parameters are removed, and the folder is prepared for the
+    steps of these.  Raises OSError, and InputError if there is a folder of others in its place.
+    """
+    folder = directory / FOLDER
+    mark = json.dumps({"version": __version__, "fingerprint": fingerprint}) + "\n"
+    if (folder / _RUN).is_file() and (folder / _RUN).read_text(encoding="utf-8") == mark:
+        return [path.parent for path in sorted(folder.glob(f"[0-9]*/{RECORD}"))]
+    ownership.discard(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    ownership.require_own(folder.parent, [FOLDER], "output.directory")
+    ownership.write_text(folder / _RUN, mark)
+    return []
+
+
+def remove_before(directory: Path, number: int) -> None:
+    """Remove the saved steps before a step; for rank 0."""
+    for path in (directory / FOLDER).glob("[0-9]*"):
+        if path.name < name_of(number) and ownership.is_own(path):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def remove(directory: Path) -> None:
+    """Remove all saved steps; for rank 0."""
+    ownership.discard(directory / FOLDER)

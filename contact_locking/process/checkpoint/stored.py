@@ -1,0 +1,367 @@
+"""The fields of a solved state, written and read by adios4dolfinx or io4dolfinx.
+
+The order of the stored values is the order of the mesh from Gmsh, which does not depend on the
+distribution.  The coordinates of the nodes are stored as well: the fields belong to a mesh with the
+same coordinates.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from contact_locking import _compat, study_file
+from contact_locking._version import __version__
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.laws.penalty import Penalty
+from contact_locking.mesh.domain import Domain
+from contact_locking.mesh.whole_mesh import WholeMesh, gather_mesh, spread
+from contact_locking.parallel import maximum, on_every_rank, on_root
+from contact_locking.plain_text import defect
+from contact_locking.process.checkpoint import record as records
+from contact_locking.process.checkpoint import step as steps
+from contact_locking.process.checkpoint.record import Record
+from contact_locking.process.checkpoint.step import SavedStep
+from contact_locking.results.contact_points import OPEN
+from contact_locking.results.solution import StudySolution
+from contact_locking.solver.multipliers import ContactForces, Multipliers
+from contact_locking.solver.saved import SavedState
+from contact_locking.study.assembly import StudyProblem
+
+# The coordinates of the same mesh may differ by this share of the extent, because another machine
+# may have made the mesh.
+_SAME_PLACE = 1e-9
+
+
+def places(space: fem.FunctionSpace) -> fem.Function:
+    """The coordinates x as a function; collective."""
+    found = fem.Function(space)
+    dim = space.mesh.geometry.dim
+    found.interpolate(lambda x: x[:dim])
+    return found
+
+
+def difference_in_size(record: Record, problem: StudyProblem) -> str:
+    """The difference in size between the two meshes, in words; empty if there is none.
+
+    Raises InputError if the elements differ, or if only one of the bodies is axisymmetric.
+    """
+    element = problem.element
+    if record.degree != element.degree:
+        raise InputError(
+            f"the checkpoint is of elements of degree {record.degree}, and the study has degree "
+            f"{element.degree}; restart with discretisation.degree: {record.degree}",
+            "discretisation.degree",
+        )
+    if record.limit_at != element.limit_at:
+        raise InputError(
+            f"the checkpoint has the locking limit at {record.limit_at}, and the study has the "
+            f"limit at {element.limit_at}; restart with discretisation.limit_at: {record.limit_at}",
+            "discretisation.limit_at",
+        )
+    revolution = bool(record.mesh.get("axisymmetric", False))
+    if revolution != problem.domain.axisymmetric:
+        raise InputError(
+            f"the checkpoint is of a body that is {'' if revolution else 'not '}axisymmetric; "
+            f"restart with mesh.axisymmetric: {str(revolution).lower()}",
+            "mesh.axisymmetric",
+        )
+    nodes = int(problem.u.function_space.dofmap.index_map.size_global)
+    here = (problem.domain.dim, problem.domain.num_cells, nodes)
+    there = (record.dimension, record.cells, record.nodes)
+    text = "{}D with {} cells and {} nodes"
+    return "" if here == there else f"it is {text.format(*there)}, this one is {text.format(*here)}"
+
+
+def difference_in_places(saved: fem.Function) -> str:
+    """The difference between the coordinates of the nodes, in words; collective."""
+    comm = saved.function_space.mesh.comm
+    expected = places(saved.function_space).x.array
+    extent = maximum(comm, np.abs(expected))
+    same = np.abs(saved.x.array - expected) <= _SAME_PLACE * extent
+    return "" if on_every_rank(comm, same) else "its nodes lie elsewhere"
+
+
+def another_mesh(
+    directory: str | Path, difference: str, record: Record, identity: dict[str, Any]
+) -> str:
+    """The message about a checkpoint of another mesh, with the parameters that differ."""
+    names = [name for name in {**record.mesh, **identity} if name not in ("content", "refined")]
+    changes = [
+        f"mesh.{name} was {record.mesh.get(name)}, is {identity.get(name)}"
+        for name in names
+        if record.mesh.get(name) != identity.get(name)
+    ]
+    if record.mesh.get("content") != identity.get("content"):
+        changes = ["the mesh file is another one or has changed"]
+    if record.mesh.get("refined") != identity.get("refined"):
+        changes.append("it was refined; restart with a section adapt, which takes the refined mesh")
+    # Another version of Gmsh makes another mesh of the same parameters.
+    told = "; ".join(changes) or "perhaps another version of Gmsh; a mesh.file would not change"
+    return (
+        f"the checkpoint in {directory} is of another mesh: {difference} ({told}); "
+        "restart with the mesh of the checkpoint"
+    )
+
+
+def refined_mesh(directory: str | Path, comm: MPI.Intracomm) -> Domain | None:
+    """The refined mesh that a checkpoint belongs to; None for the mesh of a study; collective.
+
+    Raises InputError if the checkpoint is missing, damaged or of another format, and
+    ContactLockingError if the library is missing.
+    """
+    expect(directory, comm)
+    held: list[WholeMesh] = []
+
+    def load() -> bool:
+        record, _ = records.load_fields(directory)
+        if record.mesh.get("refined"):
+            held.append(_read(records.locate(directory)))
+        return bool(held)
+
+    if not on_root(comm, load):
+        return None
+    return spread(held[0] if held else None, comm)
+
+
+def _read(folder: Path) -> WholeMesh:
+    try:
+        return WholeMesh.load(folder, records.MESH)
+    except (ValueError, KeyError, TypeError, IndexError, OSError) as error:
+        raise InputError(f"the mesh in {folder} is damaged ({defect(error)})") from error
+
+
+_PLACES = "places"
+# The bytes of the record and of the metadata of ADIOS2.
+_NOTES = 65_536
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A saved state on the present mesh.
+
+    ``bounds`` are the friction bounds (k,) of the contacts.  If the contacts or the sets of strains
+    of the checkpoint are not those of the problem, ``multipliers`` is None and ``bounds`` is empty.
+    ``is_solution`` says that the state was saved as the solution for the same mesh, material,
+    loads, contact, friction and penalty, and ``converged`` that it is the solution of some problem.
+    ``step`` is None for a state that is no step of a process.
+    """
+
+    state: SavedState
+    multipliers: Multipliers | None
+    bounds: tuple[FloatArray, ...]
+    is_solution: bool
+    converged: bool
+    step: SavedStep | None
+
+
+def unavailable() -> str | None:
+    """The reason why no checkpoint can be written or read here, otherwise None."""
+    try:
+        _compat.checkpoint_library()
+    except ImportError as error:
+        return (
+            f"checkpoints take adios4dolfinx, which cannot be imported here ({error}); "
+            "Debian has it as python3-adios4dolfinx, conda-forge as adios4dolfinx or io4dolfinx"
+        )
+    return None
+
+
+def has_cells_everywhere(domain: Domain) -> bool:
+    """Whether each rank has cells, which the library takes for granted; collective."""
+    return on_every_rank(domain.comm, domain.mesh.topology.index_map(domain.dim).size_local > 0)
+
+
+def size(solution: StudySolution) -> int:
+    """The bytes that :func:`write` needs: the values, and the dofs of each cell; collective."""
+    total = _NOTES
+    for function in _fields(solution).values():
+        dofmap, mesh = function.function_space.dofmap, function.function_space.mesh
+        cells = mesh.topology.index_map(mesh.topology.dim).size_global
+        total += 8 * dofmap.index_map.size_global * dofmap.index_map_bs
+        total += cells * (8 * dofmap.bs * dofmap.list.shape[1] + 12)
+    domain = solution.domain
+    if domain.is_refined:
+        # Points, cells, facets and parts.
+        total += domain.num_cells * (16 * (domain.dim + 2) + 8 * domain.dim + 4)
+    return int(total)
+
+
+def write(solution: StudySolution, folder: Path) -> None:
+    """Write a checkpoint into an existing folder with enough room; collective.
+
+    Raises ContactLockingError if the library is missing, a rank has no cells or a file cannot be
+    written.
+    """
+    _require_library()
+    parameters, domain = solution.parameters, solution.domain
+    _require_cells(domain)
+    _compat.prepare_communicator(domain.comm)
+    try:
+        for name, function in _fields(solution).items():
+            _compat.save_function(folder / records.FIELDS, function, name)
+    except RuntimeError as error:
+        if domain.comm.size > 1:
+            # The other ranks may wait inside ADIOS2, where no error reaches them.
+            raise
+        raise ContactLockingError(f"ADIOS2 cannot write it: {_plain(error)}") from error
+    penalties = solution.summary["penalty"]
+    mesh = gather_mesh(domain) if domain.is_refined else None
+    nodes = solution.displacement.function_space.dofmap.index_map.size_global
+
+    def finish() -> None:
+        if mesh is not None:
+            mesh.save(folder, records.MESH)
+        record = Record(
+            version=__version__,
+            converged=solution.converged,
+            n=penalties["n"],
+            epsilon=penalties["epsilon"],
+            regularisations=tuple(
+                float(fields.contact.regularisation.value) for fields in solution.contacts
+            ),
+            dimension=domain.dim,
+            degree=solution.element.degree,
+            limit_at=solution.element.limit_at,
+            cells=domain.num_cells,
+            nodes=int(nodes),
+            contacts=len(solution.contacts),
+            strain_sets=len(solution.locking_parts),
+            mesh=study_file.mesh_identity(parameters) | ({"refined": True} if mesh else {}),
+            problem=study_file.problem_fingerprint(parameters),
+            step=steps.about(solution),
+            travels=tuple(
+                entry["tool"]["travel"] for entry in solution.summary["contacts"] if "tool" in entry
+            ),
+        )
+        steps.write_history(solution, folder)
+        records.save(record, folder)
+
+    on_root(domain.comm, finish)
+
+
+def expect(directory: str | Path, comm: MPI.Intracomm) -> None:
+    """Raise the errors of :func:`read` that need neither mesh nor fields; collective."""
+    on_root(comm, lambda: records.load(directory))
+    _require_library()
+
+
+def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
+    """The saved state of a run's folder, on the mesh of ``problem``; collective.
+
+    Raises InputError if the checkpoint is missing, damaged, of another mesh or of another format,
+    and ContactLockingError if the library is missing or a rank has no cells.
+    """
+    comm, parameters = problem.domain.comm, problem.parameters
+    expect(directory, comm)
+    _require_cells(problem.domain)
+    record, path = on_root(comm, lambda: records.load_fields(directory))
+    identity = on_root(comm, lambda: study_file.mesh_identity(parameters))
+    difference = difference_in_size(record, problem)
+    _compat.prepare_communicator(comm)
+
+    def load(name: str, into: fem.FunctionSpace) -> fem.Function:
+        function = fem.Function(into, name=name)
+        _compat.load_function(path, function, name)
+        return function
+
+    # A mesh of another size cannot be compared node by node.
+    space = problem.u.function_space
+    difference = difference or difference_in_places(load(_PLACES, space))
+    if difference:
+        here = identity | ({"refined": True} if problem.domain.is_refined else {})
+        raise InputError(another_mesh(directory, difference, record, here))
+    multipliers: Multipliers | None = None
+    bounds: tuple[FloatArray, ...] = ()
+    same_contacts = record.contacts == len(problem.contacts) or not problem.contacts
+    if same_contacts and record.strain_sets == len(problem.data.sets):
+        multipliers, bounds = _load_multipliers(load, problem)
+    pressures = () if multipliers is None else tuple(c.pressure for c in multipliers.contacts)
+    displacement = load("displacement", space).x.array
+    penalty = Penalty(record.n, record.epsilon, record.regularisations)
+    state = SavedState(displacement, pressures, penalty, travels=record.travels)
+    same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
+    step = None
+    if record.step is not None and multipliers is not None:
+        step = steps.load(record.step, records.locate(directory), problem, load)
+    is_solution = record.converged and same
+    return Checkpoint(state, multipliers, bounds, is_solution, record.converged, step)
+
+
+def _load_multipliers(
+    load: Callable[[str, fem.FunctionSpace], fem.Function], problem: StudyProblem
+) -> tuple[Multipliers, tuple[FloatArray, ...]]:
+    """The multipliers and the friction bound (k,) of each contact; collective."""
+    dim, data = problem.domain.dim, problem.data
+    forces, bounds = [], []
+    for number, contact in enumerate(problem.contacts):
+        surface = contact.surface
+        pressure, state, bound = (
+            load(_of(name, number), surface.scalar_space).x.array[surface.nodes]
+            for name in ("contact_pressure", "contact_state", "friction_bound")
+        )
+        traction = load(_of("tangential_traction", number), surface.vector_space).x.array
+        friction = 0.0 - traction.reshape(-1, dim)[surface.blocks]
+        forces.append(ContactForces(pressure, friction, state != OPEN))
+        bounds.append(bound)
+    found = Multipliers.none(data, problem.domain.mesh, tuple(forces))
+    for name, part in zip(_names_of_parts(len(found.parts)), found.parts, strict=True):
+        part.x.array[:] = load(name, part.function_space).x.array
+    found.add_up(data)
+    return found, tuple(bounds)
+
+
+def _names_of_parts(sets: int) -> list[str]:
+    """The names of the stored multipliers of the sets of strains."""
+    return ["locking_stress"] + [f"locking_stress_{number}" for number in range(1, sets)]
+
+
+def _of(name: str, number: int) -> str:
+    """The name of the stored field of contact ``number``."""
+    return f"{name}_{number}"
+
+
+def _fields(solution: StudySolution) -> dict[str, fem.Function]:
+    """The stored fields by name; collective."""
+    found = {"displacement": solution.displacement}
+    found |= zip(_names_of_parts(len(solution.locking_parts)), solution.locking_parts, strict=True)
+    found[_PLACES] = places(solution.displacement.function_space)
+    for number, contact in enumerate(solution.contacts):
+        surface = contact.surface
+        scalars = {
+            "contact_pressure": contact.pressure,
+            "contact_state": contact.state.astype(float),
+            "friction_bound": contact.bound,
+        }
+        for name, values in scalars.items():
+            found[_of(name, number)] = surface.scalar_function(values)
+        traction = surface.vector_function(contact.traction)
+        found[_of("tangential_traction", number)] = traction
+    return found | steps.fields(solution)
+
+
+def _plain(error: RuntimeError) -> str:
+    """The message in one line, without the escape sequences that ADIOS2 adds for terminals."""
+    return " ".join(re.sub(r"\x1b\[[\d;]*m", "", str(error)).split())
+
+
+def _require_cells(domain: Domain) -> None:
+    if not has_cells_everywhere(domain):
+        raise ContactLockingError(
+            "the mesh has so few cells that a rank has none, which checkpoints cannot have; take "
+            "fewer ranks"
+        )
+
+
+def _require_library() -> None:
+    reason = unavailable()
+    if reason is not None:
+        raise ContactLockingError(reason)

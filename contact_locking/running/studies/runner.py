@@ -1,0 +1,189 @@
+"""Solve the unfinished cases of a study, J at a time, and write the table of all cases."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from contact_locking import study_file
+from contact_locking.errors import explained
+from contact_locking.files import ownership
+from contact_locking.files.atomic import remove_abandoned
+from contact_locking.files.lock import locked, make_folders
+from contact_locking.plain_text import duration
+from contact_locking.results.names import PARAMETERS, TABLE_CSV, TABLE_LINES, not_writable
+from contact_locking.running.studies.signals import stoppable
+from contact_locking.study_file import StudyFile
+
+from . import table
+from .cases import (
+    Case,
+    Outcome,
+    State,
+    cases_of,
+    conclude,
+    each_once,
+    other_version,
+    outcome,
+    require_own,
+    strangers,
+)
+from .executor import Plan, launcher
+from .local import LocalExecutor
+from .slurm import FILES as SLURM_FILES
+from .slurm import SlurmExecutor, require_slurm
+from .view import View
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+INDEX = "index.txt"
+KEY = "output.directory"
+_TABLE_SECONDS = 2.0
+_GO_ON = "What is finished is kept; make room, and the same command does the others."
+
+
+@dataclass
+class Study:
+    """The cases of a file, and the outcome of each under its name."""
+
+    directory: Path
+    cases: list[Case]
+    outcomes: dict[str, Outcome]
+
+    @classmethod
+    def of(cls, file: StudyFile) -> Study:
+        """A study with the outcomes in its folder. Raises InputError."""
+        study = cls(Path(file.parameters.output.directory), cases_of(file), {})
+        study.look()
+        return study
+
+    def look(self) -> None:
+        """Read the outcome of each case from its folder."""
+        self.outcomes = {case.name: outcome(case) for case in each_once(self.cases)}
+
+    @property
+    def unfinished(self) -> list[Case]:
+        return [case for case in each_once(self.cases) if not self.outcomes[case.name].finished]
+
+    def count(self) -> Counter[State]:
+        """The cases in each state."""
+        return Counter(self.outcomes[case.name].state for case in self.cases)
+
+    @property
+    def finished(self) -> int:
+        return sum(self.outcomes[case.name].finished for case in self.cases)
+
+    def write_table(self) -> None:
+        """Write the table of all cases. Raises OSError."""
+        table.write(self.directory, self.cases, [self.outcomes[case.name] for case in self.cases])
+
+
+def run(file: StudyFile, plan: Plan, console: Console) -> Study:
+    """Solve the unfinished cases, and write the table of all cases.
+
+    Raises InputError for a file without a study, for a folder that cannot be written to or that
+    another study or run is using, and if mpirun is missing; ContactLockingError if the disk is
+    full.
+    """
+    launcher(plan.ranks)
+    if plan.executor == "slurm":
+        require_slurm()
+    study = Study.of(file)
+    directory = study.directory
+    with explained(not_writable(directory), directory, KEY, _GO_ON):
+        make_folders(directory / "cases")
+        with locked(directory, "study") as held:
+            # Another study may have finished cases until this one got the lock.
+            study.look()
+            todo = study.unfinished
+            with View(console, len(todo)) as view:
+                if not held:
+                    view.line(f"warning: the file system of {directory} has no locks", "yellow")
+                _require_own(study, todo)
+                _announce(study, todo, plan, view)
+                _prepare(study, file)
+                try:
+                    _solve(study, todo, plan, view)
+                except KeyboardInterrupt:
+                    of = f"{study.finished} of {len(study.cases)}"
+                    view.line(f"{of} cases are finished; the same command does the others")
+                    raise
+    return study
+
+
+def _require_own(study: Study, todo: Sequence[Case]) -> None:
+    """Raise InputError, before the first case, for files of others in place of any results."""
+    ownership.require_own(study.directory, (PARAMETERS, TABLE_CSV, TABLE_LINES), KEY)
+    ownership.require_own(study.directory / "cases", (INDEX, *SLURM_FILES), KEY)
+    for case in todo:
+        require_own(case)
+
+
+def _announce(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
+    before = f", {study.finished} finished before" if study.finished else ""
+    view.line(f"{len(study.cases)} cases in {study.directory}{before}")
+    asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
+    if plan.executor == "local" and asked > cores:
+        text = f"warning: {asked} processes share the {cores} cores of this machine, and are slow"
+        view.line(text, "yellow")
+    if repeated := len(study.cases) - len(study.outcomes):
+        view.line(f"warning: {repeated} repeat the values of others, and are solved once", "yellow")
+    versions = Counter(version for case in todo if (version := other_version(case)) is not None)
+    for version, number in versions.items():
+        view.line(f"{number} with results of version {version} are solved again")
+    if others := strangers(study.directory, study.cases):
+        view.line(
+            f"{others} more in {study.directory / 'cases'} are of an earlier form of the file; "
+            "they stay, but are not in the table"
+        )
+
+
+def _prepare(study: Study, file: StudyFile) -> None:
+    """Write the index of the cases, the parameters and a first table."""
+    for folder in (study.directory, study.directory / "cases"):
+        remove_abandoned(folder)
+    lines = [f"{case.name}  {case.label}\n" for case in study.cases]
+    ownership.write_text(study.directory / "cases" / INDEX, "".join(lines))
+    ownership.write_text(study.directory / PARAMETERS, study_file.dump(file.parameters))
+    study.write_table()
+
+
+def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
+    """Run the cases; write the table of the finished cases also if an error ends this."""
+    is_local = plan.executor == "local"
+    executor: LocalExecutor | SlurmExecutor = (
+        LocalExecutor(todo, plan) if is_local else SlurmExecutor(todo, plan, study.directory)
+    )
+    written = time.monotonic()
+    try:
+        with stoppable():
+            while executor.busy:
+                for ended in executor.poll():
+                    result = conclude(ended.case, ended.why)
+                    study.outcomes[ended.case.name] = result
+                    view.ended(ended.case, result, ended.seconds)
+                if time.monotonic() > written + _TABLE_SECONDS:
+                    study.write_table()
+                    written = time.monotonic()
+                view.show(executor.running)
+                time.sleep(executor.pause)
+    finally:
+        executor.stop()
+        study.look()
+        study.write_table()
+
+
+def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:
+    """The number of cases in each state, the time and the place of the table."""
+    count = study.count()
+    rows: list[tuple[str, str]]
+    rows = [(state, str(number)) for state, number in sorted(count.items()) if number]
+    if warned := sum(bool(study.outcomes[case.name].warnings) for case in study.cases):
+        rows.append(("with warnings", str(warned)))
+    return [*rows, ("time", duration(seconds)), ("table in", str(study.directory / TABLE_CSV))]

@@ -1,0 +1,245 @@
+"""The folder of a run: all files of a solution appear together, or none of them."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import shutil
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from mpi4py import MPI
+
+from contact_locking import study_file
+from contact_locking.errors import MAKE_ROOM, ContactLockingError, NoRoom
+from contact_locking.extras import pictures, report
+from contact_locking.files import atomic, ownership
+from contact_locking.files.lock import make_folders
+from contact_locking.process import checkpoint as checkpoints
+from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
+from contact_locking.results.heap import give_back
+from contact_locking.results.names import (
+    ANIMATION,
+    CONTACT,
+    FACETS,
+    FIELDS,
+    FILES_OF_RUN,
+    HISTORY,
+    MESHES,
+    PARAMETERS,
+    PROBES,
+    SUMMARY,
+    XDMF,
+)
+from contact_locking.results.output_folder import (
+    KEY,
+    TEXTS_BYTES,
+    explained_in,
+    on_root_of,
+    require_own,
+)
+from contact_locking.results.solution import StudySolution
+from contact_locking.results.summary import summary_text
+
+
+class FieldSeries(contextlib.AbstractContextManager["FieldSeries"]):
+    """fields.bp of a process, which grows in a staging folder from step to step; collective."""
+
+    def __init__(self, directory: Path, comm: MPI.Intracomm) -> None:
+        self._target, self._comm = directory, comm
+        self._stack = contextlib.ExitStack()
+        self._series: fields.Series | None = None
+
+    def __enter__(self) -> FieldSeries:
+        self._path = self._stack.enter_context(_staging(self._comm, self._target)) / FIELDS
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._series = None
+        self._stack.close()
+
+    def add(self, solution: StudySolution) -> None:
+        """Add the fields of a step with its time; collective."""
+        comm, functions = self._comm, fields.discontinuous(solution)
+        size = fields.size(functions, comm)
+        on_root_of(comm, self._target, partial(atomic.require_room, self._path.parent, size))
+        with _explained_alone(self._target, comm):
+            if self._series is None:
+                self._series = fields.Series(functions, self._path, comm)
+            for own, new in zip(self._series.functions, functions, strict=True):
+                own.x.array[:] = new.x.array
+            self._series.add(solution.time)
+
+    def finish(self) -> Path:
+        """Complete the file, which :func:`write` moves to its place; collective."""
+        if self._series is not None:
+            with _explained_alone(self._target, self._comm):
+                self._series.close()
+        return self._path
+
+
+def write(
+    solution: StudySolution,
+    directory: str | Path,
+    checkpoint: bool = False,
+    series: Path | None = None,
+    animation: bytes | None = None,
+) -> list[str]:
+    """Write all files of a solution and return the warnings, the same on all ranks; collective.
+
+    The files are summary.json, parameters.yaml, contact.csv and contact_facets.csv, and meshes.npz
+    for adapted meshes.  The section ``output`` of the parameters adds fields.bp or fields.xdmf, and
+    picture.png with snapshot.npz; ``checkpoint`` adds the folder checkpoint.  A step of a process
+    adds history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of the fields
+    of this step, and ``animation`` is on rank 0 the content of animation.gif.  The files are
+    written into a staging folder and moved when all are complete.  No file of an earlier run stays
+    in the folder, and a file that no run has written is neither replaced nor removed.
+
+    If the picture or the checkpoint cannot be made, a warning says so, also in the summary.  Raises
+    InputError for a folder that cannot be written to or holds files of others in place of these,
+    and ContactLockingError for a full disk; if only the picture or the checkpoint has no room, all
+    other files are written first.
+    """
+    comm, target = solution.domain.comm, Path(directory)
+    wanted = solution.parameters.output
+    warnings: list[str] = []
+    refused: list[str] = []
+    give_back()
+    on_root_of(comm, target, partial(require_own, target))
+    with _staging(comm, target) as staging:
+        if series is not None:
+            on_root_of(comm, target, partial(_move, series, staging / FIELDS))
+        elif wanted.fields and "vtx" in wanted.formats:
+            _write_fields(solution, target, staging / FIELDS)
+        if wanted.fields and "xdmf" in wanted.formats:
+            with explained_in(target) if comm.size == 1 else contextlib.nullcontext():
+                xdmf.write(solution, staging / XDMF, comm)
+        if wanted.picture:
+            try:
+                problem = pictures.picture(solution, staging)
+            except NoRoom as error:
+                refused.append(f"no picture was drawn: {error}")
+            else:
+                warnings += [problem] if problem else []
+        if checkpoint and (problem := _checkpoint(solution, target, staging)) is not None:
+            is_possible = checkpoints.unavailable() is None
+            is_possible = is_possible and checkpoints.has_cells_everywhere(solution.domain)
+            (refused if is_possible else warnings).append(f"no checkpoint was saved: {problem}")
+        told = [*solution.summary.get("warnings", []), *warnings, *refused]
+        solution.summary["warnings"] = told
+
+        def finish() -> None:
+            _write_texts(solution, staging)
+            if animation is not None:
+                (staging / ANIMATION).write_bytes(animation)
+            adapted_meshes.save(solution.meshes, staging / MESHES)
+            report.discard(target)
+            ownership.replace(target, staging, FILES_OF_RUN, KEY)
+
+        on_root_of(comm, target, finish)
+    if refused:
+        raise NoRoom(f"{'; '.join(refused)}; all other results are in {target}\n{MAKE_ROOM}")
+    return warnings
+
+
+def save(solution: StudySolution, directory: str | Path) -> None:
+    """Save a checkpoint in ``directory``/checkpoint, for ``restart=directory``; collective.
+
+    Any number of ranks can read the checkpoint on the same mesh.  Raises ContactLockingError if
+    adios4dolfinx is missing, and InputError for a folder that cannot be written to or holds a
+    checkpoint of others.
+    """
+    save_as(solution, Path(directory), checkpoints.NAME)
+
+
+def save_as(solution: StudySolution, directory: Path, name: str) -> None:
+    """Save a checkpoint as ``directory``/``name``, whole or not at all; collective.
+
+    Raises as :func:`save`.
+    """
+    comm = solution.domain.comm
+    with _staging(comm, directory) as staging:
+        folder = staging / name
+        _write_checkpoint(solution, directory, folder)
+        on_root_of(comm, directory, lambda: ownership.replace(directory, staging, [name], KEY))
+
+
+def _write_fields(solution: StudySolution, target: Path, path: Path) -> None:
+    """Write fields.bp, if the disk has room for the file; collective."""
+    comm, functions = solution.domain.comm, fields.discontinuous(solution)
+    size = fields.size(functions, comm)
+    on_root_of(comm, target, partial(atomic.require_room, path.parent, size))
+    with _explained_alone(target, comm):
+        fields.write(functions, path, comm)
+
+
+def _checkpoint(solution: StudySolution, target: Path, staging: Path) -> str | None:
+    """Write a checkpoint and return None, or return why it failed; collective."""
+    try:
+        _write_checkpoint(solution, target, staging / checkpoints.NAME)
+        return None
+    except ContactLockingError as error:
+        reason = str(error).splitlines()[0]
+    # ADIOS2 closes its files, and so frees the disk, when no reference to the error is left; the
+    # frames of the error may refer to each other in a circle.
+    gc.collect()
+    comm = solution.domain.comm
+    on_root_of(comm, target, lambda: shutil.rmtree(staging / checkpoints.NAME, ignore_errors=True))
+    return reason
+
+
+def _write_checkpoint(solution: StudySolution, target: Path, folder: Path) -> None:
+    comm = solution.domain.comm
+    # The text files are written later and need room as well.
+    size = checkpoints.size(solution) + TEXTS_BYTES
+
+    def make_folder() -> None:
+        atomic.require_room(folder.parent, size)
+        folder.mkdir()
+
+    on_root_of(comm, target, make_folder)
+    checkpoints.write(solution, folder)
+
+
+def _write_texts(solution: StudySolution, folder: Path) -> None:
+    """Write the text files; for rank 0."""
+    (folder / PARAMETERS).write_text(study_file.dump(solution.parameters), encoding="utf-8")
+    (folder / SUMMARY).write_text(summary_text(solution.summary), encoding="utf-8")
+    if solution.history.rows:
+        (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
+    if solution.probes:
+        (folder / PROBES).write_text(probe_table.text(solution.probes), encoding="utf-8")
+    points, facets = solution.contact_points, solution.contact_facets
+    assert points is not None and facets is not None
+    with (folder / CONTACT).open("w", encoding="utf-8", newline="") as stream:
+        contact_table.write_points(points, stream)
+    with (folder / FACETS).open("w", encoding="utf-8", newline="") as stream:
+        contact_table.write_facets(facets, stream)
+
+
+def _explained_alone(
+    directory: Path, comm: MPI.Intracomm
+) -> contextlib.AbstractContextManager[None]:
+    """`explained_in` on one rank.
+
+    On several ranks the other ranks may wait inside ADIOS2, where no error reaches them: there the
+    OSError of one rank has to end all ranks.
+    """
+    return explained_in(directory) if comm.size == 1 else contextlib.nullcontext()
+
+
+def _move(source: Path, target: Path) -> None:
+    source.rename(target)
+
+
+@contextlib.contextmanager
+def _staging(comm: MPI.Intracomm, directory: Path) -> Iterator[Path]:
+    """A staging folder that rank 0 makes and all ranks use; collective."""
+    with contextlib.ExitStack() as stack:
+
+        def attempt() -> Path:
+            make_folders(directory)
+            return stack.enter_context(atomic.staging(directory))
+
+        yield on_root_of(comm, directory, attempt)

@@ -1,0 +1,199 @@
+"""The guaranteed bound of the error: never below the error, sharp, and silent where not proved."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+import ufl
+from bounded_block import benchmark
+from certified import certificate
+from dolfinx import fem
+from manufactured import Manufactured, X, Y
+from problems import block, column
+from random_errors import compared, random_block
+from test_verification_annulus import LAME_LAMBDA, LAME_MU, annulus, exact_displacement
+
+from contact_locking import solve_steps
+from contact_locking.fem.spaces import P2
+from contact_locking.plain_text import per_cent
+from contact_locking.process import solving
+from contact_locking.results import in_words
+from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
+
+#: A displacement that vanishes on all sides but the bottom, where its normal component vanishes.
+BUBBLE = X * (1 - X) * (1 - Y)
+WAVES = (BUBBLE * sp.sin(3 * X + Y) / 5, BUBBLE * Y * sp.exp(X) / 5)
+
+
+def bound(parameters: Parameters) -> dict[str, Any]:
+    return dict(certificate(parameters)["errors"]["guaranteed"])
+
+
+@pytest.mark.parametrize("pressure", [pytest.param(None, marks=pytest.mark.slow), (1 + X) / 10])
+def test_the_bound_of_a_manufactured_solution_is_sharp_and_never_below_the_error(
+    pressure: Any,
+) -> None:
+    # Body force and traction are no polynomials: what is not balanced adds an oscillation.
+    exact = Manufactured(WAVES, pressure, pressure, n=math.inf, epsilon=0.0)
+    before = math.inf
+    for h in (0.125, 0.0625):
+        solution = exact.solved(h, certificate__error_bound=True)
+        found = solution.summary["certificate"]["errors"]["guaranteed"]
+        effectivity = found["energy_norm"] / exact.errors(solution).energy
+        assert 1.0 <= effectivity < min(1.2, before)
+        before = effectivity
+    assert before <= 1.05
+
+
+def annulus_error(solution: StudySolution) -> float:
+    """The energy norm of the error against the exact solution of V10; collective."""
+    mesh = solution.domain.mesh
+    eps = ufl.sym(ufl.grad(solution.displacement - exact_displacement(mesh)))
+    energy = LAME_LAMBDA * ufl.tr(eps) ** 2 + 2.0 * LAME_MU * ufl.inner(eps, eps)
+    return math.sqrt(mesh.comm.allreduce(fem.assemble_scalar(fem.form(energy * ufl.dx))))
+
+
+@pytest.mark.serial
+def test_v10_the_bound_covers_the_error_in_a_ring_that_locks() -> None:
+    for h in (0.2, 0.1):
+        solution = annulus(h, math.inf, certificate__error_bound=True)
+        found = solution.summary["certificate"]["errors"]["guaranteed"]
+        # The exact solution is that of the circles, the bound that of the polygon.
+        assert 1.2 < found["energy_norm"] / annulus_error(solution) < 2.6
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", range(2))
+def test_the_bound_of_a_random_problem_is_not_below_the_distance_to_a_finer_mesh(
+    seed: int,
+) -> None:
+    found = compared(random_block(seed), 4)
+    assert found is not None and found.bound["applicable"]
+    assert found.effectivity > 1.0
+
+
+@pytest.mark.serial
+def test_v6_the_bound_of_a_body_pressed_onto_a_parabola_is_not_below_the_error() -> None:
+    # The control values of a parabola are those of the gap, which degree 2 meets exactly.
+    press = {"displacements": [{"on": "top", "value": [0.0, -0.03]}]}
+    given = block(
+        2,
+        0.25,
+        mesh__structured=True,
+        material__locking_limit=math.inf,
+        contact={"on": "bottom", "gap": "(x - 0.5)**2/8"},
+        loads=press,
+        penalty__n=math.inf,
+        discretisation={"degree": 2},
+        certificate__error_bound=True,
+    )
+    found = compared(given, 4, P2)
+    assert found is not None and found.bound["applicable"]
+    assert 1.0 < found.effectivity < 2.5
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_no_bound_of_200_random_problems_is_below_the_distance_to_a_finer_mesh() -> None:
+    found = [compared(random_block(seed), 4) for seed in range(200)]
+    solved = [item for item in found if item is not None and item.bound["applicable"]]
+    assert len(solved) > 180
+    assert min(item.effectivity for item in solved) > 1.0
+    assert float(np.median([item.effectivity for item in solved])) < 2.0
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+@pytest.mark.parametrize("divisions", [8, 16, 32])
+def test_the_effectivity_on_the_block_is_at_most_three_and_a_half(divisions: int) -> None:
+    found = compared(benchmark(divisions), 256 // divisions)
+    assert found is not None
+    assert 1.0 < found.effectivity < 3.5
+
+
+@pytest.mark.parametrize("pressure", [0.01, 0.05])
+def test_the_bound_of_a_column_that_is_exact_is_the_tolerance_of_the_solver(
+    pressure: float,
+) -> None:
+    # Contact alone holds the column, elastic for the one pressure and locked for the other.
+    found = bound(column(pressure=pressure, penalty={"n": math.inf}, certificate__error_bound=True))
+    assert found["applicable"] and found["relative"] < 1e-3
+
+
+@pytest.mark.serial
+def test_the_bound_includes_the_distance_to_the_solution_without_penalties() -> None:
+    found = bound(column(pressure=0.05, certificate__error_bound=True))
+    k = 1.3461538461538463
+    excess = (0.05 - k * 0.02) / (k + 2e3)
+    assert found["energy_norm"] >= math.sqrt(k * 2.0) * excess
+
+
+def test_the_bound_is_the_same_on_every_number_of_ranks() -> None:
+    # Computed on one rank.
+    assert bound(benchmark(6))["energy_norm"] == pytest.approx(0.0207347254, rel=1e-6)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"contact__gap": "0.001*x*x"}, "the gap is not met between the nodes"),
+        (
+            {
+                "contact": {
+                    "on": "bottom",
+                    "foundation": {"cylinder": {"centre": [0.5, -2.0], "radius": 2.0}},
+                }
+            },
+            "the contact normal changes along a facet",
+        ),
+        (
+            {"loads__displacements": [{"on": "left", "value": ["0.001*y*y", 0.0]}]},
+            "prescribed displacements are not met between the nodes",
+        ),
+        (
+            {"material": {"locking": [{"norm": "volume", "at_least": -0.01}]}},
+            "other sets of strains than the ball",
+        ),
+        ({"mesh__dim": 3}, "not in three dimensions"),
+    ],
+)
+def test_where_no_bound_is_proved_the_reason_is_said(changes: dict[str, Any], why: str) -> None:
+    dim = changes.pop("mesh__dim", 2)
+    given = block(dim, 0.25 if dim == 2 else 0.5, certificate__error_bound=True, **changes)
+    found = bound(given)
+    assert found["energy_norm"] is None and found["applicable"] is False
+    assert found["reason"].startswith("not applicable: ") and why in found["reason"]
+
+
+@pytest.mark.serial
+def test_no_bound_is_proved_where_friction_counts_the_slip_from_an_earlier_step() -> None:
+    pull = {"tractions": [{"on": "top", "value": ["0.03*t", "-0.05*t"]}]}
+    held = {"displacements": [{"on": "left", "value": [0.0, 0.0]}]}
+    process = {"loads": pull | held, "steps": {"to": 1.0, "count": 2}}
+    given = benchmark(4, **process)
+    first, second = (
+        solution.summary["certificate"]["errors"]["guaranteed"] for solution in solve_steps(given)
+    )
+    # The first step starts from rest, as a static load does.
+    assert first["applicable"] is True
+    assert second["applicable"] is False and second["energy_norm"] is None
+    assert second["reason"] == ("not applicable: friction counts the slip from an earlier step")
+
+
+@pytest.mark.serial
+def test_a_study_that_does_not_ask_has_no_guaranteed_bound() -> None:
+    assert "guaranteed" not in certificate(block(h=0.5))["errors"]
+
+
+@pytest.mark.serial
+def test_the_command_line_shows_the_bound_in_one_row() -> None:
+    solution = solving.solve(benchmark(4))
+    rows = dict(in_words.rows(solution.summary, in_words.UseOfLimit(1.0, False)))
+    relative = solution.summary["certificate"]["errors"]["guaranteed"]["relative"]
+    assert rows["proved"].startswith(f"the whole error is at most {per_cent(relative)}")

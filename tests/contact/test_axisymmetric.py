@@ -1,0 +1,221 @@
+"""Axisymmetric bodies: what is refused, the nodes on the axis, and R on the whole surface."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import with_changes
+
+from contact_locking.errors import InputError
+from contact_locking.fem.spaces import P1, P1_REVOLUTION
+from contact_locking.process import solving
+from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.study_file import mesh_identity, problem_fingerprint
+from contact_locking.study_file.parameters import Parameters
+
+
+def cylinder(**changes: Any) -> Parameters:
+    """A cylinder of radius and height 1 under its own weight on a foundation with friction."""
+    data: dict[str, Any] = {
+        "mesh": {"builder": "block", "size": [1.0, 1.0], "h": 0.25, "axisymmetric": True},
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.05},
+        "loads": {"body_force": [0.0, -0.1]},
+        "contact": {"on": "bottom", "gap": "0.02*x*x"},
+        "friction": {"coefficient": 0.3, "smoothing": {"radius": 0.3}},
+    }
+    return with_changes(data, **changes)
+
+
+def on_foundation(degree: int = 1, **changes: Any) -> StudyProblem:
+    study = {"degree": degree, "limit_at": "gauss"}
+    return assemble(cylinder(discretisation=study, **changes), MPI.COMM_WORLD)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"mesh": {"builder": "ball", "axisymmetric": True}}, "disc with quarter: true"),
+        ({"mesh": {"builder": "block", "dim": 3, "axisymmetric": True}}, "take dim: 2"),
+        ({"mesh": {"builder": "annulus", "axisymmetric": True}}, "must lie in x >= 0"),
+        ({"mesh": {"builder": "block", "axisymmetric": 1}}, "valid boolean"),
+        ({"material__plane": "stress"}, "not for axisymmetric bodies"),
+        ({"material__elasticity": {"stiffness": np.eye(3).tolist()}}, "must be 4x4"),
+        (
+            {"material__locking_limit": math.inf,
+             "material__locking": [{"norm": "direction", "along": [1.0], "at_most": 1.0}]},
+            r"2 or 3 \(r, z, hoop\) components",
+        ),
+        (
+            {"contact__foundation": {"cylinder": {"centre": [0.0, -1.0], "radius": 1.0}},
+             "contact__gap": 0},
+            "is no body of revolution",
+        ),
+        (
+            {"contact__foundation": {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]},
+                                     "motion": [0.1, 0.0]},
+             "contact__gap": 0},
+            "must be 0 across the axis",
+        ),
+        ({"discretisation": {"degree": 2, "limit_at": "vertices"}}, "take gauss"),
+    ],
+)  # fmt: skip
+@pytest.mark.serial
+def test_a_study_file_that_describes_no_body_of_revolution_is_refused(
+    changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        cylinder(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "message"),
+    [
+        ({"contact__on": ["bottom", "left"]}, "contact.on", "on the axis of revolution"),
+        (
+            {"loads__pressures": [{"on": "left", "value": 1.0}]},
+            "loads.pressures.0.on",
+            "is no surface",
+        ),
+        (
+            {"loads__displacements": [{"on": "top", "value": ["0.1 + x", None]}]},
+            "loads.displacements.0.value.0",
+            "u_r is zero",
+        ),
+        (
+            {"loads__body_force": [0.0, 0.1]},
+            "loads.displacements",
+            r"free \(translation along y, the axis\)",
+        ),
+    ],
+)
+def test_what_contradicts_the_axis_is_refused_with_its_key(
+    changes: dict[str, Any], key: str, message: str
+) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        assemble(cylinder(**changes), MPI.COMM_WORLD)
+    assert caught.value.key == key
+
+
+@pytest.mark.serial
+def test_a_mesh_on_both_sides_of_the_axis_is_refused() -> None:
+    from contact_locking.study.assembly import mesh_of
+
+    domain = mesh_of(cylinder(), MPI.COMM_WORLD)
+    domain.mesh.geometry.x[:, 0] -= 0.5
+    with pytest.raises(InputError, match=r"reaches x = -0.5") as caught:
+        assemble(cylinder(), MPI.COMM_WORLD, domain)
+    assert caught.value.key == "mesh.axisymmetric"
+
+
+@pytest.mark.serial
+def test_an_element_of_another_body_is_refused() -> None:
+    with pytest.raises(InputError, match="P1_REVOLUTION"):
+        assemble(cylinder(), MPI.COMM_WORLD, element=P1)
+    plane = cylinder(mesh__axisymmetric=False)
+    with pytest.raises(InputError, match="P1_REVOLUTION"):
+        assemble(plane, MPI.COMM_WORLD, element=P1_REVOLUTION)
+
+
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_weights_of_gamma_c_add_up_to_the_surface_and_are_positive_on_the_axis(degree: int) -> None:
+    problem = on_foundation(degree)
+    (contact,) = problem.contacts
+    surface, comm = contact.surface, problem.domain.comm
+    assert (surface.weights > 0.0).all()
+    radius = surface.points[:, 0]
+    assert comm.allreduce(int(np.sum(radius == 0.0))) == 1
+    assert comm.allreduce(float(surface.weights.sum())) == pytest.approx(math.pi, rel=1e-12)
+    # The trapezoid rule would give less: 2 pi r dr at the nodes.
+    assert comm.allreduce(float(surface.weights @ radius)) == pytest.approx(
+        2.0 / 3.0 * math.pi, rel=0.05
+    )
+    assert contact.normals[radius == 0.0].sum(axis=0) == pytest.approx(
+        [0.0, -np.sum(radius == 0.0)]
+    )
+    # The displacement condition of the axis, and no other one.
+    fixed = problem.constraints.dofs
+    x = problem.u.function_space.tabulate_dof_coordinates()
+    assert x[fixed // 2, 0] == pytest.approx(0.0, abs=1e-12)
+    assert (fixed % 2 == 0).all()
+    problem.close()
+
+
+@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
+def test_r_keeps_constants_and_smooths_over_the_whole_surface(kernel: str) -> None:
+    smoothing = {"kernel": kernel, "radius": 0.3}
+    problem = on_foundation(friction__smoothing=smoothing, mesh__h=0.05, mesh__structured=True)
+    (contact,), comm = problem.contacts, problem.domain.comm
+    apply, radius = contact.friction.smoothing.apply, contact.surface.points[:, 0]
+    assert apply(np.full(len(radius), 3.0)) == pytest.approx(3.0, rel=1e-12)
+    # On a disc the mean of |y|^2 over the kernel is |x|^2 + c, c being the mean around the origin.
+    smoothed = apply(radius**2)
+    if kernel == "convolution":
+        inside, added = radius < 0.65, 0.3**2 * _second_moment()
+        assert smoothed[inside] == pytest.approx(radius[inside] ** 2 + added, abs=2e-3)
+        assert comm.allreduce(int(inside.sum())) > 10
+    else:
+        # The filter keeps the mean over the surface.
+        weights = contact.surface.weights
+        means = [comm.allreduce(float(weights @ w)) / math.pi for w in (smoothed, radius**2)]
+        assert means[0] == pytest.approx(means[1], rel=1e-10)
+    problem.close()
+
+
+def _second_moment() -> float:
+    """``int d^2 k(d) / int k(d)`` over the unit disc."""
+    d = (np.arange(2000) + 0.5) / 2000.0
+    kernel = np.exp(-1.0 / (1.0 - d**2)) * d
+    return float(d**2 @ kernel / kernel.sum())
+
+
+def test_the_certificate_holds_for_a_body_of_revolution_that_locks_and_rubs() -> None:
+    solution = solving.solve(cylinder())
+    summary = solution.summary
+    assert summary["converged"], summary["reason"]
+    assert summary["locked_fraction"] > 0.0
+    assert summary["discretisation"]["axisymmetric"] is True
+    certificate = summary["certificate"]
+    assert all(entry["holds"] for entry in certificate["criteria"].values())
+    assert all(entry["holds"] for entry in certificate["bounds"].values())
+    assert certificate["resultants"]["loads"][1] == pytest.approx(-0.1 * math.pi, rel=1e-12)
+    assert certificate["resultants"]["contact"][1] == pytest.approx(0.1 * math.pi, rel=1e-7)
+    if MPI.COMM_WORLD.size > 1:
+        alone = solving.solve(cylinder(), MPI.COMM_SELF).summary
+        assert summary["elastic_energy"] == pytest.approx(alone["elastic_energy"], rel=1e-8)
+    assert solution.elastic_stress.ufl_shape == (3, 3)
+
+
+@pytest.mark.parametrize("method", ["newton", "interior_point"])
+def test_every_method_has_the_weight_of_a_body_of_revolution(method: str) -> None:
+    """The strain is evaluated in one point of a cell, and the weight in more."""
+    found = solving.solve(cylinder(mesh__h=0.5, penalty__n=1e3, solver__method=method))
+    assert found.converged, found.summary["reason"]
+    weight = 0.1 * math.pi
+    assert found.summary["contact_force"][1] == pytest.approx(weight, rel=1e-8)
+
+
+def test_the_bounds_of_the_error_are_not_for_axisymmetric_bodies() -> None:
+    push = [{"on": "top", "value": [None, -0.02]}]
+    solution = solving.solve(
+        cylinder(loads__displacements=push, certificate__error_bound=True, friction__coefficient=0)
+    )
+    errors = solution.summary["certificate"]["errors"]
+    assert errors["mesh"]["relative"] > 0.0
+    assert errors["guaranteed"]["applicable"] is False
+    assert "axisymmetric" in errors["guaranteed"]["reason"]
+    assert "axisymmetric" in solution.summary["certificate"]["limit_load"]["reason"]
+
+
+@pytest.mark.serial
+def test_the_key_is_part_of_the_mesh_and_of_the_problem(tmp_path: Path) -> None:
+    whole, plane = cylinder(), cylinder(mesh__axisymmetric=False)
+    assert problem_fingerprint(whole) != problem_fingerprint(plane)
+    assert mesh_identity(whole) == mesh_identity(plane) | {"axisymmetric": True}
+    assert json.loads(whole.model_dump_json())["mesh"]["axisymmetric"] is True
+    assert "axisymmetric" not in json.loads(plane.model_dump_json())["mesh"]

@@ -1,0 +1,191 @@
+"""A body with several contacts, each with its own foundation and friction."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import block
+
+from contact_locking import StudySolution, assemble, save, solve, solve_assembled
+from contact_locking.errors import InputError
+from contact_locking.solver.settings import Settings
+from contact_locking.study_file.parameters import Parameters
+
+NONE = {"kernel": "none"}
+
+
+def between(dim: int, contact: Any, **changes: Any) -> Parameters:
+    """A block that is sheared between its bottom and its top, which touch different foundations."""
+    push = [{"on": "right", "value": [-0.01, *[0.0] * (dim - 2), 0.004]}]
+    held = [{"on": "left", "value": [0.004, *[None] * (dim - 1)]}]
+    given: dict[str, Any] = {
+        "contact": contact,
+        "loads": {"tractions": push, "displacements": held},
+        "friction": {"coefficient": 0.2, "smoothing": NONE},
+        "penalty__n": math.inf,
+    }
+    return block(dim, 0.125 if dim == 2 else 0.34, **(given | changes))
+
+
+def solved(parameters: Parameters) -> StudySolution:
+    solution = solve(parameters)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+def same(one: StudySolution, other: StudySolution, share: float = 1e-7) -> None:
+    """The displacements agree, relative to their size; collective."""
+    a, b = one.displacement.x.array, other.displacement.x.array
+    comm = one.domain.comm
+    size, difference = (comm.allreduce(np.abs(x).max(), op=MPI.MAX) for x in (a, a - b))
+    assert size > 0.0 and difference <= share * size
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_two_parts_without_a_common_node_are_one_contact_or_two(dim: int, n: float) -> None:
+    overlap = {"gap": -0.003}
+    one = solved(between(dim, {"on": ["bottom", "top"], **overlap}, penalty__n=n))
+    entries = [{"on": name, **overlap} for name in ("bottom", "top")]
+    two = solved(between(dim, entries, penalty__n=n))
+    same(one, two)
+    totals = ("contact_force", "friction_force", "contact_area", "slip_area", "penetration_max")
+    for key in (*totals, "friction_used"):
+        assert two.summary[key] == pytest.approx(one.summary[key], rel=1e-5, abs=1e-9)
+    parts = two.summary["contacts"]
+    assert np.sum([part["contact_force"] for part in parts], axis=0) == pytest.approx(
+        two.summary["contact_force"], abs=1e-15
+    )
+    # Both foundations press.
+    assert [np.sign(part["contact_force"][-1]) for part in parts] == [1.0, -1.0]
+
+
+def test_the_order_of_the_entries_does_not_matter() -> None:
+    entries = [
+        {"on": "bottom", "friction": {"coefficient": 0.4}},
+        {"on": "top", "gap": -0.003, "friction": {"coefficient": 0.1}},
+    ]
+    there, back = solved(between(2, entries)), solved(between(2, entries[::-1]))
+    same(there, back)
+    first, second = there.summary["contacts"]
+    assert [first["on"], second["on"]] == [["bottom"], ["top"]]
+    forces = [part["contact_force"] for part in back.summary["contacts"]]
+    assert forces[1] == pytest.approx(first["contact_force"], rel=1e-5, abs=1e-9)
+
+
+def test_newton_and_the_interior_point_method_agree_on_contacts_that_share_a_node() -> None:
+    contact = [
+        {"on": "bottom"},
+        {"on": "left", "gap": 0.001, "friction": {"coefficient": 0.5, "regularisation": 1e-3}},
+    ]
+    push = [{"on": "top", "value": [0.0, -0.03]}, {"on": "right", "value": [-0.02, 0.0]}]
+    changes: dict[str, Any] = {"loads": {"tractions": push}, "penalty__n": 200.0}
+    by_default = solved(between(2, contact, **changes))
+    by_newton = solved(between(2, contact, solver__method="newton", **changes))
+    same(by_default, by_newton, 1e-6)
+    assert by_newton.summary["friction_fixed_point"]["contraction"] is not None
+
+
+def test_friction_of_one_contact_leaves_the_other_frictionless() -> None:
+    entries = [{"on": "bottom", "friction": {"coefficient": 0.0}}, {"on": "top", "gap": -0.003}]
+    solution = solved(between(2, entries))
+    smooth, rough = solution.summary["contacts"]
+    assert smooth["friction_force"] == [0.0, 0.0] and smooth["contact_area"] > 0.0
+    assert abs(rough["friction_force"][0]) > 1e-6
+
+
+def test_loads_that_press_the_body_onto_neither_foundation_are_refused() -> None:
+    loads = {"tractions": [{"on": "right", "value": [0.01, 0.0]}]}
+    contact = [{"on": "bottom"}, {"on": "left", "friction": {"coefficient": 0.0}}]
+    with pytest.raises(InputError, match="do not press the body onto the foundation"):
+        solve(between(2, contact, loads=loads))
+
+
+def test_a_body_without_loads_rests_between_its_foundations() -> None:
+    entries = [{"on": "bottom"}, {"on": ["left", "right"], "gap": 0.01}]
+    solution = solved(between(2, entries, loads={}))
+    assert solution.summary["iterations"]["tangents"] == 1
+    assert (solution.displacement.x.array == 0.0).all()
+    assert solution.summary["contact_force"] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("tampered", [0, 1])
+def test_the_certificate_judges_each_contact(
+    tampered: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from contact_locking.certificate.verdict import certify
+    from contact_locking.process import solving
+
+    def tamper(state: Any, *more: Any) -> Any:
+        fields = state.contacts[tampered]
+        fields.pressure = 1.1 * fields.pressure
+        return certify(state, *more)
+
+    monkeypatch.setattr(solving, "certify", tamper)
+    entries = [{"on": "bottom"}, {"on": "top", "gap": -0.003}]
+    summary = solve(between(2, entries)).summary
+    criteria = summary["certificate"]["criteria"]
+    assert not summary["converged"] and not criteria["equilibrium"]["holds"]
+    assert not criteria["friction_bound"]["holds"]
+
+
+def test_a_state_of_two_contacts_is_saved_and_solves_the_same_problem_at_once(
+    tmp_path: Path,
+) -> None:
+    directory = Path(MPI.COMM_WORLD.bcast(str(tmp_path)))
+    entries = [{"on": "bottom"}, {"on": "top", "gap": -0.003, "friction": {"coefficient": 0.5}}]
+    parameters = between(2, entries)
+    first = solved(parameters)
+    save(first, directory)
+    again = solve(parameters, restart=directory)
+    assert again.converged and again.summary["iterations"]["tangents"] == 0
+    same(first, again, 1e-12)
+
+
+def test_own_bounds_of_friction_are_one_for_each_contact() -> None:
+    entries = [{"on": "bottom"}, {"on": "top", "gap": -0.003}]
+    problem = assemble(between(2, entries), MPI.COMM_WORLD)
+    for contact, strength in zip(problem.contacts, (1e-4, 3e-4), strict=True):
+        given = contact.friction
+        contact.friction = type(
+            "Tresca",
+            (type(given),),
+            {"evaluate": lambda self, p, s, g=strength: np.full(len(s), g)},
+        )(given.surface, given.smoothing, given.law)
+    solution = solve_assembled(problem)
+    assert solution.converged, solution.summary["reason"]
+    for fields, strength in zip(solution.contacts, (1e-4, 3e-4), strict=True):
+        size = np.linalg.norm(fields.traction, axis=1)
+        assert (size <= strength * (1.0 + Settings().tolerance * 1e3)).all()
+
+
+@pytest.mark.parametrize("length", [1.0, 100.0])
+def test_what_rounding_leaves_on_an_idle_contact_is_nothing_beside_the_other(length: float) -> None:
+    """The body presses the nearer of two foundations, in any unit, and locks."""
+    given = {
+        "mesh": {
+            "builder": "l_shape",
+            "dim": 2,
+            "size": [length, length],
+            "h": 0.15 * length,
+            "axisymmetric": True,
+        },
+        "material": {"locking": [{"norm": "volume", "at_most": 6e-4, "at_least": -3e-4}]},
+        "loads": {
+            "displacements": [{"on": "top", "value": [0.0, -1e-5 * length]}],
+            "tractions": [{"on": "inner_horizontal", "value": [0.0, -0.002]}],
+        },
+        "contact": [
+            {"on": "bottom"},
+            {"on": "bottom", "gap": 2e-6 * length, "friction": {"coefficient": 0.3}},
+        ],
+        "friction": {"coefficient": 2.0, "smoothing": NONE, "regularisation": 2e-7 * length},
+    }
+    solution = solved(Parameters.model_validate(given))
+    near, far = (entry["contact_force"][1] for entry in solution.summary["contacts"])
+    assert far < 1e-6 * near

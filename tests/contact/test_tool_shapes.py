@@ -1,0 +1,273 @@
+"""Tools of any shape: signed distances as expressions, polylines and surfaces of triangles."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import block
+from scipy.spatial import ConvexHull
+from tool_files import ascii_stl, ball, binary_stl, box
+
+from contact_locking import InputError, Parameters, StudySolution, solve
+from contact_locking.arrays import FloatArray
+from contact_locking.expressions import parse
+from contact_locking.expressions.gradient import value_and_gradient
+from contact_locking.laws.foundation import Foundation, Round
+from contact_locking.laws.polyline import Polyline
+from contact_locking.laws.triangulated import TriangulatedSurface
+from contact_locking.mesh.file.tool_surface import checked, read_surface
+from contact_locking.study_file import from_mapping, load
+from contact_locking.study_file.fingerprint import fingerprint
+
+SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
+
+
+def on(foundation: dict[str, Any], dim: int = 2, **changes: Any) -> Parameters:
+    given: dict[str, Any] = {"h": 0.25 if dim == 2 else 0.5, "penalty__n": 1e3}
+    contact = {"on": "bottom", "foundation": foundation}
+    return block(dim, **(given | {"contact": contact} | changes))
+
+
+def assert_same(a: StudySolution, b: StudySolution, within: float) -> None:
+    assert a.converged and b.converged, a.summary["reason"]
+    assert a.summary["contact_area"] > 0.0
+    difference = np.abs(a.displacement.x.array - b.displacement.x.array).max(initial=0.0)
+    assert difference < within
+
+
+EXPRESSIONS = [
+    "sqrt(x**2 + y**2) - 1 + 0.1*sin(3*t*x)",
+    "max(abs(x) - 1, abs(y) - 0.5)",
+    "x**y + atan2(y, x)",
+    "(x if x < y else y**3)/(1 + exp(x))",
+    "log(x)*tanh(y) - asin(0.1*x) + x**2.5 + 2**x + min(x, y, x*y) + tan(x) - sign(x)",
+    "sinh(x)*cosh(y) + acos(0.2*y) + atan(x) - cos(x*y)**3",
+]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("text", EXPRESSIONS)
+def test_gradients_of_expressions_are_those_of_differences(text: str) -> None:
+    random, step = np.random.default_rng(2), 1e-6
+    expression = parse(text, ("x", "y", "t"))
+    at: dict[str, Any] = {"x": random.uniform(0.2, 1, 50), "y": random.uniform(0.2, 1, 50)}
+    at["t"] = 0.7
+    values, gradient = value_and_gradient(expression, ("x", "y"), at)
+    assert values == pytest.approx(expression.numpy(**at))
+    for name, slopes in zip("xy", gradient, strict=True):
+        above, below = (expression.numpy(**(at | {name: at[name] + h})) for h in (step, -step))
+        assert slopes == pytest.approx((above - below) / (2 * step), abs=1e-7)
+
+
+def test_a_factor_that_does_not_change_adds_nothing_even_where_its_slope_is_infinite() -> None:
+    expression = parse("sqrt(y)*x", ("x", "y"))
+    at = {"x": np.array([2.0]), "y": np.array([0.0])}
+    assert value_and_gradient(expression, ("x",), at)[1].tolist() == [[0.0]]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_an_expression_gives_what_the_shape_gives(dim: int) -> None:
+    centre = [0.4] * (dim - 1) + [-3.0]
+    squares = " + ".join(f"({x} - {c})**2" for x, c in zip("xyz"[:dim], centre, strict=True))
+    shape = solve(on({"sphere": {"centre": centre, "radius": 2.995}}, dim))
+    assert_same(shape, solve(on({"expression": f"sqrt({squares}) - 2.995"}, dim)), 1e-12)
+    # The square of the distance is no distance; near its zeros it is one after the division.
+    other = solve(on({"expression": f"{squares} - 2.995**2"}, dim))
+    assert_same(shape, other, 1e-3)
+    assert any("gradient is between" in text for text in other.summary["warnings"])
+
+
+def test_an_expression_that_fails_at_a_node_of_one_rank_fails_on_all() -> None:
+    with pytest.raises(InputError, match="has to be a finite number") as error:
+        solve(on({"expression": "y + 0*log(0.9 - x)"}))
+    assert error.value.key == "contact.foundation.expression"
+
+
+def test_an_expression_of_the_time_is_a_tool_that_changes() -> None:
+    from contact_locking import solve_steps
+
+    plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": [0, "0.02*t"]}
+    steps = {"times": [0.5, 1.0]}
+    frictionless: dict[str, Any] = {"steps": steps, "friction__coefficient": 0.0}
+    for a, b in zip(
+        solve_steps(on(plane, **frictionless)),
+        solve_steps(on({"expression": "y - 0.02*t"}, **frictionless)),
+        strict=True,
+    ):
+        assert_same(a, b, 1e-10)
+
+
+def exact_distance(corners: FloatArray, triangles: FloatArray, x: FloatArray) -> FloatArray:
+    """The distance (k,) of points (k, 3) from triangles, by edges and feet."""
+    best: FloatArray = np.full(len(x), np.inf)
+    for a, b, c in corners[triangles]:
+        for start, end in ((a, b), (b, c), (c, a)):
+            along = end - start
+            share = np.clip((x - start) @ along / (along @ along), 0.0, 1.0)
+            best = np.minimum(best, np.linalg.norm(x - start - share[:, None] * along, axis=1))
+        normal = np.cross(b - a, c - a)
+        height = (x - a) @ normal / (normal @ normal)
+        foot = x - height[:, None] * normal
+        sides = [np.cross(q - p, foot - p) @ normal for p, q in ((a, b), (b, c), (c, a))]
+        over = np.all(np.array(sides) >= 0.0, axis=0)
+        best = np.where(over, np.minimum(best, np.abs(height) * np.linalg.norm(normal)), best)
+    return best
+
+
+@pytest.mark.serial
+def test_the_distance_from_triangles_has_the_right_sign_at_sharp_edges_and_corners() -> None:
+    random = np.random.default_rng(1)
+    directions = random.normal(size=(40, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    triangles = ConvexHull(directions).simplices.astype(np.int64)
+    corners = directions[triangles]
+    inwards = np.linalg.det(corners) < 0.0
+    triangles[inwards] = triangles[inwards][:, ::-1]
+    # Spikes and hollows: every ray from the origin meets the surface once.
+    points = directions * random.uniform(0.4, 1.0, 40)[:, None]
+    surface = TriangulatedSurface(points, triangles)
+    x = random.uniform(-1.1, 1.1, (1000, 3))
+    shares = np.stack([np.linalg.solve(points[t].T, x.T) for t in triangles])
+    inside = np.any((shares >= -1e-12).all(axis=1) & (shares.sum(axis=1) < 1.0), axis=0)
+    gap = surface.gap(x.T)
+    assert np.array_equal(gap < 0.0, inside)
+    assert np.abs(gap) == pytest.approx(exact_distance(points, triangles, x), abs=1e-12)
+    # The gradient leads to the surface; on the surface it is a normal of the surface.
+    normal = surface.contact_normal(x.T)
+    assert np.linalg.norm(normal, axis=0) == pytest.approx(1.0)
+    assert surface.gap(x.T + gap * normal) == pytest.approx(0.0, abs=1e-12)
+    on_it = surface.contact_normal(points[triangles].mean(axis=1).T).T
+    facing = np.cross(*(points[triangles[:, i]] - points[triangles[:, 0]] for i in (1, 2)))
+    assert np.sum(on_it * facing, axis=1) == pytest.approx(-np.linalg.norm(facing, axis=1))
+
+
+def gradient_of(body: Foundation, x: FloatArray, step: float = 1e-7) -> FloatArray:
+    rows = [
+        (body.gap(x + step * unit[:, None]) - body.gap(x - step * unit[:, None])) / (2 * step)
+        for unit in np.eye(len(x))
+    ]
+    return np.array(rows)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_polyline_has_its_tool_on_the_left(closed: bool) -> None:
+    corners = np.array(SQUARE if closed else [(2.0, 0.0), (1.0, 0.3), (0.0, 0.0)])
+    line = Polyline(corners)
+    x = np.random.default_rng(4).uniform(-0.5, 1.5, (2, 300))
+    if closed:
+        inside = np.all((x > 0.0) & (x < 1.0), axis=0)
+        apart = np.maximum(np.abs(x - 0.5) - 0.5, 0.0)
+        wanted = np.where(inside, -np.minimum(x, 1 - x).min(axis=0), np.linalg.norm(apart, axis=0))
+        assert line.gap(x) == pytest.approx(wanted, abs=1e-14)
+        assert not line.at_open_end(x).any()
+    else:
+        # From right to left the left side is below.
+        assert line.gap(np.array([[1.0, 1.0], [0.31, 0.29]])) == pytest.approx(
+            [0.01, -0.01], rel=0.1
+        )
+        assert line.at_open_end(np.array([[-0.5, 0.5], [0.1, 0.5]])).tolist() == [True, False]
+    smooth = np.abs(line.gap(x)) > 1e-3
+    difference = gradient_of(line, x) + line.contact_normal(x)
+    assert np.quantile(np.abs(difference[:, smooth]).max(axis=0), 0.98) < 1e-6
+
+
+def test_a_polyline_gives_what_the_half_space_gives(tmp_path: Path) -> None:
+    plane = solve(on({"half_space": {"point": [0, -0.005], "normal": [0, 1]}}))
+    given: list[Any] = [[3, -0.005], [0.5, -0.005], [-2, -0.005]]
+    assert_same(plane, solve(on({"polyline": given})), 1e-10)
+    file = Path(MPI.COMM_WORLD.bcast(tmp_path)) / "profile.csv"
+    if MPI.COMM_WORLD.rank == 0:
+        file.write_text("x,y\n" + "".join(f"{x},{y}\n" for x, y in given))
+    MPI.COMM_WORLD.Barrier()
+    assert_same(plane, solve(on({"polyline": str(file)})), 1e-10)
+
+
+@pytest.mark.parametrize("kind", ["text", "binary", "gmsh"])
+def test_a_surface_gives_what_the_half_space_gives(kind: str, tmp_path: Path) -> None:
+    folder = Path(MPI.COMM_WORLD.bcast(tmp_path))
+    file = folder / ("tool.msh" if kind == "gmsh" else "tool.stl")
+    if MPI.COMM_WORLD.rank == 0:
+        # In mm, while the body is in m.
+        tool = box([-1000, -1000, -1005], [2000, 2000, -5])
+        if kind == "gmsh":
+            from msh import msh
+
+            points, numbers = np.unique(tool.reshape(-1, 3), axis=0, return_inverse=True)
+            file.write_text(
+                msh(
+                    [[float(x) for x in point] for point in points],
+                    {"": (1 + numbers).reshape(-1, 3).tolist()},
+                )
+            )
+        else:
+            file.write_bytes(binary_stl(tool) if kind == "binary" else ascii_stl(tool))
+    MPI.COMM_WORLD.Barrier()
+    plane = solve(on({"half_space": {"point": [0, 0, -0.005], "normal": [0, 0, 1]}}, 3))
+    found = solve(on({"surface": {"file": str(file), "scale": 0.001}}, 3))
+    assert_same(plane, found, 1e-6 if kind == "binary" else 1e-10)
+    assert found.summary["warnings"] == plane.summary["warnings"]
+
+
+@pytest.mark.serial
+def test_a_ball_of_triangles_comes_near_to_the_ball(tmp_path: Path) -> None:
+    file = tmp_path / "ball.stl"
+    centre = np.array([0.4, 0.4, -3.0])
+    file.write_bytes(binary_stl(ball(2.995, centre, 120)))
+    surface = read_surface(file)
+    assert surface.is_closed and not surface.warnings
+    x = np.random.default_rng(5).uniform(0.0, 1.0, (200, 3))
+    x[:, 2] *= 0.1
+    own = TriangulatedSurface(surface.points, surface.triangles)
+    exact = Round(tuple(centre), 2.995)
+    assert own.gap(x.T) == pytest.approx(exact.gap(x.T), abs=2e-3)
+    assert own.contact_normal(x.T) == pytest.approx(exact.contact_normal(x.T), abs=5e-2)
+
+
+@pytest.mark.serial
+def test_neighbours_that_look_to_different_sides_are_turned_on_a_closed_surface() -> None:
+    tool = box([0, 0, 0], [1, 1, 1])
+    for turned in ([0], [2, 5, 7], list(range(1, 12))):
+        mixed = tool.copy()
+        mixed[turned] = mixed[turned][:, ::-1]
+        found = checked(mixed, "box.stl")
+        distance = TriangulatedSurface(found.points, found.triangles)
+        assert distance.gap(np.array([[0.5, 0.5], [0.5, 0.5], [0.5, 1.5]])) == pytest.approx(
+            [-0.5, 0.5]
+        )
+        assert "were turned" in found.warnings[0]
+    # All of them are a cavity, in which the body may be.
+    hollow = checked(tool[:, ::-1], "mould.stl")
+    assert not hollow.warnings
+    assert TriangulatedSurface(hollow.points, hollow.triangles).gap(np.full((3, 1), 0.5)) > 0.0
+
+
+def test_the_content_of_a_tool_and_not_its_name_is_in_the_fingerprint(tmp_path: Path) -> None:
+    folder = Path(MPI.COMM_WORLD.bcast(tmp_path))
+    tools = [box([0, 0, -1], [1, 1, 0]), box([0, 0, -1], [1, 1, 0.1])]
+    if MPI.COMM_WORLD.rank == 0:
+        (folder / "a.stl").write_bytes(binary_stl(tools[0]))
+        (folder / "b.stl").write_bytes(binary_stl(tools[0]))
+        (folder / "c.stl").write_bytes(binary_stl(tools[1]))
+        for name in "abc":
+            foundation = f"foundation: {{surface: {name}.stl}}"
+            text = f"mesh: {{dim: 3}}\ncontact: {{on: bottom, {foundation}}}\n"
+            (folder / f"{name}.yml").write_text(text)
+    MPI.COMM_WORLD.Barrier()
+    a, b, c = (load(folder / f"{name}.yml").parameters for name in "abc")
+    # A path is relative to the study file.
+    assert a.contacts[0].foundation is not None
+    assert a.contacts[0].foundation.file == str(folder / "a.stl")
+    assert fingerprint(a) == fingerprint(b) != fingerprint(c)
+    scaled = {"file": "a.stl", "scale": 2.0}
+    other = from_mapping(
+        {"mesh": {"dim": 3}, "contact": [{"on": "bottom", "foundation": {"surface": scaled}}]},
+        folder,
+    )
+    assert fingerprint(other) != fingerprint(a)
+    assert math.isclose(2.0, other.contacts[0].foundation.shape[1].scale)  # type: ignore[union-attr]

@@ -1,0 +1,201 @@
+"""Tables of numbers in CSV files, in the expressions of a study file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from contact_locking import InputError, solve, solve_steps, study_file
+from contact_locking.expressions import Table, parse
+from contact_locking.running.studies.cases import cases_of
+from contact_locking.study.assembly import assemble
+from contact_locking.study_file import from_mapping, load
+
+RAMP = "t,force\n0,0\n0.5,-0.05\n1,0\n"
+# Spreadsheets begin a file with a byte order mark, and end lines with \r\n.
+PROFILE = "\ufeffplace, height ,x\r\n0,0,9\r\n0.5,0.002,9\r\n\r\n1,0.002,9\r\n"
+TABLES = {
+    "ramp": {"file": "ramp.csv", "over": "t", "column": "force"},
+    "profile": {"file": "profile.csv", "over": "place", "column": "height"},
+}
+
+
+@pytest.fixture
+def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
+    """A folder, the same for all ranks, with the files of the tables."""
+    place: Path = comm.bcast(tmp_path)
+    if comm.rank == 0:
+        (place / "ramp.csv").write_text(RAMP)
+        (place / "profile.csv").write_text(PROFILE)
+    comm.barrier()
+    return place
+
+
+def given(**changes: Any) -> dict[str, Any]:
+    """A small block on a foundation, pressed by a load over the time."""
+    data: dict[str, Any] = {
+        "mesh": {"builder": "block", "h": 0.25, "structured": True},
+        "loads": {
+            "tractions": [{"on": "top", "value": [0, "ramp(t)"]}],
+            "displacements": [{"on": "left", "value": [0, 0]}],
+        },
+        "contact": {"on": "bottom"},
+        "steps": {"times": [0.25, 1]},
+        "tables": TABLES,
+    }
+    return data | changes
+
+
+def test_a_table_is_linear_between_its_points_and_has_no_value_beyond() -> None:
+    table = Table("f", np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, 0.0]))
+    expression = parse("1 + f(x)**2", ("x",), tables={"f": table})
+    values = expression.numpy(x=np.array([0.0, 0.5, 1.0, 2.0, 3.0 + 1e-12]))
+    assert values == pytest.approx([1.0, 2.0, 5.0, 2.0, 1.0])
+    with pytest.raises(InputError, match=r"x = 4.*table 'f' has values from 0 to 3"):
+        expression.numpy(x=4.0)
+    # The value of a branch that is not taken does not count.
+    chosen = parse("f(x) if x < 3 else 7", ("x",), tables={"f": table})
+    assert chosen.numpy(x=np.array([1.0, 4.0])) == pytest.approx([2.0, 7.0])
+    assert parse("f(1)", (), tables={"f": table}).numpy() == 2.0
+
+
+def test_a_load_over_the_time_is_the_load_of_each_step(folder: Path) -> None:
+    solutions = solve_steps(from_mapping(given(), folder))
+    forces = [item.summary["certificate"]["resultants"]["loads"][1] for item in solutions]
+    assert forces == pytest.approx([-0.025, 0.0])
+
+
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.serial)])
+def test_a_table_with_points_at_the_nodes_is_the_expression(folder: Path, degree: int) -> None:
+    def answer(name: str) -> Any:
+        held = [{"on": "left", "value": [0, f"0.1*{name}" if name != "0" else 0]}]
+        loads = {
+            "tractions": [{"on": "top", "value": [0, f"-0.03 - 5*{name}"]}],
+            "body_force": [f"2*{name}", 0],
+            "displacements": held,
+        }
+        data = given(
+            loads=loads,
+            contact={"on": "bottom", "gap": name},
+            friction={"coefficient": f"0.1 + 100*{name}"},
+            discretisation={"degree": degree},
+        )
+        del data["steps"]
+        return solve(from_mapping(data, folder))
+
+    found, wanted = answer("profile(x)"), answer("min(0.004*x, 0.002)")
+    assert found.converged
+    difference = found.displacement.x.array - wanted.displacement.x.array
+    largest = np.abs(wanted.displacement.x.array).max(initial=0.0)
+    assert np.abs(difference).max(initial=0.0) <= 1e-7 * largest
+
+
+def test_prescribed_displacements_and_motions_follow_tables(folder: Path) -> None:
+    loads = {"displacements": [{"on": "top", "value": [0, "0.01*ramp(t)"]}]}
+    half_space = {"point": [0, -0.001], "normal": [0, 1]}
+    motion = [0, "-ramp(t) - 0.05"]
+    contact = {"on": "bottom", "foundation": {"half_space": half_space, "motion": motion}}
+    problem = assemble(from_mapping(given(loads=loads, contact=contact), folder), MPI.COMM_WORLD)
+    problem.advance(0.5)
+    problem.constraints.apply(problem.u)
+    largest = MPI.COMM_WORLD.allreduce(float(np.abs(problem.u.x.array).max(initial=0)), MPI.MAX)
+    assert largest == pytest.approx(5e-4)
+    (contact_found,) = problem.contacts
+    assert np.allclose(contact_found.gaps, 0.001)
+    problem.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "changes", "key", "words"),
+    [
+        ("t,force\n0,0\n0,1\n", {}, "over", "row 3: t = 0 follows 0; the arguments must ascend"),
+        ("t,force\n0,0\n1,nan\n", {}, "file", "row 3: 'nan' is no number"),
+        ("t,force\n0,0\n1,1e999\n", {}, "file", "'1e999' is no number"),
+        ("t,force\n0,0\n1\n", {}, "file", "row 3: '' is no number"),
+        ("t,force\n0,0\n", {}, "file", "1 rows of numbers; 2 are the least"),
+        ("", {}, "over", "no column 't'"),
+        ("t,force\n0,0\n1,1\n", {"column": "forces"}, "column", "did you mean 'force'"),
+        ("t,force,force\n0,0,0\n1,1,1\n", {}, "column", "several columns 'force'"),
+        ("t;force\n0;0\n1;1\n", {}, "over", "semicolons between its columns"),
+        ("t\tforce\n0\t0\n1\t1\n", {}, "over", "tabs between its columns"),
+        (b"t,force\n0,\xff\n", {}, "file", "no text in UTF-8"),
+        ("t,force\n" + "1" * 200_000, {}, "file", "more than 100000 characters"),
+    ],
+    ids=lambda value: None if isinstance(value, dict) else str(value)[:20],
+)
+@pytest.mark.serial
+def test_a_file_that_is_no_table_is_refused_with_its_key(
+    folder: Path, text: str | bytes, changes: dict[str, str], key: str, words: str
+) -> None:
+    content = text if isinstance(text, bytes) else text.encode()
+    (folder / "ramp.csv").write_bytes(content)
+    tables = {"ramp": TABLES["ramp"] | changes}
+    with pytest.raises(InputError, match=words) as caught:
+        assemble(from_mapping(given(tables=tables), folder), MPI.COMM_WORLD)
+    assert caught.value.key == f"tables.ramp.{key}"
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"tables": {"ramp": {"file": "no.csv", "over": "t", "column": "f"}}}, "no such file"),
+        ({"tables": {"sin": TABLES["ramp"]}}, "tables.sin: is a name that expressions have"),
+        ({"tables": {"a b": TABLES["ramp"]}}, "tables.a b: is no name for expressions"),
+        ({"tables": None}, r"loads.tractions.0.value.1: .*unknown function 'ramp'"),
+        ({"contact": {"on": "bottom", "gap": "rump(x)"}}, "did you mean 'ramp'"),
+        ({"contact": {"on": "bottom", "gap": "ramp(x, 1)"}}, "takes 1 argument, not 2"),
+        ({"material": {"locking_limit": "profile(x)"}}, "unknown function 'profile'"),
+        ({"steps": None}, "depends on the time t"),
+        ({"tables": {**TABLES, "more": {"file": "ramp.csv", "over": "t"}}}, "tables.more.column"),
+    ],
+)
+def test_a_wrong_use_of_a_table_is_refused(
+    folder: Path, changes: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        from_mapping(given(**changes), folder)
+
+
+@pytest.mark.serial
+def test_a_time_beyond_the_table_is_refused_with_key_and_range(folder: Path) -> None:
+    parameters = from_mapping(given(steps={"times": [0.5, 2]}), folder)
+    with pytest.raises(InputError, match="table 'ramp' has values from 0 to 1") as caught:
+        list(solve_steps(parameters))
+    assert caught.value.key == "loads.tractions.0.value.1"
+
+
+@pytest.mark.serial
+def test_the_fingerprint_has_the_content_of_the_table_and_not_its_path(
+    folder: Path, tmp_path: Path
+) -> None:
+    def name(place: Path) -> str:
+        return study_file.fingerprint(from_mapping(given(), place))
+
+    other = tmp_path / "other"
+    other.mkdir()
+    for file in ("ramp.csv", "profile.csv"):
+        (other / file).write_bytes((folder / file).read_bytes())
+    assert name(folder) == name(other)
+    (other / "ramp.csv").write_text(RAMP.replace("-0.05", "-0.06"))
+    assert name(folder) != name(other)
+
+
+@pytest.mark.serial
+def test_paths_are_relative_to_the_study_file_in_its_cases_too(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir("/")
+    (folder / "steep.csv").write_text(RAMP.replace("-0.05", "-0.06"))
+    path = folder / "study.yml"
+    # The dump has absolute paths.
+    text = study_file.dump(from_mapping(given(), folder)).replace(f"{folder}/", "")
+    path.write_text(text + "study:\n  vary:\n    tables.ramp.file: [ramp.csv, steep.csv]\n")
+    found = cases_of(load(path))
+    files = [(case.parameters.tables or {})["ramp"].file for case in found]
+    assert files == [str(folder / "ramp.csv"), str(folder / "steep.csv")]
+    assert len({case.name for case in found}) == 2

@@ -1,0 +1,93 @@
+"""The motions of tools: rotations, distances of what has moved, and what a study file may say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contact_locking import Parameters
+from contact_locking.arrays import FloatArray
+from contact_locking.laws.foundation import HalfSpace, Round
+from contact_locking.laws.rigid_motion import MovedFoundation, RigidMotion, rotation
+from contact_locking.study_file import from_mapping
+from contact_locking.study_file.fingerprint import fingerprint
+from contact_locking.study_file.parameters import Foundation
+
+
+@pytest.mark.parametrize("angles", [[0.7], [0.3, -0.2, 0.5], [0.0, 0.0, 0.0]])
+def test_a_rotation_is_the_exponential_of_its_vector(angles: list[float]) -> None:
+    from scipy.linalg import expm
+
+    x, y, z = angles if len(angles) == 3 else (0.0, 0.0, angles[0])
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    size = 2 if len(angles) == 1 else 3
+    assert rotation(np.array(angles)) == pytest.approx(expm(cross)[:size, :size], abs=1e-14)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_moved_body_has_the_distance_of_the_body_where_it_was(dim: int) -> None:
+    random = np.random.default_rng(3)
+
+    def vector() -> FloatArray:
+        return random.normal(size=dim)
+
+    motion = RigidMotion(vector(), rotation(random.normal(size=1 if dim == 2 else 3)), vector())
+    x = random.normal(size=(dim, 20))
+    assert motion.place(motion.origin(x)) == pytest.approx(x)
+    centre = vector()
+    ball = MovedFoundation(Round(tuple(centre), 0.3), motion)
+    there = Round(tuple(motion.place(centre[:, None])[:, 0]), 0.3)
+    assert ball.gap(x) == pytest.approx(there.gap(x))
+    assert ball.contact_normal(x) == pytest.approx(there.contact_normal(x))
+    plane = MovedFoundation(HalfSpace(tuple(vector()), tuple(vector())), motion)
+    step = 1e-6 * np.array([vector()]).T
+    slope = plane.gap(x + step) - plane.gap(x)
+    assert slope == pytest.approx(-np.sum(plane.contact_normal(x) * step, axis=0), abs=1e-13)
+
+
+def test_the_short_and_the_long_form_of_a_motion_are_one(tmp_path: Path) -> None:
+    def given(motion: Any) -> Parameters:
+        plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": motion}
+        return from_mapping(
+            {"contact": {"on": "bottom", "foundation": plane}, "steps": {"to": 1, "count": 2}}
+        )
+
+    short, long = given([0, "-0.01*t"]), given({"translation": [0, "-0.01*t"]})
+    assert fingerprint(short) == fingerprint(long) != fingerprint(given([0, "-0.02*t"]))
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        ([0, 0, 0], "contact.foundation.motion: must have 2 components in 2D, not 3"),
+        ([0, "x"], "contact.foundation.motion.1: in the expression 'x': unknown name 'x'"),
+        ({}, "contact.foundation.motion: moves nothing: give translation, rotation or both"),
+        ({"rotation": "t"}, "contact.foundation.motion.about: is missing beside rotation"),
+        (
+            {"rotation": [0, 0, "t"], "about": [0, 0]},
+            "contact.foundation.motion.rotation: is one angle in 2D, and no list",
+        ),
+        ({"about": [0, 0], "angle": 1}, "contact.foundation.motion.angle: unknown key"),
+    ],
+)
+def test_a_motion_that_means_nothing_is_refused(motion: Any, message: str) -> None:
+    from contact_locking import InputError
+
+    plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": motion}
+    with pytest.raises(InputError) as error:
+        from_mapping(
+            {"contact": {"on": "bottom", "foundation": plane}, "steps": {"to": 1, "count": 2}}
+        )
+    assert message in str(error.value)
+
+
+def test_time_in_a_motion_needs_steps() -> None:
+    from contact_locking import InputError
+
+    plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": [0, "0.1*t"]}
+    with pytest.raises(InputError, match=r"contact\.foundation\.motion\.1: depends on the time t"):
+        from_mapping({"contact": {"on": "bottom", "foundation": plane}})
+    assert Foundation.model_validate(plane).moved is not None

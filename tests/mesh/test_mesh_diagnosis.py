@@ -1,0 +1,287 @@
+"""Meshes that are no body are refused with entity and place; suspicious ones are warned of."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from msh import msh, write_msh
+from small_meshes import (
+    BODY,
+    FAR,
+    LOOSE,
+    REFUSED,
+    SQUARE,
+    Groups,
+    builder,
+    moved,
+    shared,
+    side_by_side,
+    study,
+)
+
+from contact_locking import check, solve
+from contact_locking.command import cli
+from contact_locking.errors import InputError
+from contact_locking.mesh.domain import from_file, from_geometry
+from contact_locking.mesh.file import reader, topology
+from contact_locking.mesh.groups import Group, groups
+from contact_locking.meshes import BUILDERS, write
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_mesh_that_is_no_body_is_refused_with_entity_and_place(case: str, tmp_path: Path) -> None:
+    points, groups, expected = REFUSED[case]
+    path = write_msh(tmp_path / "body.msh", points, groups)
+    with pytest.raises(InputError) as caught:
+        from_file(path, MPI.COMM_SELF)
+    message = str(caught.value)
+    assert message.startswith(str(path)) and caught.value.key == "mesh.file"
+    for words in expected:
+        assert words in message
+
+
+def test_a_group_off_the_body_is_refused_where_it_is_used_and_else_warned_of(
+    comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    named: Groups = {"dangling": [(5, 6)], **BODY}
+    path = shared(comm, tmp_path, [*SQUARE, (2, 0), (3, 0)], named)
+    (warning,) = check(study(path), comm)["warnings"]
+    assert "group 'dangling' does not lie on the body: line 1 at (2.5, 0)" in warning
+    with pytest.raises(InputError, match="'dangling' does not lie on the body") as caught:
+        check(study(path, contact={"on": "dangling"}), comm)
+    assert caught.value.key == "contact.on"
+
+
+def test_a_line_across_a_cell_does_not_lie_on_the_body(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    path = shared(comm, tmp_path, SQUARE, {**BODY, "across": [(2, 4)]})
+    with pytest.raises(InputError, match=r"'across' does not lie on the body: line 6"):
+        from_file(path, comm).facets(["across"])
+
+
+def test_a_group_inside_the_body_is_refused_where_it_is_used(
+    comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    path = shared(comm, tmp_path, SQUARE, {**BODY, "diagonal": [(1, 3)]})
+    assert check(study(path), comm)["warnings"] == []
+    with pytest.raises(InputError, match="'diagonal' lies inside the body") as caught:
+        check(study(path, contact={"on": "diagonal"}), comm)
+    assert caught.value.key == "contact.on"
+
+
+def test_a_group_partly_inside_the_body_keeps_its_boundary_with_a_warning(
+    comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    named: Groups = {**BODY, "bottom": [(1, 2), (1, 3)]}
+    facts = check(study(shared(comm, tmp_path, SQUARE, named)), comm)
+    (warning,) = facts["warnings"]
+    assert "'bottom' is boundary in part only: line 2 at (0.5, 0.5)" in warning
+    (bottom,) = [group for group in facts["groups"] if group.name == "bottom"]
+    assert bottom.measure == pytest.approx(1.0)
+
+
+def test_a_facet_that_is_there_twice_counts_once(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    named: Groups = {**BODY, "bottom": [(1, 2), (2, 1)]}
+    facts = check(study(shared(comm, tmp_path, SQUARE, named)), comm)
+    (bottom,) = [group for group in facts["groups"] if group.name == "bottom"]
+    assert bottom.count == 1 and bottom.measure == pytest.approx(1.0)
+
+
+def test_a_crack_is_a_warning(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    """Two of the four triangles about the middle have a node of their own on the left."""
+    points = [*SQUARE, (0.5, 0.5), (0, 0.5), (0, 0.5)]
+    body = [(1, 2, 5), (2, 3, 5), (3, 4, 5), (1, 5, 6), (7, 5, 4)]
+    named: Groups = {"bottom": [(1, 2)], "left": [(1, 6), (7, 4)], "body": body}
+    (warning,) = check(study(shared(comm, tmp_path, points, named)), comm)["warnings"]
+    assert "the body is cut where nodes are double: nodes 6 and 7 are both at (0, 0.5)" in warning
+
+
+def test_parts_that_meet_in_a_node_are_parts_with_a_warning(
+    comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    points = [*SQUARE, (2, 1), (2, 2)]
+    named: Groups = {**BODY, "corner": [(3, 5, 6)], "far": [(5, 6)]}
+    path = shared(comm, tmp_path, points, named)
+    with pytest.raises(InputError, match=r"part 2 of the body \(corner, from \(1, 1\) to \(2, 2\)"):
+        check(study(path), comm)
+    held = [{"on": ["left", "far"], "value": [0, 0]}]
+    facts = check(study(path, loads={"displacements": held}), comm)
+    assert "meet in node 3 at (1, 1), and share no edge" in facts["warnings"][0]
+
+
+def test_a_thin_triangle_is_a_warning(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    points, named = [*SQUARE, (0.5, -1e-8)], {**BODY, "body": [*BODY["body"], (1, 2, 5)]}
+    domain = from_file(shared(comm, tmp_path, points, named), comm)
+    (warning,) = domain.warnings
+    assert "triangle 6 at (0.5, -3.33333e-09) has nearly collapsed" in warning
+
+
+@pytest.mark.parametrize("contact", ["bottom", ["bottom", "shore"]])
+def test_a_part_that_nothing_holds_is_named_with_its_place(
+    contact: Any, comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    path = shared(comm, tmp_path, SQUARE + FAR, LOOSE)
+    with pytest.raises(InputError) as caught:
+        check(study(path, contact={"on": contact}), comm)
+    message = str(caught.value)
+    assert "part 2 of the body (island, from (3, 0) to (4, 1)) is loose" in message
+    assert caught.value.key == "loads.displacements"
+
+
+def test_parts_that_are_held_one_by_one_are_solved(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    path = shared(comm, tmp_path, SQUARE + FAR, LOOSE)
+    held = [{"on": "left", "value": [0, -0.01]}, {"on": "coast", "value": [0, 0]}]
+    facts = check(study(path, loads={"displacements": held}), comm)
+    assert facts["held by"] == {
+        "part 1 of the body (body, from (0, 0) to (1, 1))": "displacements on left",
+        "part 2 of the body (island, from (3, 0) to (4, 1))": "displacements on coast",
+    }
+    assert solve(study(path, loads={"displacements": held}), comm).converged
+
+
+def test_contact_holds_a_part_that_is_pressed_onto_it(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    path = shared(comm, tmp_path, SQUARE + FAR, LOOSE)
+    loads = {
+        "displacements": [{"on": "left", "value": [0, 0]}, {"on": "coast", "value": [0, None]}],
+        "body_force": [0, -0.01],
+    }
+    contact = {"on": ["bottom", "shore"]}
+    facts = check(study(path, loads=loads, contact=contact), comm)
+    held = list(facts["held by"].values())
+    assert held == ["displacements on left", "displacements on coast and contact on shore"]
+
+
+@pytest.mark.parametrize(("dim", "h"), [(2, 0.25), (3, 0.5)])
+def test_a_file_gives_the_same_domain_as_the_builder_that_wrote_it(
+    dim: int, h: float, comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    block = builder("block", dim=dim, h=h)
+    path = Path(comm.bcast(str(tmp_path))) / "block.msh"
+    if comm.rank == 0:
+        write(block, path)
+    comm.Barrier()
+    one, two = from_geometry(block, comm), from_file(path, comm)
+    assert (one.facet_names, one.cell_names) == (two.facet_names, two.cell_names)
+    assert not two.warnings and two.part_names == ("the body",)
+    assert two.mesh.geometry.x == pytest.approx(one.mesh.geometry.x, abs=1e-12)
+    for name in one.facet_names:
+        assert np.array_equal(one.facets([name]), two.facets([name]))
+
+
+def test_numbers_of_nodes_may_have_gaps(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    """Such numbers stay in a file after nodes were removed."""
+    path = Path(comm.bcast(str(tmp_path))) / "body.msh"
+    if comm.rank == 0:
+        path.write_text(msh(SQUARE, BODY, [54321, 7, 700, 3]))
+    comm.Barrier()
+    (body,) = [group for group in groups(from_file(path, comm)) if group.dim == 2]
+    assert body.count == 2 and body.measure == pytest.approx(1.0)
+
+
+def groups_of(comm: MPI.Intracomm, name: str, **given: Any) -> dict[str, Group]:
+    return {group.name: group for group in groups(from_geometry(builder(name, **given), comm))}
+
+
+def test_groups_have_measure_and_normal(comm: MPI.Intracomm) -> None:
+    found = groups_of(comm, "block", dim=3, h=0.5)
+    assert found["body"].measure == pytest.approx(1.0) and found["body"].facing() == ""
+    facing = {"left": "(-1, 0, 0)", "back": "(0, 1, 0)", "bottom": "(0, 0, -1)"}
+    for name, normal in facing.items():
+        assert found[name].facing() == normal and found[name].measure == pytest.approx(1.0)
+    assert groups_of(comm, "annulus", h=0.3)["inner"].facing() == "all ways (closed)"
+    quarter = groups_of(comm, "annulus", h=0.1, quarter=True)
+    assert quarter["outer"].facing() == "(0.637, 0.637) (curved)"  # 2/pi
+
+
+def test_large_numbers_of_nodes_are_compared_as_small_ones() -> None:
+    """Three numbers above 2^21 do not fit into one of 64 bits."""
+    rows = np.random.default_rng(1).integers(0, 50, (2000, 3))
+    small, large = topology.keys(rows, 50), topology.keys(rows, 2**40)
+    for ours in (small, large):
+        _, inverse = np.unique(ours, return_inverse=True)
+        assert np.array_equal(inverse, np.unique(rows, axis=0, return_inverse=True)[1].ravel())
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("cut", [0.3, 0.5, 0.7, 0.9, 0.97])
+@pytest.mark.parametrize("version", ["2.2", "4.1"])
+def test_a_file_without_its_end_is_refused(version: str, cut: float, tmp_path: Path) -> None:
+    path = tmp_path / "body.msh"
+    if version == "2.2":
+        write_msh(path, *side_by_side(4, 4, gap=0.1))
+    else:
+        write(BUILDERS["block"](h=0.25), path)
+    text = path.read_text()
+    path.write_text(text[: int(cut * len(text))])
+    with pytest.raises(InputError, match=r"body\.msh") as caught:
+        from_file(path, MPI.COMM_SELF)
+    assert caught.value.key == "mesh.file"
+
+
+#: A reader that asks for more memory than the machine has.
+GREEDY = """
+import os, resource
+from contact_locking.mesh.file.gmsh_model import limit_process
+
+limit_process()
+memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+assert resource.getrlimit(resource.RLIMIT_AS)[0] <= memory
+assert resource.getrlimit(resource.RLIMIT_CPU)[0] <= 3600
+bytearray(memory + 1)
+"""
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("program", "expected"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", r"it crashed \(SIGSEGV\)"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "for want of memory"),
+        ("raise SystemExit(134)", "ended with exit code 134"),
+        ("import nowhere", "No module named 'nowhere'"),
+        (GREEDY, "MemoryError"),
+    ],
+)
+def test_a_crash_of_gmsh_is_told(
+    program: str,
+    expected: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = write_msh(tmp_path / "body.msh", SQUARE, BODY)
+    (tmp_path / "crashes.py").write_text(program)
+    monkeypatch.setattr(reader, "_PROGRAM", "crashes")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(InputError, match=rf"Gmsh cannot read .*body\.msh: .*{expected}"):
+        reader.read(path)
+    (tmp_path / "study.yml").write_text("mesh: {file: body.msh}\n")
+    assert cli.main(["check", str(tmp_path / "study.yml")]) == 2
+    assert str(path) in capsys.readouterr().err
+
+
+@pytest.mark.serial
+def test_a_message_of_a_bad_mesh_has_the_line_of_the_study_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_msh(tmp_path / "body.msh", moved(SQUARE, 3, (math.nan, 1)), BODY)
+    file = tmp_path / "study.yml"
+    file.write_text("title: x\nmesh: {file: body.msh}\n")
+    for command in ("check", "run"):
+        assert cli.main([command, str(file)]) == 2
+        assert f"error: {file}:2: mesh.file: " in capsys.readouterr().err
+
+
+@pytest.mark.serial
+def test_the_process_that_reads_is_none_of_the_launcher(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "7")
+    monkeypatch.setenv("PMIX_RANK", "3")
+    assert not reader._environment().keys() & {"OMPI_COMM_WORLD_SIZE", "PMIX_RANK"}
+    assert len(reader.read(write_msh(tmp_path / "body.msh", SQUARE, BODY)).cells) == 2

@@ -1,0 +1,265 @@
+"""A mesh in an XDMF file, which all ranks read and check together."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import SMALL_BLOCK, block
+from small_meshes import BODY, FAR, LOOSE, REFUSED, SQUARE, Groups, Points, study
+from xdmf import write_xdmf
+
+from contact_locking import check, solve, study_file
+from contact_locking.command import cli
+from contact_locking.errors import InputError
+from contact_locking.mesh.domain import from_geometry
+from contact_locking.mesh.file.xdmf_grids import data_file, read_grids
+from contact_locking.mesh.groups import groups
+from contact_locking.mesh.mesh_export import export
+from contact_locking.mesh.xdmf_mesh import from_xdmf
+
+
+@pytest.fixture
+def folder(tmp_path: Path, comm: MPI.Intracomm) -> Path:
+    """The same folder on all ranks."""
+    found: Path = comm.bcast(tmp_path)
+    return found
+
+
+def written(folder: Path, comm: MPI.Intracomm, *mesh: Any) -> Path:
+    """A file of rank 0 that all ranks read."""
+    path = folder / "body.xdmf"
+    if comm.rank == 0:
+        write_xdmf(path, *mesh)
+    comm.Barrier()
+    return path
+
+
+# The shape of a message does not depend on the ranks, but which of several cells is named does.
+EXPECTED: dict[str, list[str]] = {
+    "a coordinate that is no number": ["node 2 at (nan, 1)", "not finite numbers"],
+    "an infinite coordinate": ["node 1 at (1, inf)"],
+    "three triangles on an edge": ["3 triangles share one edge (nodes 0 and 2)"],
+    "three tetrahedra on a face": ["3 tetrahedra share one face (nodes 0, 1 and 2)"],
+    "a triangle twice": ["a triangle is there twice", "nodes 0, 1 and 2"],
+    "a tetrahedron twice": ["a tetrahedron is there twice", "nodes 0, 1, 2 and 3"],
+    "a triangle with a node twice": ["triangle 2 has the same node twice"],
+    "a tetrahedron without volume": ["tetrahedron 1 at", "has collapsed", "one plane"],
+    "a triangle turned over": ["triangle ", "its neighbour overlap", "nodes 0 and 2"],
+    "a tetrahedron turned over": ["tetrahedron ", "its neighbour overlap"],
+    "two squares that share no nodes": ["two parts", "nodes 2 and 9 are both at (1, 0)"],
+    "nodes that nearly are at one place": ["two parts of the body touch", "nodes 0 and 4"],
+    "a whole body twice": ["two parts of the body touch", "and 6 more"],
+    "a hanging node": ["node 4 at (0.5, 0.5) hangs", "edge of triangle 0 (nodes 0 and 2)"],
+    "a hanging node in space": ["node 5 at (0.25, 0.25, 0) hangs", "face of tetrahedron 0"],
+    "a cell in no group": ["cells outside every group", "triangle 1 at (0.333333, 0.666667)"],
+    "a facet in two groups": ["groups 'bottom' and 'sole' share edges"],
+    "a node above the plane": ["a surface in space"],
+    "triangles that share no nodes at all": ["falls into 101 parts"],
+}
+
+
+@pytest.mark.parametrize("case", EXPECTED)
+def test_a_mesh_that_is_no_body_is_refused_on_all_ranks(
+    case: str, folder: Path, comm: MPI.Intracomm
+) -> None:
+    points, given, _ = REFUSED[case]
+    path = written(folder, comm, points, given)
+    with pytest.raises(InputError) as caught:
+        from_xdmf(path, comm)
+    message = str(caught.value)
+    assert message.startswith(str(path)) and caught.value.key == "mesh.file"
+    for words in EXPECTED[case]:
+        assert words in message
+
+
+def test_numbers_of_nodes_that_are_not_there_are_refused(folder: Path, comm: MPI.Intracomm) -> None:
+    for wrong in (0, 7):
+        named: Groups = {**BODY, "body": [(1, 2, 3), (1, 3, wrong)]}
+        path = written(folder, comm, SQUARE, named)
+        with pytest.raises(InputError, match="triangle 1 names nodes that are none of its 4"):
+            from_xdmf(path, comm)
+
+
+def test_nodes_without_cells_are_refused(folder: Path, comm: MPI.Intracomm) -> None:
+    path = written(folder, comm, [*SQUARE, (3, 3)], BODY)
+    with pytest.raises(InputError, match="1 of its 5 nodes belong to no cell"):
+        from_xdmf(path, comm)
+
+
+@pytest.mark.parametrize(("dim", "h"), [(2, 0.25), (3, 0.5)])
+def test_a_mesh_that_was_written_is_read_with_the_same_groups(
+    dim: int, h: float, folder: Path, comm: MPI.Intracomm
+) -> None:
+    made = from_geometry(block(dim, h).mesh.geometry, comm)
+    export(made, folder / "block.xdmf")
+    read = from_xdmf(folder / "block.xdmf", comm)
+    assert read.cell_names == made.cell_names and read.facet_names == made.facet_names
+    assert not read.warnings and read.part_names == ("the body",)
+    for one, two in zip(groups(made), groups(read), strict=True):
+        assert (one.name, one.dim, one.count) == (two.name, two.dim, two.count)
+        assert one.measure == pytest.approx(two.measure, rel=1e-12)
+        assert one.normal == pytest.approx(two.normal, abs=1e-12)
+
+
+def test_tags_with_several_values_are_groups_named_by_number(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    sides: Groups = {"facets": [(1, 2), (3, 4), (4, 1)], "cells": BODY["body"]}
+    values = {"facets": [5, 8, 5], "cells": [1, 2]}
+    domain = from_xdmf(written(folder, comm, SQUARE, sides, values), comm)
+    assert sorted(domain.cell_names) == ["1", "2"] and sorted(domain.facet_names) == ["5", "8"]
+    counts = {group.name: group.count for group in groups(domain)}
+    assert counts == {"1": 1, "2": 1, "5": 2, "8": 1}
+
+
+def test_cells_without_tags_are_one_region(folder: Path, comm: MPI.Intracomm) -> None:
+    named: Groups = {"left": [(4, 1)], "": BODY["body"]}
+    assert list(from_xdmf(written(folder, comm, SQUARE, named), comm).cell_names) == ["mesh"]
+
+
+def test_groups_off_and_inside_the_body_are_refused_where_they_are_used(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    named: Groups = {**BODY, "across": [(2, 4)], "diagonal": [(1, 3)]}
+    path = written(folder, comm, SQUARE, named)
+    (warning,) = check(study(path), comm)["warnings"]
+    assert "group 'across' does not lie on the body: 1 of its lines" in warning
+    for name, words in (("across", "does not lie on"), ("diagonal", "lies inside")):
+        with pytest.raises(InputError, match=f"'{name}' {words} the body") as caught:
+            check(study(path, contact={"on": name}), comm)
+        assert caught.value.key == "contact.on"
+
+
+def test_a_group_partly_inside_the_body_keeps_its_boundary_with_a_warning(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    named: Groups = {**BODY, "bottom": [(1, 2), (1, 3)]}
+    facts = check(study(written(folder, comm, SQUARE, named)), comm)
+    assert "'bottom' is boundary in part only: 1 of its 2 lines" in facts["warnings"][0]
+    (bottom,) = [group for group in facts["groups"] if group.name == "bottom"]
+    assert bottom.measure == pytest.approx(1.0)
+
+
+def test_suspicious_meshes_are_read_with_a_warning(folder: Path, comm: MPI.Intracomm) -> None:
+    crack: Groups = {
+        "left": [(1, 6), (7, 4)],
+        "body": [(1, 2, 5), (2, 3, 5), (3, 4, 5), (1, 5, 6), (7, 5, 4)],
+    }
+    thin: Groups = {**BODY, "body": [*BODY["body"], (1, 2, 5)]}
+    hinge: Groups = {**BODY, "corner": [(3, 5, 6)]}
+    cases: list[tuple[Points, Groups, str]] = [
+        ([*SQUARE, (0.5, 0.5), (0, 0.5), (0, 0.5)], crack, "double: nodes 5 and 6 are both"),
+        ([*SQUARE, (0.5, -1e-8)], thin, "triangle 2 at (0.5, -3.33333e-09) has nearly collapsed"),
+        ([*SQUARE, (2, 1), (2, 2)], hinge, "meet in node 2 at (1, 1), and share no edge"),
+    ]
+    for points, named, words in cases:
+        (warning,) = from_xdmf(written(folder, comm, points, named), comm).warnings
+        assert words in warning
+
+
+def test_parts_are_found_across_the_ranks(folder: Path, comm: MPI.Intracomm) -> None:
+    path = written(folder, comm, SQUARE + FAR, LOOSE)
+    with pytest.raises(InputError, match=r"part 2 of the body \(island, from \(3, 0\) to \(4, 1"):
+        check(study(path), comm)
+
+
+def test_a_study_of_the_file_has_the_solution_of_the_builder(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    parameters = block(2, 0.25)
+    export(from_geometry(parameters.mesh.geometry, comm), folder / "block.xdmf")
+    from_file = solve(block(2, 0.25, mesh={"file": str(folder / "block.xdmf")}), comm)
+    built = solve(parameters, comm)
+    for key in ("compliance", "elastic_energy", "contact_force", "slip_area"):
+        assert from_file.summary[key] == pytest.approx(built.summary[key], rel=1e-8)
+    if comm.rank == 0:
+        assert from_file.contact_points is not None and built.contact_points is not None
+        pressures = from_file.contact_points.pressure, built.contact_points.pressure
+        assert np.allclose(*pressures, rtol=1e-7, atol=1e-10)
+
+
+def test_the_command_writes_the_mesh_of_any_study(folder: Path, comm: MPI.Intracomm) -> None:
+    file, body = folder / "study.yml", folder / "body.xdmf"
+    if comm.rank == 0:
+        file.write_text(SMALL_BLOCK, encoding="utf-8")
+    comm.Barrier()
+    assert cli.main(["mesh", str(file), "-o", str(body)]) == 0
+    again = ["--set", f"mesh={{file: {body}}}", "-o", str(folder / "again.xdmf")]
+    assert cli.main(["mesh", str(file), *again]) == 0
+    one, two = (from_xdmf(folder / name, comm) for name in ("body.xdmf", "again.xdmf"))
+    assert groups(one) == groups(two)
+
+
+@pytest.mark.serial
+def test_the_fingerprint_of_a_study_knows_the_data_beside_the_file(tmp_path: Path) -> None:
+    path = write_xdmf(tmp_path / "body.xdmf", SQUARE, BODY)
+    parameters = study(path)
+    before = study_file.fingerprint(parameters)
+    assert study_file.fingerprint(parameters) == before
+    text = path.read_text(encoding="utf-8")
+    write_xdmf(path, [(x, 2 * y) for x, y in SQUARE], BODY)
+    assert path.read_text(encoding="utf-8") == text
+    assert study_file.fingerprint(parameters) != before
+
+
+BAD: dict[str, tuple[str, str, str]] = {
+    "an entity": ("<Xdmf", '<!DOCTYPE x [<!ENTITY a "b">]><Xdmf', "XML entities"),
+    "no XML": ("<Xdmf", "<Xdmf <", "is not an XML file"),
+    "data elsewhere": ("body.h5:/Mesh", "../other.h5:/Mesh", "other data than those in body.h5"),
+    "numbers in the file itself": ('Format="HDF"', 'Format="XML"', "numbers in the text of XDMF"),
+    "a curved cell": ('"Triangle"', '"Tri_6"', "only first-order triangles and tetrahedra"),
+    "a group twice": ('Name="top"', 'Name="left"', "two grids named 'left'"),
+    "a name that ends an XPath": ('Name="top"', 'Name="t\'op"', "is no name"),
+    "a dataset that is not there": ("/MeshTags/1", "/MeshTags/9", "cannot be read with body.h5"),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("case", BAD)
+def test_a_damaged_file_is_refused(case: str, tmp_path: Path) -> None:
+    path = write_xdmf(tmp_path / "body.xdmf", SQUARE, BODY)
+    old, new, words = BAD[case]
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        from_xdmf(path, MPI.COMM_SELF)
+    assert words in str(caught.value) and caught.value.key == "mesh.file"
+
+
+@pytest.mark.serial
+def test_a_file_without_its_data_is_refused(tmp_path: Path) -> None:
+    path = write_xdmf(tmp_path / "body.xdmf", SQUARE, BODY)
+    data_file(path).write_bytes(b"no HDF5")
+    with pytest.raises(InputError, match=r"body\.h5 is not an HDF5 file"):
+        read_grids(path)
+    data_file(path).unlink()
+    with pytest.raises(InputError, match=r"there is no mesh file .*body\.h5"):
+        read_grids(path)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", ["a/b", "mesh", "a'b"])
+def test_a_group_that_xdmf_cannot_name_is_not_written(name: str, tmp_path: Path) -> None:
+    made = from_geometry(block(2, 0.5).mesh.geometry, MPI.COMM_SELF)
+    made.facet_names[name] = made.facet_names.pop("top")
+    with pytest.raises(InputError, match="cannot be written to an XDMF file"):
+        export(made, tmp_path / "block.xdmf")
+    assert not list(tmp_path.iterdir())
+
+
+def test_shares_of_the_parts_add_up(folder: Path, comm: MPI.Intracomm) -> None:
+    """A row of squares that touch nothing, in an order that mixes them on the ranks."""
+    points = [(2.0 * i + x, y) for i in range(5) for x, y in SQUARE]
+    cells = [(4 * i + a, 4 * i + b, 4 * i + c) for a, b, c in BODY["body"] for i in range(5)]
+    domain = from_xdmf(written(folder, comm, points, {"left": [(4, 1)], "body": cells}), comm)
+    areas = np.bincount(domain.parts, minlength=5)
+    assert list(comm.allreduce(areas)) == [2] * 5
+    for number, name in enumerate(domain.part_names):
+        assert f"part {number + 1} of the body (body, from ({2 * number}, 0)" in name
+    assert math.isclose(domain.bounding_box()[1, 0], 9.0)

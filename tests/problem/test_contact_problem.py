@@ -1,0 +1,465 @@
+"""Problems on the user's own mesh and forms, beside the same problems from a study file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+from problems import block
+
+import contact_locking as cl
+from contact_locking.mesh.domain import Domain
+from contact_locking.process.solving import solve_assembled
+from contact_locking.study.assembly import assemble
+
+LIMITS = (cl.StrainBall(0.02),)
+PULL = {2: (0.03, -0.05), 3: (0.03, 0.0, -0.05)}
+Make = Callable[[Domain, fem.FunctionSpace], cl.ContactProblem]
+
+
+def strain(u: Any) -> Any:
+    return ufl.sym(ufl.grad(u))
+
+
+def stress(eps: Any, young: Any = 1.0, poisson: Any = 0.3) -> Any:
+    shear = young / (2.0 * (1.0 + poisson))
+    bulk = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+    return bulk * ufl.tr(eps) * ufl.Identity(eps.ufl_shape[0]) + 2.0 * shear * eps
+
+
+def elastic(space: fem.FunctionSpace, **moduli: Any) -> ufl.Form:
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    return ufl.inner(stress(strain(u), **moduli), strain(v)) * ufl.dx
+
+
+def pulled(domain: Domain, space: fem.FunctionSpace, load: Any = None) -> ufl.Form:
+    load = fem.Constant(domain.mesh, PULL[domain.dim]) if load is None else load
+    return ufl.inner(load, ufl.TestFunction(space)) * domain.ds(("top",))
+
+
+def clamped(domain: Domain, space: fem.FunctionSpace, name: str = "left") -> fem.DirichletBC:
+    facets = domain.facets((name,))
+    dofs = fem.locate_dofs_topological(space, domain.dim - 1, facets)
+    return fem.dirichletbc(np.zeros(domain.dim), dofs, space)
+
+
+def rubbing(kernel: Any = None) -> cl.Coulomb:
+    return cl.Coulomb(0.3, kernel or cl.Convolution(0.3))
+
+
+def own(
+    *,
+    a: Callable[[fem.FunctionSpace], Any] = elastic,
+    contact: Callable[[Any], cl.Contact] | None = None,
+    limits: Any = LIMITS,
+    supports: Callable[[Domain], list[Any]] = lambda domain: [],
+    **more: Any,
+) -> Make:
+    def make(domain: Domain, space: fem.FunctionSpace) -> cl.ContactProblem:
+        on = domain.facets(("bottom",))
+        touching = contact(on) if contact else cl.Contact(on, friction=rubbing())
+        held = supports(domain) or [clamped(domain, space)]
+        loads = pulled(domain, space)
+        return cl.ContactProblem(a(space), loads, held, limits, [touching], **more)
+
+    return make
+
+
+def roller(domain: Domain) -> list[Any]:
+    return [cl.Support(domain.facets(("left",))), cl.Support(domain.facets(("right",)), (1.0, 0.2))]
+
+
+def both_sides(data: Any, make: Make) -> tuple[cl.Solution, cl.Solution]:
+    """The solutions of a study and of the same problem in Python."""
+    study = assemble(data, MPI.COMM_WORLD)
+    problem = make(study.domain, study.u.function_space)
+    found, expected = problem.solve(), solve_assembled(study)
+    problem.close()
+    return found, expected
+
+
+N = {"n": 1e3}
+FORCE = {"foundation": {"half_space": {"point": [0, 0], "normal": [0, 1]}, "force": [0, 0.02]}}
+SIDES: dict[str, tuple[Any, Make]] = {
+    "penalty": (block(h=0.25, friction__smoothing__radius=0.3), own(n=1e3)),
+    "inequality": (
+        block(h=0.25, penalty__n=math.inf, friction__smoothing__radius=0.3),
+        own(),
+    ),
+    "three dimensions": (
+        block(3, h=0.5, friction__smoothing={"kernel": "none"}, penalty__n=math.inf),
+        own(contact=lambda on: cl.Contact(on, friction=rubbing(cl.Local()))),
+    ),
+    "elasticity": (
+        block(h=0.25, friction__smoothing__radius=0.3),
+        own(a=lambda space: cl.Elasticity(young=1.0, poisson=0.3), n=1e3),
+    ),
+    "filter": (
+        block(h=0.25, friction__smoothing={"kernel": "helmholtz", "radius": 0.3}),
+        own(contact=lambda on: cl.Contact(on, friction=rubbing(cl.Helmholtz(0.3))), n=1e3),
+    ),
+    "ball": (
+        block(
+            h=0.25,
+            contact={"foundation": {"sphere": {"centre": [0.5, -2.01], "radius": 2.0}}},
+            friction__smoothing__radius=0.3,
+        ),
+        own(
+            contact=lambda on: cl.Contact(on, cl.Sphere((0.5, -2.01), 2.0), rubbing()),
+            n=1e3,
+        ),
+    ),
+    "gap": (
+        block(h=0.25, contact={"gap": "0.01*x"}, friction__smoothing__radius=0.3),
+        own(
+            contact=lambda on: cl.Contact(on, cl.Gap(lambda x: 0.01 * x[0]), rubbing()),
+            n=1e3,
+        ),
+    ),
+    "quadratic": (
+        block(h=0.5, discretisation__degree=2, friction__smoothing__radius=0.6),
+        own(
+            contact=lambda on: cl.Contact(on, friction=rubbing(cl.Convolution(0.6))),
+            n=1e3,
+        ),
+    ),
+    "sets": (
+        block(
+            h=0.25,
+            material={
+                "locking": [
+                    {"norm": "deviator", "at_most": 0.03},
+                    {"norm": "volume", "at_most": 0.01, "at_least": -0.02},
+                    {"norm": "direction", "along": [1, 1], "at_most": 0.02},
+                    {
+                        "norm": "weighted",
+                        "matrix": [[1, 0, 0], [0, 2, 0], [0, 0, 1]],
+                        "at_most": 0.05,
+                    },
+                ]
+            },
+            friction__smoothing__radius=0.3,
+        ),
+        own(
+            limits=[
+                cl.Deviator(0.03),
+                cl.Volume(at_most=0.01, at_least=-0.02),
+                cl.Direction((1.0, 1.0), at_most=0.02),
+                cl.Weighted(np.diag([1.0, 2.0, 1.0]), 0.05),
+            ],
+            n=1e3,
+        ),
+    ),
+    "supports": (
+        block(
+            h=0.25,
+            loads__displacements=[],
+            loads__supports=[
+                {"on": "left", "along": "normal"},
+                {"on": "right", "along": [1, 0.2]},
+            ],
+            friction__smoothing__radius=0.3,
+        ),
+        own(supports=roller, n=1e3),
+    ),
+    "force": (
+        block(h=0.25, contact=FORCE, friction__smoothing__radius=0.3),
+        own(
+            contact=lambda on: cl.Contact(
+                on, cl.HalfSpace((0, 0), (0, 1)), rubbing(), force=cl.Force((0.0, 0.02))
+            ),
+            n=1e3,
+        ),
+    ),
+    "revolution": (
+        block(
+            h=0.25,
+            mesh__axisymmetric=True,
+            loads__displacements=[{"on": "right", "value": [0, 0]}],
+            friction__smoothing__radius=0.3,
+        ),
+        own(
+            a=lambda space: cl.Elasticity(young=1.0, poisson=0.3),
+            supports=lambda domain: [
+                cl.Support(domain.facets(("right",)), (1.0, 0.0)),
+                cl.Support(domain.facets(("right",)), (0.0, 1.0)),
+            ],
+            axisymmetric=True,
+            n=1e3,
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SIDES)
+def test_python_and_the_study_file_have_the_same_solution(case: str) -> None:
+    found, expected = both_sides(*SIDES[case])
+    assert found.converged and expected.converged, found.summary["reason"]
+    assert len(found.summary["warnings"]) == len(expected.summary["warnings"])
+    u, reference = found.displacement.x.array, expected.displacement.x.array
+    size = MPI.COMM_WORLD.allreduce(np.abs(reference).max(initial=0.0), op=MPI.MAX)
+    assert size > 1e-3
+    assert np.allclose(u, reference, rtol=0.0, atol=1e-9 * size)
+    for name in ("contact_force", "friction_force", "elastic_energy", "locked_fraction"):
+        assert found.summary[name] == pytest.approx(expected.summary[name], rel=1e-6, abs=1e-10)
+    assert set(found.summary["certificate"]["criteria"]) == set(
+        expected.summary["certificate"]["criteria"]
+    )
+
+
+def square(divisions: int = 8) -> fem.FunctionSpace:
+    body = mesh.create_unit_square(MPI.COMM_WORLD, divisions, divisions)
+    return fem.functionspace(body, ("Lagrange", 1, (2,)))
+
+
+def side(body: mesh.Mesh, axis: int, value: float) -> Any:
+    return mesh.locate_entities_boundary(body, 1, lambda x: np.isclose(x[axis], value))
+
+
+def tagged(body: mesh.Mesh) -> mesh.MeshTags:
+    """The bottom has the tag 1, the left side 2 and the top 3."""
+    sides = [side(body, 1, 0.0), side(body, 0, 0.0), side(body, 1, 1.0)]
+    values = np.repeat(np.arange(1, 4, dtype=np.int32), [len(one) for one in sides])
+    facets = np.concatenate(sides)
+    order = np.argsort(facets)
+    return mesh.meshtags(body, 1, facets[order], values[order])
+
+
+def pressed(space: fem.FunctionSpace, load: Any, **more: Any) -> cl.ContactProblem:
+    """A block between its foundation and a load on its top, guided on the left."""
+    body = space.mesh
+    tags = tagged(body)
+    ds = ufl.Measure("ds", body, subdomain_data=tags)
+    given: dict[str, Any] = {
+        "a": elastic(space),
+        "L": ufl.inner(load, ufl.TestFunction(space)) * ds(3),
+        "bcs": [cl.Support("wall")],
+        "limits": [cl.StrainBall(0.02)],
+        "contacts": [cl.Contact("sole", friction=cl.Coulomb(0.2, cl.Convolution(0.3)))],
+        "tags": tags,
+        "names": {"sole": 1, "wall": 2},
+    }
+    return cl.ContactProblem(**(given | more))
+
+
+def test_loads_that_change_between_solves_need_no_new_problem() -> None:
+    space = square()
+    load = fem.Constant(space.mesh, (0.0, -0.01))
+    problem = pressed(space, load)
+    forces = []
+    for size in (0.01, 0.02, 0.01):
+        load.value = (0.0, -size)
+        forces.append(problem.solve().summary["contact_force"][1])
+    assert forces == pytest.approx([0.01, 0.02, 0.01], rel=1e-6)
+    problem.close()
+
+
+def test_each_solution_keeps_its_own_displacement_and_state() -> None:
+    space = square()
+    load = fem.Constant(space.mesh, (0.0, -0.01))
+    problem = pressed(space, load)
+    first = problem.solve()
+    before = first.displacement.x.array.copy()
+    load.value = (0.0, -0.02)
+    second = problem.solve(after=first)
+    assert np.array_equal(first.displacement.x.array, before)
+    assert np.array_equal(first.state.saved.displacement, before)
+    assert not np.allclose(second.displacement.x.array, before)
+    problem.close()
+
+
+def test_friction_remembers_the_solution_that_a_step_is_after() -> None:
+    """A shear that is taken back leaves the body where friction holds it, as in a study."""
+    data = block(
+        h=0.25,
+        loads__tractions=[{"on": "top", "value": ["0.03*sin(pi*t/2)", -0.05]}],
+        penalty__n=math.inf,
+        friction__coefficient=0.1,
+        friction__smoothing__radius=0.3,
+        steps={"times": [1.0, 2.0]},
+    )
+    *_, last = cl.solve_steps(data)
+    study = assemble(data, MPI.COMM_WORLD)
+    domain, space = study.domain, study.u.function_space
+    load = fem.Constant(domain.mesh, (0.03, -0.05))
+    problem = cl.ContactProblem(
+        elastic(space),
+        pulled(domain, space, load),
+        [clamped(domain, space)],
+        LIMITS,
+        [cl.Contact(domain.facets(("bottom",)), friction=cl.Coulomb(0.1, cl.Convolution(0.3)))],
+    )
+    first = problem.solve()
+    load.value = (0.0, -0.05)
+    after, fresh = problem.solve(after=first), problem.solve()
+    assert last.converged and after.converged and fresh.converged
+    u = last.displacement.x.array
+    size = MPI.COMM_WORLD.allreduce(np.abs(u).max(initial=0.0), op=MPI.MAX)
+    assert np.allclose(after.displacement.x.array, u, rtol=0.0, atol=1e-6 * size)
+    apart = np.abs(fresh.displacement.x.array - u).max(initial=0.0)
+    assert MPI.COMM_WORLD.allreduce(apart, op=MPI.MAX) > 1e-3 * size
+    for made in (problem, study):
+        made.close()
+
+
+def test_a_foundation_that_moves_drags_the_body_from_step_to_step() -> None:
+    space = square()
+    tool = cl.Motion([0.0, 0.0])
+    plane = cl.Contact("sole", cl.HalfSpace((0, 0), (0, 1)), rubbing(cl.Local()), motion=tool)
+    clamp = fem.dirichletbc(
+        np.zeros(2), fem.locate_dofs_topological(space, 1, side(space.mesh, 1, 1.0)), space
+    )
+    load = fem.Constant(space.mesh, (0.0, 0.0))
+    problem = pressed(space, load, bcs=[clamp], contacts=[plane], limits=[])
+    solution = None
+    for x, y in ((0.0, 0.02), (0.002, 0.02), (0.004, 0.02)):
+        tool.translation = (x, y)
+        solution = problem.solve(after=solution)
+    assert solution is not None and solution.converged
+    dragged = solution.summary["friction_force"][0]
+    assert 0.0 < dragged == pytest.approx(-solution.summary["reactions"]["bcs.0"][0], rel=1e-6)
+    problem.close()
+
+
+def test_an_affine_stress_expands_the_body_without_a_load() -> None:
+    """``sigma = C(eps - a T I)``: a body that nothing holds back has the strain ``a T I``."""
+    space = square(4)
+    heat = fem.Constant(space.mesh, 0.004)
+    thermal = cl.Elasticity(
+        stress=lambda eps: stress(eps) - heat * stress(ufl.Identity(2)), key="thermal"
+    )
+    rollers = [cl.Support(side(space.mesh, 0, 0.0)), cl.Support(side(space.mesh, 1, 0.0))]
+    problem = cl.ContactProblem(thermal, bcs=rollers, space=space, limits=[cl.StrainBall(1.0)])
+    for warm in (0.004, 0.008):
+        heat.value = warm
+        found = problem.solve()
+        x = space.tabulate_dof_coordinates()[:, :2]
+        assert found.converged
+        assert np.allclose(found.displacement.x.array.reshape(-1, 2), warm * x, atol=1e-8)
+        assert np.abs(found.elastic_stress.x.array).max(initial=0.0) < 1e-8
+    problem.close()
+
+
+def test_a_form_on_subdomains_is_the_elasticity_of_all_of_them() -> None:
+    space = square(4)
+    body = space.mesh
+    count = body.topology.index_map(2)
+    cells = np.arange(count.size_local + count.num_ghosts, dtype=np.int32)
+    stiff = mesh.compute_midpoints(body, 2, cells)[:, 0] > 0.5
+    marks = mesh.meshtags(body, 2, cells, np.where(stiff, 2, 1).astype(np.int32))
+    dx = ufl.Measure("dx", body, subdomain_data=marks)
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a = ufl.inner(stress(strain(u)), strain(v)) * dx(1)
+    a += ufl.inner(stress(strain(u), young=3.0), strain(v)) * dx(2)
+    young = fem.Function(fem.functionspace(body, ("DG", 0)))
+    young.x.array[:] = np.where(stiff, 3.0, 1.0)
+    load = fem.Constant(body, (0.0, -0.02))
+    found = []
+    for given in (a, cl.Elasticity(young=young, poisson=0.3)):
+        problem = pressed(space, load, a=given)
+        found.append(problem.solve())
+        problem.close()
+    assert found[0].converged
+    one, other = (solution.displacement.x.array for solution in found)
+    assert np.allclose(one, other, rtol=0.0, atol=1e-9)
+    energies = [solution.summary["certificate"]["constants"]["alpha"] for solution in found]
+    assert energies == pytest.approx([1.0 / 1.3] * 2)
+
+
+def test_sets_of_one_name_are_told_apart() -> None:
+    space = square(4)
+    limits = [cl.Weighted(np.eye(3), limit) for limit in (0.1, 0.2)]
+    problem = pressed(space, fem.Constant(space.mesh, (0.0, -0.01)), limits=limits)
+    for _ in range(2):
+        sets = problem.solve().summary["strain_sets"]
+        used = [entry["utilisation_max"] for entry in sets]
+        assert used[0] == pytest.approx(2.0 * used[1]) and used[1] > 0.01
+    problem.close()
+
+
+@pytest.mark.parametrize("certificate", [True, False])
+def test_a_certificate_is_made_unless_it_is_not_wanted(certificate: bool) -> None:
+    space = square(4)
+    problem = pressed(space, fem.Constant(space.mesh, (0.0, -0.01)))
+    solution = problem.solve(certificate=certificate)
+    assert solution.converged
+    assert ("certificate" in solution.summary) is certificate
+    problem.close()
+
+
+def wrong_name(space: fem.FunctionSpace) -> dict[str, Any]:
+    return {"contacts": [cl.Contact("soul")]}
+
+
+def inside(space: fem.FunctionSpace) -> dict[str, Any]:
+    every = np.arange(space.mesh.topology.index_map(1).size_local, dtype=np.int32)
+    return {"contacts": [cl.Contact(every)]}
+
+
+def two_balls(space: fem.FunctionSpace) -> dict[str, Any]:
+    return {"limits": [cl.StrainBall(0.1), cl.StrainBall(0.2)]}
+
+
+def no_limit(space: fem.FunctionSpace) -> dict[str, Any]:
+    return {"limits": [cl.StrainBall(-0.1)]}
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (
+            wrong_name,
+            "no boundary part is named 'soul' (did you mean 'sole'?); names has: sole, wall",
+        ),
+        (inside, "not on the boundary"),
+        (two_balls, "more than one StrainBall"),
+        (no_limit, "must be positive"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_its_name(change: Any, text: str) -> None:
+    space = square(4)
+    space.mesh.topology.create_entities(1)
+    with pytest.raises(cl.InputError) as caught:
+        pressed(space, fem.Constant(space.mesh, (0.0, -0.01)), **change(space))
+    assert text in str(caught.value)
+
+
+def test_a_form_that_sees_rotations_is_refused() -> None:
+    space = square(4)
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    with pytest.raises(cl.InputError, match="rotations"):
+        cl.ContactProblem(ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)
+
+
+def test_a_half_section_that_crosses_the_axis_is_refused() -> None:
+    body = mesh.create_rectangle(MPI.COMM_WORLD, [[-1.0, 0.0], [1.0, 1.0]], [6, 3])
+    space = fem.functionspace(body, ("Lagrange", 1, (2,)))
+    with pytest.raises(cl.InputError, match="must lie in x >= 0"):
+        cl.ContactProblem(cl.Elasticity(young=1.0, poisson=0.3), space=space, axisymmetric=True)
+
+
+def test_a_body_that_its_loads_alone_press_may_have_loads_later(comm: MPI.Intracomm) -> None:
+    square = mesh.create_unit_square(comm, 6, 6)
+    space = fem.functionspace(square, ("Lagrange", 1, (2,)))
+    load = fem.Constant(square, (0.0, 0.0))
+    L = ufl.inner(load, ufl.TestFunction(space)) * ufl.dx
+    bottom = mesh.locate_entities_boundary(square, 1, lambda x: np.isclose(x[1], 0.0))
+    contact = cl.Contact(bottom, cl.HalfSpace((0, 0), (0, 1)), friction=rubbing())
+    problem = cl.ContactProblem(elastic(space), L, contacts=[contact])
+    load.value[:] = (0.01, -0.1)
+    found = problem.solve()
+    assert found.converged
+    assert found.summary["contact_force"] == pytest.approx([0.0, 0.1], rel=1e-6)
+    assert found.summary["friction_force"] == pytest.approx([-0.01, 0.0], abs=1e-8)
+    load.value[:] = (0.1, -0.1)
+    assert not problem.solve().converged
+    load.value[:] = (0.0, 0.1)
+    with pytest.raises(cl.InputError, match="do not press the body"):
+        problem.solve()
+    problem.close()

@@ -1,0 +1,274 @@
+"""Sets of strains: against Clarabel, by both solvers, by region, in any unit, infeasible."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from conic import StrainCone, block_problem
+from limits_of_strain import SEVERAL, material
+from mpi4py import MPI
+from problems import block, column
+
+from contact_locking.arrays import FloatArray
+from contact_locking.certificate import certify
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.process import solving
+from contact_locking.study.assembly import assemble
+from contact_locking.study_file import from_mapping
+from contact_locking.study_file.parameters import Parameters
+
+
+def solved(parameters: Parameters) -> dict[str, Any]:
+    summary = solving.solve(parameters).summary
+    assert summary["converged"], summary["reason"]
+    return summary
+
+
+def mandel(tensor: FloatArray) -> FloatArray:
+    """The row ``B`` with ``B eps = tensor : eps``, in the order of ``simplices.Body.strain``."""
+    dim = len(tensor)
+    pairs = [(i, j) for i in range(dim) for j in range(i + 1, dim)]
+    return np.array([*np.diag(tensor), *(math.sqrt(2.0) * tensor[i, j] for i, j in pairs)])
+
+
+def random_sets(
+    random: np.random.Generator, dim: int
+) -> tuple[list[dict[str, Any]], tuple[StrainCone, ...]]:
+    """Limits as the study file has them, and as cones of matrices that are made here."""
+    size = dim * (dim + 1) // 2
+    trace = mandel(np.eye(dim))
+    square = np.eye(size) - np.outer(trace, trace) / 3.0
+    values, vectors = np.linalg.eigh(square)
+    deviator = np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
+    shape, least, most, slack, weight = random.uniform(0.005, 0.015, 5)
+    along = random.standard_normal(dim)
+    matrix = np.eye(size) + 0.3 * random.standard_normal((size, size))
+    # Mandel vectors of the study file end with yz, xz, xy, and those of Body with xy, xz, yz.
+    order = [0, 1, 2] if dim == 2 else [0, 1, 2, 5, 4, 3]
+    given = matrix[np.ix_(order, order)]
+    norm = np.linalg.norm(matrix, 2)
+    fibre = mandel(np.outer(along, along) / (along @ along)).reshape(1, size)
+    unit = np.asarray(trace.reshape(1, size) / math.sqrt(dim))
+    limits: list[dict[str, Any]] = [
+        {"norm": "deviator", "at_most": shape},
+        {"norm": "volume", "at_least": -least, "at_most": most},
+        {"norm": "direction", "along": along.tolist(), "at_most": slack},
+        {"norm": "weighted", "matrix": given.tolist(), "at_most": weight},
+    ]
+    cones = (
+        StrainCone(deviator, shape),
+        StrainCone(-unit, least / math.sqrt(dim)),
+        StrainCone(unit, most / math.sqrt(dim)),
+        StrainCone(fibre, slack),
+        StrainCone(matrix / norm, weight / norm),
+    )
+    return limits, cones
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("seed", "dim", "n"),
+    [
+        (1, 2, math.inf),
+        pytest.param(2, 2, math.inf, marks=pytest.mark.slow),
+        (3, 2, 1e3),
+        pytest.param(4, 2, 30.0, marks=pytest.mark.slow),
+        (5, 3, math.inf),
+    ],
+)
+def test_random_sets_of_strains_agree_with_the_conic_solver(seed: int, dim: int, n: float) -> None:
+    pytest.importorskip("clarabel")
+    limits, cones = random_sets(np.random.default_rng(seed), dim)
+    h = 0.1 if dim == 2 else 0.35
+    penalty = {"n": n, "epsilon": None if math.isinf(n) else 1e-3}
+    solution = solving.solve(block(dim, h, material=material(*limits), penalty=penalty))
+    assert solution.converged, solution.summary["reason"]
+    assert solution.summary["locked_fraction"] > 0.1
+    reference = dataclasses.replace(block_problem(solution), sets=cones)
+    u = reference.minimiser(tol_gap_rel=1e-10, tol_gap_abs=1e-12, tol_feas=1e-11)
+    ours = solution.displacement.x.array
+    assert reference.energy(ours) == pytest.approx(reference.energy(u), rel=1e-7)
+    np.testing.assert_allclose(ours, u, atol=1e-4 * np.abs(u).max())
+
+
+def test_both_solvers_find_one_solution_of_the_penalised_problem() -> None:
+    found = []
+    for method in ("newton", "interior_point"):
+        penalty = {"n": 1e3, "epsilon": 1e-3}
+        given = block(2, 0.2, material=material(*SEVERAL), penalty=penalty, solver__method=method)
+        found.append(solved(given))
+    for name in ("elastic_energy", "strain_norm_max", "locked_fraction", "compliance"):
+        assert found[1][name] == pytest.approx(found[0][name], rel=1e-6)
+    assert found[0]["locked_fraction"] > 0.1
+    used = {entry["name"]: entry["utilisation_max"] for entry in found[0]["strain_sets"]}
+    assert len(used) == 5 and sum(share > 1.0 for share in used.values()) >= 3, used
+
+
+@pytest.mark.serial
+def test_every_set_is_kept_for_every_n_up_to_infinity_within_its_penalty() -> None:
+    excesses = []
+    for n in (1e3, 1e5, math.inf):
+        summary = solved(block(2, 0.25, material=material(*SEVERAL), penalty__n=n))
+        excesses.append(max(entry["utilisation_max"] for entry in summary["strain_sets"]) - 1.0)
+        assert all(entry["holds"] for entry in summary["bounds"].values())
+    assert excesses[0] > 10.0 * excesses[1] > 0.0
+    assert abs(excesses[2]) < 1e-6
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_the_entry_of_the_ball_is_the_locking_limit_to_the_last_digit(n: float) -> None:
+    ball = {"norm": "strain", "at_most": 0.02}
+    long = solved(block(2, 0.2, material=material(ball), penalty__n=n))
+    short = solved(block(2, 0.2, penalty__n=n))
+    for summary in (long, short):
+        del summary["fingerprint"], summary["wall_seconds"]
+    assert long == short
+    assert long["strain_sets"] == []
+
+
+@pytest.mark.serial
+def test_a_norm_of_the_unit_matrix_is_the_ball() -> None:
+    limit = {"norm": "weighted", "matrix": (50.0 * np.eye(3)).tolist(), "at_most": 1}
+    given = solved(block(2, 0.2, material=material(limit), penalty__n=1e3))
+    ball = solved(block(2, 0.2, penalty__n=1e3))
+    for name in ("elastic_energy", "locked_fraction", "strain_norm_max"):
+        assert given[name] == pytest.approx(ball[name], rel=1e-8)
+    bounds = [summary["bounds"]["locking_work"]["value"] for summary in (given, ball)]
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_limits_do_not_depend_on_units() -> None:
+    stress, length = 2.1e11, 1e-3
+    summary = solved(block(2, 0.2, material=material(*SEVERAL), penalty__n=1e3))
+    limits = copy.deepcopy(SEVERAL)
+    limits[1]["at_most"] = f"0.016 + 0.002*x/{length}"
+    limits[2]["at_least"] = f"-0.008 - 0.001*y/{length}"
+    limits[3]["along"] = [f"5*cos(x/{length})", f"5*sin(x/{length})"]
+    limits[4]["matrix"][2][0] = f"0.1*x/{length}"
+    given = block(
+        2, 0.2 * length,
+        mesh__size=[length] * 2,
+        material={"elasticity": {"young": stress, "poisson": 0.3}, "locking": limits},
+        loads__tractions=[{"on": "top", "value": [0.03 * stress, -0.05 * stress]}],
+        friction__smoothing={"radius": 0.2 * length},
+        penalty={"n": 1e3 * stress, "epsilon": 1e-3 * length / stress},
+    )  # fmt: skip
+    other = solved(given)
+    assert other["strain_norm_max"] == pytest.approx(summary["strain_norm_max"], rel=1e-6)
+    pairs = zip(other["strain_sets"], summary["strain_sets"], strict=True)
+    for mine, theirs in pairs:
+        assert mine["utilisation_max"] == pytest.approx(theirs["utilisation_max"], rel=1e-6)
+
+
+def test_a_region_has_its_own_limits_in_place_of_all_of_the_material() -> None:
+    mesh = {"builder": "inclusion", "h": 0.2}
+    loads = {
+        "displacements": [{"on": "bottom", "value": [0, 0]}],
+        "tractions": [{"on": "top", "value": [0.0, -0.05]}],
+    }
+    regions = {"inclusion": {"locking": [{"norm": "volume", "at_least": -0.001}]}}
+    given: dict[str, Any] = {
+        "mesh": mesh, "loads": loads, "contact": {"on": []}, "penalty": {"n": math.inf},
+        "material": material({"norm": "deviator", "at_most": 0.03}, regions=regions),
+    }  # fmt: skip
+    problem = assemble(from_mapping(given), MPI.COMM_WORLD)
+    shape, volume = problem.data.limits
+    assert [shape.name, volume.name] == ["deviator", "volume at_least"]
+    limited = [item.inverse_limit.x.array > 0.0 for item in (shape, volume)]
+    assert np.array_equal(limited[0], ~limited[1])
+    used = {e["name"]: e["utilisation_max"] for e in solved(from_mapping(given))["strain_sets"]}
+    assert used == pytest.approx({"deviator": 1.0, "volume at_least": 1.0}, abs=1e-6)
+    # A limit of the ball in a region replaces all limits there as well, and so does no limit.
+    others: list[dict[str, Any]] = [{"locking_limit": 0.1}, {"locking": []}]
+    for none in others:
+        given["material"]["regions"] = {"inclusion": none}
+        (shape,) = assemble(from_mapping(given), MPI.COMM_WORLD).data.limits
+        assert np.array_equal(shape.inverse_limit.x.array > 0.0, limited[0])
+
+
+@pytest.mark.serial
+def test_steps_balance_the_energy_of_every_set() -> None:
+    given = block(2, 0.25, material=material(SEVERAL[1], SEVERAL[3]), penalty__n=1e3)
+    data = given.model_dump(by_alias=True)
+    data["steps"] = {"times": [0.5, 1.0]}
+    data["loads"]["tractions"][0]["value"] = ["0.03*t", "-0.05*t"]
+    summary = solved(Parameters.model_validate(data))
+    assert summary["locked_fraction"] > 0.1
+    assert summary["certificate"]["criteria"]["energy_balance"]["holds"]
+
+
+@pytest.mark.serial
+@pytest.mark.slow
+@pytest.mark.parametrize("limit_at", ["vertices", "gauss"])
+def test_elements_of_degree_two_keep_every_set(limit_at: str) -> None:
+    given = block(
+        2, 0.34, material=material(SEVERAL[1], SEVERAL[3]), penalty__n=math.inf,
+        discretisation={"degree": 2, "limit_at": limit_at},
+    )  # fmt: skip
+    summary = solved(given)
+    used = max(entry["utilisation_max"] for entry in summary["strain_sets"])
+    assert used == pytest.approx(1.0, abs=1e-6)
+    # An affine strain that keeps a convex set at the vertices of a cell keeps the set in the cell.
+    assert (summary["overstrain_max"] > 1e-3) == (limit_at == "gauss")
+
+
+@pytest.mark.parametrize(
+    ("limit", "factor"),
+    [
+        ({"norm": "volume", "at_least": -0.01}, 0.5),
+        ({"norm": "direction", "along": [0, 1], "at_least": -0.008}, 0.4),
+        ({"norm": "deviator", "at_most": 0.01 * math.sqrt(2.0 / 3.0)}, 0.5),
+    ],
+)
+def test_displacements_that_no_limit_allows_are_proved_to_be_infeasible(
+    limit: dict[str, Any], factor: float
+) -> None:
+    """A column of height 2 that is to be 0.04 shorter has the strain 0.02."""
+    given = column(2, 0.0, material=material(limit), penalty={"n": math.inf})
+    data = given.model_dump(by_alias=True)
+    data["loads"]["tractions"] = []
+    data["loads"]["displacements"] = [
+        *data["loads"]["displacements"],
+        {"on": ["top"], "value": [None, -0.04]},
+        {"on": ["bottom"], "value": [None, 0.0]},
+    ]
+    data["contact"] = {"on": []}
+    summary = solving.solve(Parameters.model_validate(data)).summary
+    assert not summary["converged"]
+    assert summary["reason"].startswith("infeasible")
+    low, high = summary["admissible_load_factor"]
+    # What is excluded may be the factor itself, but for rounding.
+    assert low <= factor
+    assert (1.0 - 1e-12) * factor <= high <= 1.02 * factor
+
+
+@pytest.mark.serial
+def test_a_half_space_that_pulls_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fibres bear no pressure: a multiplier below zero breaks the law of each kind of point."""
+
+    def tampered(state: SolvedState, *more: Any) -> Any:
+        state.body.locking_parts[1].x.array[:] -= 0.01
+        return certify(state, *more)
+
+    monkeypatch.setattr(solving, "certify", tampered)
+    limit = {"norm": "direction", "along": [1, 0], "at_most": 0.005}
+    summary = solving.solve(block(2, 0.25, material=material(limit), penalty__n=1e3)).summary
+    criteria = summary["certificate"]["criteria"]
+    assert not criteria["locking_violation"]["holds"]
+    assert summary["converged"] is False
+
+
+@pytest.mark.serial
+def test_the_bound_of_the_error_in_n_is_above_the_measured_distance() -> None:
+    given = block(2, 0.2, material=material(*SEVERAL), certificate={"limit": True})
+    errors = solved(given)["certificate"]["errors"]
+    bound, measured = errors["penalty"]["energy_norm"], errors["penalty_measured"]["energy_norm"]
+    assert 0.0 < measured <= bound

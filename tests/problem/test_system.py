@@ -1,0 +1,216 @@
+"""The discrete system: residual, tangent, friction bound, and what each solver relies on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from problems import block, column
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged
+from contact_locking.laws.penalty import Penalty
+from contact_locking.monitor import Monitor
+from contact_locking.problem import forms
+from contact_locking.problem.system import PenalisedSystem
+from contact_locking.process import solving
+from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.study_file.parameters import Parameters
+
+
+def _system(parameters: Parameters) -> tuple[StudyProblem, PenalisedSystem]:
+    from mpi4py import MPI
+
+    made = assemble(parameters, MPI.COMM_WORLD)
+    system = PenalisedSystem(made.data, made.u, made.constraints)
+    return made, system
+
+
+def _rough_state(made: StudyProblem, size: float) -> None:
+    """A displacement that locks, touches and slips somewhere, the same on any partition."""
+    dim = made.domain.dim
+    made.u.interpolate(
+        lambda x: size * np.array([np.sin(7.0 * x[0] + 3.0 * i + 5.0 * x[1]) for i in range(dim)])
+    )
+    made.constraints.apply(made.u)
+    for contact in made.contacts:
+        contact.bounds = 0.5 + contact.surface.points[:, 0]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("size", [0.0, 0.01, 0.3])
+def test_tangent_is_the_derivative_of_the_residual(dim: int, size: float) -> None:
+    parameters = block(dim, 0.2 if dim == 2 else 0.5, penalty__n=50.0, penalty__epsilon=0.1)
+    made, system = _system(parameters)
+    _rough_state(made, size)
+    matrix = system.create_matrix()
+    x, step, product, plus, minus = (matrix.createVecRight() for _ in range(5))
+    system.displacement(x)
+    system.tangent(x, matrix)
+    np.testing.assert_array_equal(np.isfinite(matrix.getDiagonal().array_r), True)
+    direction = fem.Function(made.u.function_space)
+    direction.interpolate(lambda y: np.array([np.cos(3.0 * y[0] + 2.0 * i) for i in range(dim)]))
+    direction.x.array[made.constraints.dofs] = 0.0
+    step.array_w[:] = direction.x.array[: step.getLocalSize()]
+    matrix.mult(step, product)
+    t = 1e-7
+    system.residual(x + t * step, plus)
+    system.residual(x - t * step, minus)
+    difference = (plus - minus) / (2.0 * t)
+    # At zero the positive part has a kink; its one-sided derivatives average to the half.
+    tolerance = 1e-6 if size else 0.5 / 0.1
+    assert (difference - product).norm() <= tolerance * product.norm()
+    matrix.destroy()
+
+
+def test_tangents_are_known_to_be_symmetric_after_each_assembly() -> None:
+    made, system = _system(block(2, 0.5, penalty__n=50.0, penalty__epsilon=0.1))
+    matrix = system.create_matrix()
+    x = matrix.createVecRight()
+    for size in (0.0, 0.3):
+        _rough_state(made, size)
+        system.displacement(x)
+        system.tangent(x, matrix)
+        # PETSc tells it of matrices that are declared positive definite; it does not tell that.
+        assert matrix.isSymmetricKnown() == (True, True)
+    x.destroy()
+    matrix.destroy()
+
+
+def test_residual_is_the_derivative_of_the_energy() -> None:
+    made, _ = _system(block(penalty__n=50.0, penalty__epsilon=0.1))
+    _rough_state(made, 0.1)
+    v = ufl.TestFunction(made.u.function_space)
+    written = fem.assemble_vector(fem.form(forms.residual(made.u, v, made.data)))
+    derived = fem.assemble_vector(fem.form(ufl.derivative(forms.energy(made.u, made.data), made.u)))
+    assert written.array == pytest.approx(derived.array, rel=1e-10, abs=1e-13)
+
+
+def test_friction_bound_is_mu_times_the_smoothed_pressure() -> None:
+    made, system = _system(
+        block(friction={"coefficient": "0.2 + 0.1*s", "smoothing": {"kernel": "none"}})
+    )
+    system.set_penalty(Penalty(1e3, 1e-2, (1e-2,)))
+    # A rigid motion presses by 0.02 and slips by 0.3 everywhere.  Clamped nodes carry no pressure.
+    made.u.interpolate(lambda x: np.array([0.3 + 0.0 * x[0], -0.02 + 0.0 * x[0]]))
+    expected = (0.2 + 0.1 * 0.3) * (0.02 / 1e-2)
+    system.update_bounds()
+    (contact,) = made.contacts
+    assert contact.bounds == pytest.approx(np.where(contact.free, expected, 0.0), rel=1e-12)
+
+
+def test_petsc_options_of_the_caller_win_and_leave_no_trace() -> None:
+    from petsc4py import PETSc
+
+    solution = solving.solve(
+        block(h=0.25, solver__petsc={"ksp_type": "gmres", "pc_type": "lu"}),
+        petsc_options={"ksp_type": "fgmres"},
+    )
+    assert solution.converged
+    assert not [key for key in PETSc.Options().getAll() if key.startswith("contact_locking")]
+
+
+def test_unknown_petsc_factorisation_is_reported_and_not_a_crash() -> None:
+    solution = solving.solve(block(h=0.25), petsc_options={"pc_factor_mat_solver_type": "nonsense"})
+    assert not solution.converged
+    assert "linear solve" in solution.summary["reason"]
+
+
+def test_iterative_and_direct_linear_algebra_agree() -> None:
+    direct, iterative = (
+        solving.solve(block(3, 0.34, solver={"linear": name})) for name in ("direct", "iterative")
+    )
+    assert direct.converged and iterative.converged
+    assert iterative.summary["iterations"]["linear"] > iterative.summary["iterations"]["tangents"]
+    # With CG the duality gap that is left is 1e-8 of the elastic energy; Newton polishes the other.
+    assert iterative.summary["compliance"] == pytest.approx(direct.summary["compliance"], rel=2e-8)
+
+
+def test_a_body_held_by_contact_alone_finds_its_place() -> None:
+    solution = solving.solve(column(contact={"on": "bottom", "gap": 5.0}))
+    assert solution.converged
+    assert solution.summary["contact_force"][1] == pytest.approx(0.05, rel=1e-8)
+
+
+@pytest.mark.parametrize("method", ["newton", "interior_point"])
+def test_too_few_iterations_are_reported_with_what_was_reached(method: str) -> None:
+    solution = solving.solve(block(penalty__n=1e6, solver={"method": method, "max_iterations": 2}))
+    assert not solution.converged
+    assert (
+        "Newton steps" in solution.summary["reason"] or "2 interior" in solution.summary["reason"]
+    )
+    assert solution.summary["suggestion"]
+    assert np.isfinite(solution.summary["compliance"])
+
+
+def test_friction_that_may_not_settle_is_reported() -> None:
+    solution = solving.solve(block(solver={"method": "newton", "max_friction_updates": 2}))
+    assert not solution.converged
+    assert "friction bound" in solution.summary["reason"]
+
+
+def test_an_error_in_a_callback_is_that_error_and_not_a_failed_solve() -> None:
+    class Interrupting(Monitor):
+        def iteration(self, k: int, residual: float) -> None:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solving.solve(block(h=0.25, solver={"method": "newton"}), monitor=Interrupting())
+
+
+def test_equilibrium_of_forces_on_the_whole_body() -> None:
+    # Without Gamma_D in x, loads and contact alone must balance vertically.
+    solution = solving.solve(column(friction={"coefficient": 0.3}))
+    assert solution.summary["contact_force"] == pytest.approx([0.0, 0.05], abs=1e-9)
+
+
+def _values(made: StudyProblem) -> list[FloatArray]:
+    return [made.u.x.array.copy(), *(contact.bounds for contact in made.contacts)]
+
+
+@pytest.mark.parametrize("fails", [False, True])
+@pytest.mark.parametrize("only_on_failure", [False, True])
+def test_a_preserved_system_gets_its_displacement_and_bound_back(
+    fails: bool, only_on_failure: bool
+) -> None:
+    made, system = _system(block(2, 0.2))
+    _rough_state(made, 0.01)
+    before = _values(made)
+
+    def change() -> None:
+        with system.preserved(only_on_failure):
+            system.clear()
+            if fails:
+                raise NotConverged("on purpose")
+
+    if fails:
+        with pytest.raises(NotConverged):
+            change()
+    else:
+        change()
+    is_restored = fails or not only_on_failure
+    for old, new in zip(before, _values(made), strict=True):
+        assert np.array_equal(old, new) == is_restored or not old.size
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_matrix_shared_with_dolfinx_has_the_values_of_one_of_petsc(dim: int) -> None:
+    parameters = block(dim, 0.2 if dim == 2 else 0.5, penalty__n=50.0, penalty__epsilon=0.1)
+    made, system = _system(parameters)
+    plain, shared = system.create_matrix(), system._tangent.create_shared_matrix()
+    x = plain.createVecRight()
+    # Twice, as the second assembly must forget the first.
+    for size in (0.3, 0.01):
+        _rough_state(made, size)
+        system.displacement(x)
+        for matrix in (plain, shared):
+            system.tangent(x, matrix)
+        difference = shared.copy()
+        difference.axpy(-1.0, plain)
+        assert difference.norm() <= 1e-14 * plain.norm()
+        difference.destroy()
+    assert shared.getBlockSize() == dim
+    for item in (x, plain, shared):
+        item.destroy()

@@ -1,0 +1,302 @@
+"""The loop of adapted meshes: its end, its tolerance, its independence of ranks, its restart."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import SMALL_BLOCK, block, column
+
+from contact_locking import save, study_file, write
+from contact_locking.command import cli
+from contact_locking.errors import InputError
+from contact_locking.extras import report
+from contact_locking.meshes import BUILDERS
+from contact_locking.meshes import write as write_mesh
+from contact_locking.process import checkpoint, solving
+from contact_locking.process.adaptivity import mesh_sequence, solve, solve_adaptively
+from contact_locking.results import adapted_meshes
+from contact_locking.results.solution import StudySolution
+from contact_locking.running import studies
+from contact_locking.study_file.parameters import Parameters
+
+NO_CHECKPOINT = checkpoint.unavailable()
+LIMITLESS: dict[str, Any] = {
+    "penalty__n": float("inf"),
+    "friction__smoothing": {"kernel": "convolution"},
+}
+
+
+def adaptive(dim: int = 2, h: float = 0.25, adapt: Any = None, **changes: Any) -> Parameters:
+    return block(dim, h, **{**LIMITLESS, "adapt": adapt or {"tolerance": 0.1}, **changes})
+
+
+def meshes(solution: StudySolution) -> list[dict[str, Any]]:
+    return list(solution.summary["adapt"]["meshes"])
+
+
+@pytest.mark.serial
+def test_loop_ends_below_the_tolerance_with_fewer_unknowns_than_a_uniform_mesh() -> None:
+    given = adaptive(material__locking_limit=float("inf"), adapt={"tolerance": 0.08})
+    solutions = list(solve_adaptively(given))
+    last = solutions[-1].summary["adapt"]
+    assert last["reached"] and last["stopped"] == "the estimate is below the tolerance"
+    assert [len(meshes(solution)) for solution in solutions] == list(range(1, len(solutions) + 1))
+    estimates = [entry["estimate"] for entry in last["meshes"]]
+    assert estimates[-1] <= 0.08 < min(estimates[:-1])
+    assert all(solution.converged for solution in solutions)
+    # A uniform mesh with more unknowns has a larger error.
+    uniform = solving.solve(adaptive(h=0.045, material__locking_limit=float("inf")))
+    assert uniform.summary["dofs"] > solutions[-1].summary["dofs"]
+    assert uniform.summary["certificate"]["errors"]["mesh"]["relative"] > 1.1 * estimates[-1]
+
+
+@pytest.mark.serial
+def test_default_radius_of_smoothing_is_that_of_the_first_mesh() -> None:
+    solutions = list(solve_adaptively(adaptive(h=0.34, adapt={"tolerance": 0.13})))
+    first, last = (solution.domain for solution in (solutions[0], solutions[-1]))
+    assert not first.is_refined and last.is_refined
+    # Two facets of the first mesh, which are longer than a tenth of the contact boundary.
+    assert last.smoothing_radii == {"contact": pytest.approx(2.0 / 3.0)}
+    contact = last.facets(("bottom",))
+    assert last.facet_diameter(contact) < first.facet_diameter(first.facets(("bottom",)))
+    force = [solution.summary["contact_force"] for solution in solutions[-2:]]
+    assert force[1] == pytest.approx(force[0], rel=0.05, abs=1e-4)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("adapt", "told"),
+    [
+        ({"tolerance": 0.01, "max_meshes": 2}, "adapt.max_meshes, 2,"),
+        ({"tolerance": 0.01, "max_dofs": 100}, "more than adapt.max_dofs"),
+    ],
+)
+def test_an_early_end_is_said_in_the_summary_and_in_a_warning(
+    adapt: dict[str, Any], told: str
+) -> None:
+    solution = solve(adaptive(adapt=adapt))
+    found = solution.summary["adapt"]
+    assert not found["reached"] and told in found["stopped"]
+    assert any(told in warning for warning in solution.summary["warnings"])
+    assert solution.converged and solution.summary["dofs"] <= adapt.get("max_dofs", 10**6)
+
+
+@pytest.mark.serial
+def test_an_error_that_does_not_fall_ends_the_loop_where_the_cells_are_smallest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mesh_sequence, "_LEAST_FALL", 0.0)  # no fall is enough
+    solution = solve(adaptive(h=0.5, adapt={"tolerance": 0.001}))
+    assert len(meshes(solution)) == 4 and not solution.summary["adapt"]["reached"]
+    assert "hardly fallen" in solution.summary["adapt"]["stopped"]
+    assert "the smallest cells, of size 0." in solution.summary["adapt"]["stopped"]
+
+
+@pytest.mark.serial
+def test_a_body_whose_solution_the_first_mesh_holds_is_not_refined() -> None:
+    solution = solve(column(adapt={"tolerance": 0.01}))
+    assert solution.summary["adapt"]["reached"] and len(meshes(solution)) == 1
+
+
+@pytest.mark.serial
+def test_a_body_at_rest_is_solved_on_one_mesh() -> None:
+    solution = solve(adaptive(loads={"displacements": [{"on": "left", "value": [0.0, 0.0]}]}))
+    assert solution.summary["adapt"]["stopped"] == "the body is at rest"
+    assert solution.summary["adapt"]["reached"]
+
+
+@pytest.mark.serial
+def test_a_solve_without_the_section_has_one_mesh_and_no_entry() -> None:
+    solution = solve(block(h=0.5))
+    assert "adapt" not in solution.summary and not solution.domain.is_refined
+
+
+def test_meshes_do_not_depend_on_the_ranks(comm: MPI.Intracomm) -> None:
+    given = adaptive(adapt={"tolerance": 0.01, "max_meshes": 3})
+    alone, together = solve(given, MPI.COMM_SELF), solve(given, comm)
+    assert [m["dofs"] for m in meshes(alone)] == [m["dofs"] for m in meshes(together)]
+    for one, other in zip(meshes(alone), meshes(together), strict=True):
+        assert one["estimate"] == pytest.approx(other["estimate"], rel=1e-6)
+    keys = ("compliance", "elastic_energy", "contact_area")
+    assert [alone.summary[key] for key in keys] == pytest.approx(
+        [together.summary[key] for key in keys], rel=1e-7
+    )
+    # The cells of the last mesh are spread over all ranks.
+    owned = together.domain.mesh.topology.index_map(2).size_local
+    assert max(comm.allgather(owned)) < 1.3 * together.domain.num_cells / comm.size
+
+
+@pytest.mark.serial
+def test_a_body_in_3d_with_regions_is_refined() -> None:
+    given = adaptive(
+        3,
+        mesh={"builder": "inclusion", "dim": 3, "h": 0.2},
+        material={
+            "elasticity": {"young": 1.0, "poisson": 0.3},
+            "locking_limit": 0.05,
+            "regions": {"inclusion": {"locking_limit": 0.02}},
+        },
+        adapt={"tolerance": 0.01, "max_meshes": 2, "share": 0.2},
+    )
+    last = solve(given)
+    assert last.converged and len(meshes(last)) == 2
+    assert meshes(last)[1]["estimate"] < meshes(last)[0]["estimate"]
+    limits = np.unique(np.round(last.locking_limit.x.array, 12))
+    assert set(limits) <= {0.02, 0.05}
+
+
+@pytest.mark.serial
+def test_a_mesh_file_is_refined_and_its_curved_sides_stay_as_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "disc.msh"
+    write_mesh(BUILDERS["disc"](h=0.25), path)
+    data = {
+        "mesh": {"file": str(path)},
+        "material": {"locking_limit": 0.1},
+        "loads": {"displacements": [{"on": "top", "value": [0.0, -0.03]}]},
+        "contact": {
+            "on": "contact",
+            "foundation": {"half_space": {"point": [0, 0], "normal": [0, 1]}},
+        },
+        "adapt": {"tolerance": 0.01, "max_meshes": 3},
+    }
+    solution = solve(Parameters.model_validate(data))
+    assert len(meshes(solution)) == 3 and solution.converged
+    warnings = [text for text in solution.summary["warnings"] if "straight" in text]
+    assert len(warnings) == 1 and "contact, side" in warnings[0]
+
+
+@pytest.mark.skipif(NO_CHECKPOINT is not None, reason=str(NO_CHECKPOINT))
+def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
+    comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    folder = comm.bcast(tmp_path)
+    two, three = ({"tolerance": 0.01, "max_meshes": number} for number in (2, 3))
+    first = solve(adaptive(h=0.5, adapt=two), comm)
+    save(first, folder)
+    again = solve(adaptive(h=0.5, adapt=two), comm, restart=folder)
+    assert meshes(again)[0]["tangents"] == 0
+    assert meshes(again)[0]["dofs"] == first.summary["dofs"]
+    whole = solve(adaptive(h=0.5, adapt=three), comm)
+    assert [m["dofs"] for m in meshes(whole)][-len(meshes(again)) :] == [
+        m["dofs"] for m in meshes(again)
+    ]
+    with pytest.raises(InputError, match=r"of another mesh.*refined"):
+        solving.solve(block(h=0.5, **LIMITLESS), comm, restart=folder)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_files_and_report_of_an_adaptive_run_tell_the_sequence(dim: int, tmp_path: Path) -> None:
+    limits = {"tolerance": 0.01, "max_meshes": 2}
+    quiet = {"fields": False, "picture": False}
+    solution = solve(adaptive(dim, h=0.5, adapt=limits, output=quiet))
+    write(solution, tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    names = {"dofs", "cells", "estimate", "bound", "tangents", "seconds"}
+    assert [set(entry) for entry in summary["adapt"]["meshes"]] == [names] * 2
+    first, last = adapted_meshes.load(tmp_path / "meshes.npz")
+    assert first.dim == last.dim == dim and first.marked.any() and not last.marked.any()
+    assert len(first.triangles) < len(last.triangles)
+    report.write(tmp_path)
+    assert {path.stem for path in (tmp_path / "report").iterdir()} >= {
+        "adapt-error",
+        "adapt-meshes",
+    }
+    page = (tmp_path / "report.html").read_text()
+    assert "Adapted meshes" in page and "adapt.max_meshes, 2, is reached" in page
+
+
+@pytest.mark.serial
+def test_a_damaged_file_of_meshes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "meshes.npz"
+    points, cells = np.eye(3)[:, :2], np.array([[0, 1, 2]])
+    adapted_meshes.save([adapted_meshes.AdaptedMesh.of(points, cells)], path)
+    assert len(adapted_meshes.load(path)) == 1
+    adapted_meshes.save([adapted_meshes.AdaptedMesh.of(points, cells + 1)], path)
+    with pytest.raises(InputError, match=r"damaged.*do not fit"):
+        adapted_meshes.load(path)
+    path.write_bytes(b"no archive")
+    with pytest.raises(InputError, match="damaged"):
+        adapted_meshes.load(path)
+
+
+@pytest.mark.serial
+def test_a_study_of_adaptive_cases_has_a_row_for_each(tmp_path: Path) -> None:
+    study = tmp_path / "study.yml"
+    study.write_text(
+        "mesh: {builder: block, h: 0.5}\n"
+        "loads:\n"
+        "  tractions: [{on: top, value: [0.0, -0.01]}]\n"
+        "  displacements: [{on: left, value: [0, 0]}]\n"
+        "contact: {on: bottom}\n"
+        "adapt: {tolerance: 1.0e-3, max_meshes: 2}\n"
+        "output: {picture: false, fields: false}\n"
+        "study: {vary: {adapt.share: [0.3, 0.9]}}\n"
+    )
+    output = tmp_path / "out"
+    assert cli.main(["study", str(study), "--output", str(output)]) == 0
+    with (output / "table.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["adapt.share"] for row in rows] == ["0.3", "0.9"]
+    # Each case has the numbers of its last mesh, which is larger where more cells are marked.
+    first, second = (int(row["dofs"]) for row in rows)
+    assert 18 < first < second
+
+
+@pytest.mark.serial
+def test_an_adaptive_case_is_one_case_of_a_study(tmp_path: Path) -> None:
+    text = SMALL_BLOCK + "adapt: {tolerance: 0.2, max_meshes: 3}\n"
+    text += "output: {directory: results, fields: false, picture: false}\n"
+    (tmp_path / "study.yml").write_text(text + "study: {vary: {adapt.share: [0.3, 0.6]}}\n")
+    file = study_file.load(tmp_path / "study.yml")
+    cases = [case.parameters.adapt for case in studies.Study.of(file).cases]
+    assert [given.share for given in cases if given is not None] == [0.3, 0.6]
+
+
+@pytest.mark.serial
+def test_loop_by_the_bound_ends_below_the_tolerance_of_the_bound() -> None:
+    limits = {"tolerance": 0.35, "by": "bound"}
+    given = adaptive(
+        h=0.25, material__locking_limit=0.1, adapt=limits, certificate={"error_bound": True}
+    )
+    solution = solve(given)
+    bounds = [entry["bound"] for entry in meshes(solution)]
+    assert solution.summary["adapt"]["reached"] and bounds[-1] <= 0.35 < min(bounds[:-1])
+    # The bound is of all of the error: the estimate is below it on each mesh.
+    assert all(entry["estimate"] < entry["bound"] for entry in meshes(solution))
+
+
+@pytest.mark.serial
+def test_contributions_of_the_cells_add_up_to_the_bound() -> None:
+    given = block(2, 0.25, **LIMITLESS, certificate={"error_bound": True})
+    solution = solving.solve(given)
+    entry, field = solution.summary["certificate"]["errors"]["guaranteed"], solution.error_bound
+    assert field is not None
+    # Loads that the stress balances have no oscillation; sharpening makes the bound smaller.
+    whole = float(np.sqrt(2.0 * np.sum(field.x.array**2)))
+    assert 0.8 * whole <= entry["energy_norm"] <= whole * (1.0 + 1e-9)
+
+
+@pytest.mark.serial
+def test_the_bound_drives_the_loop_only_where_it_is_asked_for() -> None:
+    with pytest.raises(ValueError, match=r"certificate\.error_bound: true"):
+        adaptive(adapt={"by": "bound"})
+
+
+@pytest.mark.serial
+def test_section_counts_in_the_fingerprint_only_where_it_is_given() -> None:
+    plain = block()
+    assert study_file.fingerprint(plain) == study_file.fingerprint(block(adapt=None))
+    assert study_file.fingerprint(plain) != study_file.fingerprint(adaptive(h=0.1))
+
+
+@pytest.mark.serial
+def test_adapted_meshes_and_steps_exclude_each_other() -> None:
+    with pytest.raises(ValueError, match="does not go with steps"):
+        adaptive(steps={"to": 1.0, "count": 2})

@@ -1,0 +1,255 @@
+"""Checkpoints: read on any number of ranks, and complete or refused."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from saved_block import on_rank_0, parameters
+
+from contact_locking import meshes, save, study_file
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.files import atomic, ownership
+from contact_locking.process import checkpoint, solving
+from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
+
+pytestmark = pytest.mark.skipif(
+    checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
+)
+
+
+@pytest.fixture
+def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
+    """One folder for all ranks."""
+    return comm.bcast(tmp_path)
+
+
+class Values(NamedTuple):
+    """Values that no distribution changes: numbers, and columns over Gamma_C on rank 0."""
+
+    numbers: list[float]
+    columns: FloatArray
+
+    @classmethod
+    def of(cls, solution: StudySolution) -> Values:
+        summary, points = solution.summary, solution.contact_points
+        names = ("compliance", "elastic_energy", "strain_norm_max", "contact_area")
+        numbers = [summary[name] for name in names] + summary["friction_force"]
+        if points is None:
+            return cls(numbers, np.empty(0))
+        columns = (points.u_normal, points.u_tangent, points.pressure, points.traction)
+        return cls(numbers, np.column_stack([*columns, points.bound, points.state]))
+
+    def agrees(self, other: Values) -> bool:
+        """Whether all values agree up to the rounding of sums."""
+        np.testing.assert_allclose(self.numbers, other.numbers, rtol=1e-12, atol=1e-15)
+        if self.columns.size and other.columns.size:
+            np.testing.assert_allclose(self.columns, other.columns, rtol=0.0, atol=1e-14)
+        return True
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("n", [1e3, float("inf")])
+def test_a_saved_solution_is_read_as_it_was_and_solves_its_problem(
+    dim: int, n: float, folder: Path
+) -> None:
+    given = parameters(dim, penalty__n=n)
+    solution = solving.solve(given)
+    save(solution, folder)
+    again = solving.solve(given, restart=folder)
+    assert again.converged
+    assert again.summary["iterations"] == {"tangents": 0, "linear": 0, "friction": 0}
+    assert again.summary["restart"].endswith("nothing was left to do")
+    for name in ("displacement", "locking_stress", "contact_pressure", "tangential_traction"):
+        before, after = (getattr(each, name).x.array for each in (solution, again))
+        np.testing.assert_allclose(after, before, rtol=0.0, atol=1e-15 * np.abs(before).max())
+    assert Values.of(again).agrees(Values.of(solution))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_one_rank_reads_what_all_have_saved_and_all_what_one_has(dim: int, folder: Path) -> None:
+    # Says little on one rank; the other numbers of ranks are below.
+    given, alone = parameters(dim), MPI.COMM_SELF
+    together = solving.solve(given)
+    save(together, folder / "together")
+    own = solving.solve(given, alone, restart=folder / "together")
+    assert own.summary["iterations"]["tangents"] == 0
+    assert Values.of(own).agrees(Values.of(together))
+    save(own, folder / f"of rank {MPI.COMM_WORLD.rank}")
+    MPI.COMM_WORLD.Barrier()
+    back = solving.solve(given, restart=folder / "of rank 0")
+    assert back.summary["iterations"]["tangents"] == 0
+    assert Values.of(back).agrees(Values.of(together))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("ranks", "dim"),
+    [(2, 3), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((2, 2), (3, 2), (3, 3)))],
+)
+def test_other_numbers_of_ranks_read_what_one_saved_and_save_for_it(
+    dim: int, ranks: int, tmp_path: Path
+) -> None:
+    mpirun = shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("mpirun is not installed")
+    given = parameters(dim)
+    (tmp_path / "study.yml").write_text(study_file.dump(given), encoding="utf-8")
+    one = solving.solve(given)
+    save(one, tmp_path / "one")
+    words = ["run", "study.yml", "--restart", "one", "--checkpoint", "--output", "several"]
+    done = subprocess.run(
+        [mpirun, "-n", str(ranks), sys.executable, "-m", "contact_locking", *words],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    summary = json.loads((tmp_path / "several" / "summary.json").read_text())
+    # Had a value arrived at another node or cell, there would be no equilibrium.
+    assert (summary["ranks"], summary["iterations"]["tangents"]) == (ranks, 0)
+    again = solving.solve(given, restart=tmp_path / "several")
+    assert again.summary["iterations"]["tangents"] == 0
+    assert Values.of(again).agrees(Values.of(one))
+
+
+def test_bodies_without_contact_are_saved_too(folder: Path) -> None:
+    given = parameters(contact__on=[])
+    save(solving.solve(given), folder)
+    assert solving.solve(given, restart=folder).summary["iterations"]["tangents"] == 0
+    # The saved state has no contact.
+    touching = solving.solve(parameters(), restart=folder)
+    assert touching.converged
+    assert touching.summary["iterations"]["tangents"] > 0
+
+
+@pytest.fixture
+def saved(comm: MPI.Intracomm, folder: Path) -> Path:
+    """The checkpoint of a made-up solve."""
+    save(solving.solve(parameters()), folder / "run")
+    comm.Barrier()
+    return folder / "run"
+
+
+def refusal(directory: Path, given: Parameters | None = None) -> str:
+    with pytest.raises(InputError) as caught:
+        solving.solve(given or parameters(), restart=directory)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"h": 0.1}, "mesh.h was 0.2, is 0.1"),
+        ({"mesh__structured": True}, "mesh.structured was False, is True"),
+        ({"mesh__size": [1.0, 1.001]}, "mesh.size was [1.0, 1.0], is [1.0, 1.001]"),
+        ({"dim": 3}, "it is 2D with"),
+    ],
+)
+def test_a_state_of_another_mesh_is_refused_with_what_differs(
+    changes: dict[str, Any], message: str, saved: Path
+) -> None:
+    text = refusal(saved, parameters(**changes))
+    assert "is of another mesh" in text and message in text
+
+
+def test_equal_numbers_of_cells_do_not_make_the_same_mesh(
+    comm: MPI.Intracomm, folder: Path
+) -> None:
+    save(solving.solve(parameters(mesh__structured=True)), folder)
+    text = refusal(folder, parameters(mesh__structured=True, mesh__size=[1.0, 0.999]))
+    assert "its nodes lie elsewhere (mesh.size was [1.0, 1.0], is [1.0, 0.999])" in text
+
+
+def test_a_mesh_file_that_has_changed_is_refused(comm: MPI.Intracomm, folder: Path) -> None:
+    body = folder / "body.msh"
+
+    def given(h: float) -> Parameters:
+        geometry = meshes.BUILDERS["block"](h=h)
+        on_rank_0(comm, lambda: meshes.write(geometry, body))
+        return Parameters.model_validate(
+            parameters().model_dump(exclude={"mesh": True}) | {"mesh": {"file": str(body)}}
+        )
+
+    solution = solving.solve(given(0.3))
+    save(solution, folder)
+    assert solving.solve(given(0.3), restart=folder).summary["iterations"]["tangents"] == 0
+    assert "the mesh file is another one or has changed" in refusal(folder, given(0.2))
+
+
+def test_a_folder_without_a_checkpoint_is_refused_with_the_way_to_one(folder: Path) -> None:
+    assert "there is no folder" in refusal(folder / "nowhere")
+    assert "contact-locking run --checkpoint" in refusal(folder)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("format", 99, "format 99, and contact_locking"),
+        ("degree", 2, "elements of degree 2, and the study has degree 1"),
+        ("limit_at", "gauss", "limit at gauss, and the study has the limit at vertices"),
+        ("cells", "many", "is damaged"),
+        ("files", 7, "is damaged"),
+        ("mesh", None, "is damaged"),
+    ],
+)
+def test_a_record_that_does_not_fit_is_refused(
+    key: str, value: Any, message: str, saved: Path, comm: MPI.Intracomm
+) -> None:
+    path = checkpoint.locate(saved) / "record.json"
+
+    def change() -> None:
+        path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
+
+    on_rank_0(comm, change)
+    assert message in refusal(saved)
+
+
+def test_a_record_that_is_no_json_is_refused(saved: Path, comm: MPI.Intracomm) -> None:
+    path = checkpoint.locate(saved) / "record.json"
+    for text in ("", "{", "[1]", "[" * 100_000):
+        on_rank_0(comm, partial(path.write_text, text))
+        assert "is damaged" in refusal(saved)
+
+
+def test_fields_that_are_not_complete_are_refused(saved: Path, comm: MPI.Intracomm) -> None:
+    path = checkpoint.locate(saved) / "state.bp" / "data.0"
+    content = path.read_bytes()
+    comm.Barrier()
+    changed = bytes([content[0] ^ 1]) + content[1:]
+    for text, message in ((content[:-7], "bytes, not"), (changed, "its content has changed")):
+        on_rank_0(comm, partial(path.write_bytes, text))
+        assert message in refusal(saved)
+    on_rank_0(comm, path.unlink)
+    assert "there is no" in refusal(saved)
+
+
+def full(folder: Path, _: int) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
+
+
+def test_a_save_that_fails_leaves_the_earlier_one(
+    saved: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solution = solving.solve(parameters(friction__coefficient=0.1))
+    monkeypatch.setattr(atomic, "require_room", full)
+    with pytest.raises(ContactLockingError, match="No space left"):
+        save(solution, saved)
+    comm.Barrier()
+    assert {path.name for path in saved.iterdir()} == {ownership.LIST, "checkpoint"}
+    monkeypatch.undo()
+    assert solving.solve(parameters(), restart=saved).summary["iterations"]["tangents"] == 0

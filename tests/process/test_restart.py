@@ -1,0 +1,175 @@
+"""A restart never changes what is found, only the way there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mpi4py import MPI
+from problems import block
+
+from contact_locking import save
+from contact_locking.process import checkpoint, solving
+from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
+
+pytestmark = pytest.mark.skipif(
+    checkpoint.unavailable() is not None, reason=str(checkpoint.unavailable())
+)
+
+
+@pytest.fixture
+def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
+    """One folder for all ranks."""
+    return comm.bcast(tmp_path)
+
+
+def given(method: str, dim: int = 2, load: float = 1.0, **changes: Any) -> Parameters:
+    """The model case with its traction times ``load``."""
+    pull = [0.03 * load, *[0.0] * (dim - 2), -0.05 * load]
+    loads = {
+        "tractions": [{"on": "top", "value": pull}],
+        "displacements": [{"on": "left", "value": [0.0] * dim}],
+    }
+    h = 0.1 if dim == 2 else 0.34
+    return block(dim, h, **{"solver__method": method, "loads": loads, **changes})
+
+
+def tangents(solution: StudySolution) -> int:
+    return int(solution.summary["iterations"]["tangents"])
+
+
+def agree(one: StudySolution, other: StudySolution, digits: float = 1e-8) -> bool:
+    assert one.converged and other.converged, (one.summary["reason"], other.summary["reason"])
+    for key in ("compliance", "elastic_energy", "strain_norm_max"):
+        assert one.summary[key] == pytest.approx(other.summary[key], rel=digits), key
+    for key in ("contact_force", "friction_force"):
+        assert one.summary[key] == pytest.approx(other.summary[key], rel=10 * digits, abs=1e-9), key
+    return True
+
+
+CHANGES: dict[str, dict[str, Any]] = {
+    "n": {"penalty__n": 1e4},
+    "epsilon": {"penalty__epsilon": 1e-4},
+    "load": {"load": 1.1},
+    "friction": {"friction__coefficient": 0.33},
+    "slip-dependent friction": {"friction__coefficient": "0.3 - 0.1*s/(s + 0.01)"},
+    "smoothing": {"friction__smoothing": {"kernel": "helmholtz", "radius": 0.2}},
+    "limit": {"material__locking_limit": 0.03},
+    "no limit": {"material__locking_limit": float("inf")},
+    "gap": {"contact__gap": 1e-3},
+    "other side": {"load": -1.0},
+    "no friction": {"friction__coefficient": 0.0},
+    "no contact": {"contact__on": []},
+}
+
+
+@pytest.mark.parametrize(
+    "method", ["interior_point", pytest.param("newton", marks=pytest.mark.slow)]
+)
+def test_a_restart_after_any_change_finds_what_a_cold_start_finds(
+    method: str, folder: Path
+) -> None:
+    save(solving.solve(given(method)), folder)
+    for name, changes in CHANGES.items():
+        changed = given(method, **changes)
+        restarted = solving.solve(changed, restart=folder)
+        assert tangents(restarted) > 0, name
+        assert agree(restarted, solving.solve(changed)), name
+
+
+@pytest.mark.parametrize("method", ["interior_point", "newton"])
+def test_a_restart_in_3d_finds_what_a_cold_start_finds(method: str, folder: Path) -> None:
+    save(solving.solve(given(method, 3)), folder)
+    changed = given(method, 3, friction__coefficient=0.33)
+    restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
+    assert agree(restarted, cold)
+    assert 0 < tangents(restarted) < tangents(cold)
+
+
+@pytest.mark.parametrize("n", [1e8, float("inf")])
+def test_the_inequality_is_solved_from_nothing_unless_it_is_solved_already(
+    n: float, folder: Path
+) -> None:
+    save(solving.solve(given("auto", penalty__n=n)), folder)
+    assert tangents(solving.solve(given("auto", penalty__n=n), restart=folder)) == 0
+    # Without a limit, or friction, the saved stresses would still be in equilibrium.
+    for name in ("friction", "no limit", "no friction", "gap"):
+        changed = given("auto", penalty__n=n, **CHANGES[name])
+        restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
+        assert restarted.summary["restart"].startswith("from nothing"), name
+        assert agree(restarted, cold, 1e-12), name
+        assert tangents(restarted) == tangents(cold), name
+
+
+def test_newton_goes_on_with_the_penalties_of_the_saved_state(folder: Path) -> None:
+    save(solving.solve(given("newton")), folder)
+    changed = given("newton", penalty__n=1e4)
+    restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
+    assert tangents(restarted) < 0.7 * tangents(cold)
+    stages = [stage["n"] for stage in restarted.summary["stages"]]
+    assert stages == pytest.approx([1e3, 1e4])
+
+
+def test_newton_starts_from_nothing_where_a_saved_state_leads_nowhere(folder: Path) -> None:
+    save(solving.solve(given("newton", penalty__n=1e5)), folder)
+    # Few steps at a time: those from the other side of the problem do not suffice.
+    changed = given("newton", load=-1.0, penalty__n=1e5, solver__max_iterations=12)
+    restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
+    assert restarted.summary["restart"].startswith("from nothing")
+    assert agree(restarted, cold, 1e-12)
+    assert restarted.summary["stages"] == cold.summary["stages"]
+    assert tangents(restarted) > tangents(cold)
+
+
+def test_what_a_solve_reached_that_stopped_early_is_gone_on_from(folder: Path) -> None:
+    stopped = solving.solve(given("newton", solver__max_friction_updates=2))
+    assert not stopped.converged
+    save(stopped, folder)
+    restarted, cold = solving.solve(given("newton"), restart=folder), solving.solve(given("newton"))
+    assert agree(restarted, cold)
+    assert 0 < tangents(restarted) < 0.5 * tangents(cold)
+
+
+def test_a_small_change_is_no_reason_to_keep_the_old_solution(folder: Path) -> None:
+    # Where the certificate would still accept it, a solver goes on.
+    save(solving.solve(given("auto")), folder)
+    small: tuple[dict[str, Any], ...] = (
+        {"friction__coefficient": 0.3 * (1 + 3e-7)},
+        {"penalty__n": 1e3 * (1 + 1e-4)},
+    )
+    for changes in small:
+        restarted = solving.solve(given("auto", **changes), restart=folder)
+        assert tangents(restarted) > 0
+        assert agree(restarted, solving.solve(given("auto", **changes)), 1e-9)
+
+
+@pytest.mark.parametrize("changes", [{"load": 1.01}, {"friction__coefficient": 0.33}])
+def test_a_small_change_takes_newton_half_of_the_tangents_at_most(
+    changes: dict[str, Any], folder: Path
+) -> None:
+    # Many cells are at the edge of locking on a mesh as fine as this.
+    fine: dict[str, Any] = {"mesh__h": 1 / 32, "penalty__n": 1e4}
+    save(solving.solve(given("auto", **fine)), folder)
+    changed = given("auto", **fine, **changes)
+    restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
+    assert restarted.summary["restart"].startswith("from the state")
+    assert agree(restarted, cold)
+    assert 2 * tangents(restarted) <= tangents(cold)
+
+
+def test_settings_of_the_solver_are_no_reason_to_solve_again(folder: Path) -> None:
+    save(solving.solve(given("auto")), folder)
+    for settings in ({"method": "newton"}, {"friction": "nested"}, {"linear": "iterative"}):
+        assert tangents(solving.solve(given("auto", solver=settings), restart=folder)) == 0
+
+
+def test_a_sharper_tolerance_is_reached_from_the_saved_state(folder: Path) -> None:
+    coarse, fine = (
+        {"method": "newton", "tolerance": 10.0**-k, "friction_tolerance": 10.0**-k} for k in (2, 9)
+    )
+    save(solving.solve(given("auto", solver=coarse)), folder)
+    restarted = solving.solve(given("auto", solver=fine), restart=folder)
+    assert 0 < tangents(restarted) < 10
+    assert agree(restarted, solving.solve(given("auto", solver=fine)))

@@ -1,0 +1,192 @@
+"""The folder of a process: its files, and how a run goes on that was killed."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import block
+
+from contact_locking import InputError, Parameters, save, solve_steps, study_file
+from contact_locking.extras import report
+from contact_locking.files import ownership
+from contact_locking.monitor import Monitor
+from contact_locking.results.history import History, read_history
+from contact_locking.running.process import run_steps
+
+RUN = """
+import os, signal, sys
+from contact_locking import load
+from contact_locking.files import ownership
+from contact_locking.monitor import Monitor
+from contact_locking.running.process import run_steps
+
+class Killing(Monitor):
+    def step(self, number, left, time, seconds_left):
+        if number == 3:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+run_steps(load(sys.argv[1]).parameters, sys.argv[2], monitor=Killing())
+"""
+FILES = {
+    ownership.LIST,
+    "summary.json",
+    "parameters.yaml",
+    "contact.csv",
+    "contact_facets.csv",
+    "history.csv",
+    "fields.bp",
+}
+# What a run measures of itself, or of rounding.
+ITS_OWN = {"seconds", "tangents", "linear", "residual", "energy_defect", "nearest_criterion"}
+
+
+def sheared(**changes: Any) -> Parameters:
+    given: dict[str, Any] = {
+        "h": 0.25,
+        "loads": {
+            "displacements": [{"on": "top", "value": ["0.02*sin(6*t)", "-0.02*min(4*t, 1)"]}]
+        },
+        "steps": {"to": 1.0, "count": 5},
+        "friction__coefficient": "0.3 + 0.1*exp(-s/0.01)",
+        "material__locking_limit": 0.04,
+        "penalty__n": math.inf,
+        "output": {"picture": False},
+    }
+    return block(**(given | changes))
+
+
+def shared(path: Path) -> Path:
+    return Path(MPI.COMM_WORLD.bcast(path))
+
+
+def history_in(folder: Path) -> History:
+    return read_history((folder / "history.csv").read_text(), "history.csv")
+
+
+def assert_same(a: History, b: History) -> None:
+    assert a.columns == b.columns and len(a) == len(b)
+    for name in set(a.columns) - ITS_OWN:
+        size = np.abs(a.column(name)).max()
+        assert np.allclose(a.column(name), b.column(name), rtol=1e-6, atol=1e-7 * size + 1e-12), (
+            name
+        )
+
+
+def test_a_tool_that_gets_behind_the_body_halves_the_step_and_leaves_the_steps_before(
+    tmp_path: Path,
+) -> None:
+    """The centre of the tool enters the body at t = 0.6, where the way out turns round."""
+    folder = shared(tmp_path)
+    disc = {"sphere": {"centre": [0.5, 1.6], "radius": 0.5}, "motion": [0.0, "-t"]}
+    given = block(
+        h=0.5,
+        loads={"displacements": [{"on": "bottom", "value": [0.0, 0.0]}]},
+        material__locking_limit=math.inf,
+        contact={"on": "top", "foundation": disc},
+        penalty__n=math.inf,
+        steps={"times": [0.5, 0.75, 1.0], "least": 0.06},
+        output={"picture": False, "fields": False},
+    )
+    with pytest.raises(InputError, match=r"at t = 0.625 the foundation lies behind") as caught:
+        run_steps(given, folder)
+    assert caught.value.key == "contact.foundation"
+    assert history_in(folder).column("t") == pytest.approx([0.5, 0.5625])
+    summary = json.loads((folder / "summary.json").read_text())
+    assert not summary["converged"]
+    assert summary["reason"].startswith("contact.foundation: at t = 0.625 the foundation lies")
+    halved = [text for text in summary["warnings"] if "it is halved" in text]
+    assert halved[0] == "the step to t = 0.75 takes contact.foundation too far; it is halved"
+    assert len(halved) == summary["steps"]["halvings"]
+
+
+class Interrupting(Monitor):
+    """Stops a run as Ctrl-C does, when a step begins."""
+
+    def __init__(self, at: int) -> None:
+        self.at, self.numbers = at, []
+
+    numbers: list[int]
+
+    def step(self, number: int, left: int, time: float, seconds_left: float | None) -> None:
+        self.numbers.append(number)
+        if number == self.at:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("fields", [True, False])
+def test_a_stopped_run_goes_on_from_its_last_complete_step(fields: bool, tmp_path: Path) -> None:
+    folder = shared(tmp_path)
+    parameters = sheared(output={"picture": False, "fields": fields})
+    run_steps(parameters, folder / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        run_steps(parameters, folder / "cut", monitor=Interrupting(4))
+    going_on = Interrupting(-1)
+    run_steps(parameters, folder / "cut", monitor=going_on)
+    assert going_on.numbers == [4, 5]
+    assert_same(history_in(folder / "whole"), history_in(folder / "cut"))
+    for name in ("whole", "cut"):
+        kept = FILES if fields else FILES - {"fields.bp"}
+        assert {path.name for path in (folder / name).iterdir()} == kept
+    whole, cut = (
+        np.genfromtxt(folder / name / "contact.csv", delimiter=",", usecols=range(8), skip_header=1)
+        for name in ("whole", "cut")
+    )
+    assert np.allclose(whole, cut, rtol=1e-5, atol=1e-8)
+
+
+@pytest.mark.serial
+def test_a_killed_run_goes_on_from_its_last_complete_step(tmp_path: Path) -> None:
+    parameters = sheared()
+    file, folder = tmp_path / "study.yml", tmp_path / "out"
+    file.write_text(study_file.dump(parameters))
+    folder.mkdir()
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", RUN, str(file), str(folder)], check=False, env=environment
+    )
+    assert done.returncode == -9 and not (folder / "summary.json").exists()
+    going_on = Interrupting(-1)
+    run_steps(parameters, folder, monitor=going_on)
+    assert going_on.numbers == [3, 4, 5]
+    whole = list(solve_steps(parameters))[-1]
+    assert_same(whole.history, history_in(folder))
+    report.write(folder)
+    charts = {path.stem for path in (folder / "report").glob("*.svg")}
+    assert {"history-forces", "history-areas", "history-work"} <= charts
+
+
+def test_saved_steps_of_other_parameters_are_not_used(tmp_path: Path) -> None:
+    folder = shared(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        run_steps(sheared(), folder / "out", monitor=Interrupting(3))
+    other = Interrupting(-1)
+    run_steps(sheared(friction__coefficient=0.2), folder / "out", monitor=other)
+    assert other.numbers == [1, 2, 3, 4, 5]
+
+
+def test_a_process_goes_on_from_a_saved_step_with_more_steps(tmp_path: Path) -> None:
+    folder = shared(tmp_path)
+    *_, last = solve_steps(sheared(steps={"times": [0.2, 0.4, 0.6]}))
+    save(last, folder)
+    more = list(solve_steps(sheared(), restart=folder))
+    assert [round(solution.time, 9) for solution in more] == [0.6, 0.8, 1.0]
+    *_, whole = solve_steps(sheared())
+    assert_same(whole.history, more[-1].history)
+
+
+def test_a_process_does_not_go_on_from_a_static_solution(tmp_path: Path) -> None:
+    folder = shared(tmp_path)
+    loads = {"displacements": [{"on": "top", "value": [0.01, -0.02]}]}
+    (static,) = solve_steps(sheared(steps=None, loads=loads))
+    save(static, folder)
+    with pytest.raises(InputError, match="no checkpoint of a step"):
+        list(solve_steps(sheared(), restart=folder))

@@ -1,0 +1,253 @@
+"""Distances between solutions, fitted rates, and what the studies of demos/studies find."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from mpi4py import MPI
+from problems import block
+
+from contact_locking import load, study_file
+from contact_locking.convergence import distance, fitted_rate, norms, on_mesh_of, read_table
+from contact_locking.errors import InputError
+from contact_locking.extras.pictures.rates import Curve, Panel, rate_plot
+from contact_locking.mesh import domain as domains
+from contact_locking.mesh.domain import Domain
+from contact_locking.meshes.block import Block
+from contact_locking.process import solving
+from contact_locking.results.solution import StudySolution
+
+STUDIES = Path(__file__).parents[2] / "demos" / "studies"
+MEASURED = "penalty_measured"
+
+
+def grid(divisions: int, dim: int = 2, edge: float = 1.0) -> Domain:
+    shape = Block(dim=dim, size=(edge,) * dim, h=edge / divisions, structured=True)
+    return domains.from_geometry(shape, MPI.COMM_WORLD)
+
+
+def field(domain: Domain, power: int) -> fem.Function:
+    """``((x + y)^power, 0, ...)``."""
+    u = fem.Function(fem.functionspace(domain.mesh, ("P", 1, (domain.dim,))))
+
+    def value(x: Any) -> Any:
+        found = 0.0 * x[: domain.dim]
+        found[0] = (x[0] + x[1]) ** power
+        return found
+
+    u.interpolate(value)
+    u.x.scatter_forward()
+    return u
+
+
+def solved(divisions: int, comm: MPI.Intracomm = MPI.COMM_WORLD, **changes: Any) -> StudySolution:
+    given = {"penalty__n": math.inf, "mesh__structured": True, **changes}
+    solution = solving.solve(block(2, 1.0 / divisions, **given), comm)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+def test_the_rate_of_a_power_is_its_exponent() -> None:
+    assert fitted_rate([1.0, 0.1, 0.01], [3.0, 0.03, 0.0003]) == pytest.approx(2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "errors"), [([1.0], [1.0]), ([1.0, 0.5], [1.0]), ([1.0, 0.5], [1.0, 0.0])]
+)
+def test_no_rate_without_two_errors_above_zero(sizes: list[float], errors: list[float]) -> None:
+    with pytest.raises(ValueError, match="a rate takes"):
+        fitted_rate(sizes, errors)
+
+
+def test_norms_of_a_known_field_are_exact() -> None:
+    domain = grid(4)
+    found = norms(field(domain, 1), domain, ("bottom",))
+    exact = math.sqrt(1.5), math.sqrt(7.0 / 6.0), math.sqrt(1.0 / 3.0)
+    assert (found.v, found.l2, found.contact) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_coarse_field_is_the_same_on_a_nested_grid(dim: int) -> None:
+    coarse, fine = grid(2, dim), grid(6, dim)
+    u = field(coarse, 2)
+    there = norms(on_mesh_of(u, field(fine, 1)), fine, ("bottom",))
+    here = norms(u, coarse, ("bottom",))
+    assert (there.v, there.l2) == pytest.approx((here.v, here.l2), rel=1e-12)
+    assert there.contact == pytest.approx(here.contact, rel=1e-12)
+
+
+def test_a_reference_that_reaches_beyond_the_other_mesh_is_refused() -> None:
+    with pytest.raises(ValueError, match="reaches beyond"):
+        on_mesh_of(field(grid(2), 1), field(grid(2, edge=2.0), 1))
+
+
+def test_a_solution_has_no_distance_to_itself() -> None:
+    solution = solved(8)
+    found = distance(solution, solution)
+    assert (found.v, found.l2, found.contact) == (0.0, 0.0, 0.0)
+
+
+def test_the_distance_of_two_solutions_does_not_depend_on_the_ranks() -> None:
+    both = distance(solved(4), solved(8))
+    alone = distance(solved(4, MPI.COMM_SELF), solved(8, MPI.COMM_SELF))
+    assert (both.v, both.l2) == pytest.approx((alone.v, alone.l2), rel=1e-6)
+    assert both.contact == pytest.approx(alone.contact, rel=1e-6)
+
+
+def test_the_distance_on_one_mesh_is_that_of_the_certificate() -> None:
+    soft = solved(8, penalty__n=1e2, certificate__limit=True)
+    measured = soft.summary["certificate"]["errors"][MEASURED]["displacement_norm"]
+    assert distance(soft, solved(8)).v == pytest.approx(measured, rel=1e-6)
+
+
+def measured_rate(key: str, values: list[float], **changes: Any) -> float:
+    """The rate of the distance to the solution of the inequality on the same mesh."""
+    given = {"certificate__limit": True, **changes}
+    runs = [solved(8, **{**given, f"penalty__{key}": value}) for value in values]
+    errors = [run.summary["certificate"]["errors"][MEASURED] for run in runs]
+    return fitted_rate(values, [error["displacement_norm"] for error in errors])
+
+
+@pytest.mark.serial
+def test_theorem_4_9_the_locking_penalty_alone_has_rate_one_on_one_mesh() -> None:
+    rate = measured_rate("n", [1e3, 1e4, 1e5], penalty__epsilon=1e-12)
+    assert rate == pytest.approx(-1.0, abs=0.1)
+
+
+@pytest.mark.serial
+def test_theorem_4_9_the_contact_penalty_alone_has_rate_one_on_one_mesh() -> None:
+    rate = measured_rate("epsilon", [1e-3, 1e-4, 1e-5], friction__coefficient=0.0)
+    assert rate == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.serial
+def test_theorem_4_9_the_regularisation_of_friction_is_slower_than_the_contact_penalty() -> None:
+    values = [1e-4, 1e-5, 1e-6]
+    changes = ["mesh.h=0.0625", "penalty.n=.inf"]
+    runs = [
+        solving.solve(
+            load(STUDIES / "theorem_4_9.yml", [*changes, f"penalty.epsilon={e}"]).parameters
+        )
+        for e in values
+    ]
+    errors = [run.summary["certificate"]["errors"][MEASURED] for run in runs]
+    rate = fitted_rate(values, [error["displacement_norm"] for error in errors])
+    assert rate == pytest.approx(0.7, abs=0.15)
+
+
+@pytest.mark.serial
+def test_theorem_4_9_the_bounds_hold_and_the_penalties_fall_with_rate_one_on_one_mesh() -> None:
+    sizes = [1e3, 1e4, 1e5]
+    bounds = [solved(8, penalty__n=n).summary["bounds"] for n in sizes]
+    assert all(entry["holds"] for found in bounds for entry in found.values())
+    for name in ("locking_penalty", "contact_penalty"):
+        rate = fitted_rate(sizes, [found[name]["value"] for found in bounds])
+        assert rate == pytest.approx(-1.0, abs=0.1)
+
+
+@pytest.mark.serial
+def test_the_locking_stress_settles_in_l1_and_grows_in_l2_and_at_its_peak() -> None:
+    study = script("locking_stress")
+    found = [study.norms(study.solved(divisions)) for divisions in (16, 32, 64)]
+    l1, square, peak = (np.array([row[k] for row in found]) for k in ("l1", "l2_squared", "max"))
+    assert np.diff(l1)[1] < 0.6 * np.diff(l1)[0]
+    # Like log(1/h): from each grid to the next by as much again.
+    assert np.diff(square)[1] == pytest.approx(np.diff(square)[0], rel=0.3)
+    assert np.diff(square)[1] > 0.2 * square[0]
+    assert peak[1:] / peak[:-1] == pytest.approx(2.0, rel=0.15)
+    for row in found:
+        assert np.abs(np.subtract(row["at"], [0.0, 1.0])).max() < row["h"]
+
+
+@pytest.mark.serial
+def test_theorem_4_10_the_inequality_converges_with_the_mesh_alone() -> None:
+    reference = solved(96)
+    divisions = [6, 12, 24]
+    errors = [distance(solved(d), reference) for d in divisions]
+    sizes = [1.0 / d for d in divisions]
+    assert fitted_rate(sizes, [error.v for error in errors]) == pytest.approx(0.9, abs=0.2)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("path", sorted(STUDIES.glob("*.yml")), ids=lambda path: path.stem)
+def test_every_study_can_be_run(path: Path) -> None:
+    study = study_file.load(path, []).parameters.study
+    assert study is not None
+    assert len(list(study.cases())) >= 6
+
+
+def script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, STUDIES / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("name", "words", "smaller"),
+    [
+        pytest.param(
+            "theorem_4_10",
+            ["--finest", "16"],
+            {"DIVISIONS": (2, 4, 8), "EXPONENTS": (1.0, 2.0)},
+            marks=pytest.mark.slow,
+        ),
+        ("local_friction", ["--divisions", "10"], {"RADII": (0.4, 0.2)}),
+        ("locking_stress", ["--finest", "16"], {"COARSEST": 4}),
+    ],
+)
+def test_script_writes_a_table_that_can_be_drawn(
+    name: str,
+    words: list[str],
+    smaller: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    study, figures = script(name), script("figures")
+    for key, value in {"RESULTS": tmp_path / name, **smaller}.items():
+        monkeypatch.setattr(study, key, value)
+    monkeypatch.setattr(sys, "argv", [name, *words])
+    study.main()
+    monkeypatch.setattr(figures, "RESULTS", tmp_path)
+    panels = figures.FIGURES[name]()
+    rates = [curve.rate for panel in panels for curve in panel.curves if curve.fitted]
+    assert rates and all(math.isfinite(rate) for rate in rates)
+    rate_plot(panels, tmp_path / "figure.svg")
+    assert (tmp_path / "figure.svg").stat().st_size > 10_000
+
+
+@pytest.mark.serial
+def test_a_figure_shows_the_rates_and_is_the_same_each_time(tmp_path: Path) -> None:
+    curve = Curve("error", [0.1, 0.01, 0.001], [5.0, 0.1, 0.001], fitted=2)
+    assert curve.text == "error:  2.00"
+    assert Curve("error", [0.1], [1.0]).text == "error"
+    panel = Panel("title", "h", "error", [curve, Curve("bound", [0.1, 1.0], [1, 1], plain=True)])
+    for name in ("one.svg", "two.svg"):
+        rate_plot([panel], tmp_path / name)
+    assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
+
+
+@pytest.mark.serial
+def test_a_study_that_has_not_run_has_no_table(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="run its study first"):
+        read_table(tmp_path)
+
+
+@pytest.mark.serial
+def test_the_studies_of_one_theorem_differ_in_what_they_say_only() -> None:
+    # The reference of separate_penalties.yml and theorem_4_10.py is the problem of theorem_4_9.yml.
+    first, other = (
+        load(STUDIES / f"{name}.yml").parameters for name in ("theorem_4_9", "separate_penalties")
+    )
+    for section in ("material", "loads", "contact", "friction"):
+        assert getattr(first, section) == getattr(other, section)

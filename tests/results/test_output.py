@@ -1,0 +1,258 @@
+"""The files of a run: complete, exact, and all or nothing."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from problems import block
+from solutions import made_up
+
+from contact_locking import solve, study_file
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.extras import pictures
+from contact_locking.files import ownership
+from contact_locking.results import fields, output_folder, xdmf
+from contact_locking.results.solution import StudySolution
+from contact_locking.running import writing
+
+TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv", ownership.LIST}
+FILES = TEXTS | {"fields.bp", "snapshot.npz", "picture.png"}
+
+
+@pytest.fixture
+def folder(comm: MPI.Intracomm, tmp_path: Path) -> Path:
+    """One folder for all ranks."""
+    return comm.bcast(tmp_path)
+
+
+def listing(folder: Path, comm: MPI.Intracomm) -> set[str]:
+    comm.Barrier()
+    names = {path.name for path in folder.iterdir()}
+    comm.Barrier()
+    return names
+
+
+def test_a_run_leaves_the_promised_files_and_nothing_else(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    assert writing.write(made_up(), folder / "new" / "results") == []
+    assert listing(folder / "new" / "results", comm) == FILES
+
+
+def test_a_second_run_leaves_nothing_of_the_first(folder: Path, comm: MPI.Intracomm) -> None:
+    writing.write(made_up(), folder)
+    writing.write(made_up(), folder)
+    assert listing(folder, comm) == FILES
+    writing.write(made_up(output={"fields": False, "picture": False}), folder)
+    assert listing(folder, comm) == TEXTS
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_fields_are_written_without_loss(dim: int) -> None:
+    solution = made_up(dim)
+    copies = {function.name: function for function in fields.discontinuous(solution)}
+    for name in fields.FIELD_NAMES:
+        difference = copies[name] - getattr(solution, name)
+        error = fem.assemble_scalar(fem.form(ufl.inner(difference, difference) * ufl.dx))
+        assert error < 1e-28, name
+    assert set(np.unique(copies["contact_state"].x.array)) <= {0.0, 1.0, 2.0}
+
+
+def test_the_vtx_file_holds_every_field_by_name(folder: Path, comm: MPI.Intracomm) -> None:
+    writing.write(made_up(), folder)
+    comm.Barrier()
+    metadata = (folder / "fields.bp" / "md.0").read_bytes()
+    for name in fields.FIELD_NAMES:
+        assert f'Name="{name}"'.encode() in metadata
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_contact_csv_has_a_row_per_point_in_order(
+    dim: int, folder: Path, comm: MPI.Intracomm
+) -> None:
+    solution = made_up(dim, output={"picture": False})
+    writing.write(solution, folder)
+    if comm.rank != 0:
+        return
+    points = solution.contact_points
+    assert points is not None
+    with (folder / "contact.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    axes = "xyz"[:dim]
+    assert list(rows[0]) == [
+        *axes,
+        "u_normal",
+        *(f"u_tangent_{a}" for a in axes),
+        "gap",
+        "pressure",
+        *(f"traction_tangent_{a}" for a in axes),
+        "bound",
+        "state",
+        *(f"normal_{a}" for a in axes),
+        "contact",
+    ]
+    assert len(rows) == len(points.x)
+    for column, values in {
+        "x": points.x[:, 0],
+        "u_normal": points.u_normal,
+        "u_tangent_x": points.u_tangent[:, 0],
+        "pressure": points.pressure,
+        "traction_tangent_x": points.traction[:, 0],
+        "bound": points.bound,
+        f"normal_{axes[-1]}": points.normal[:, -1],
+    }.items():
+        # Written with all digits.
+        assert [float(row[column]) for row in rows] == list(values)
+    assert {row["state"] for row in rows} == {"open", "stick", "slip"}
+    assert rows[-1]["state"] == "slip"
+    facets = np.loadtxt(folder / "contact_facets.csv", delimiter=",", skiprows=1, dtype=int)
+    assert facets.shape == ((4, 2) if dim == 2 else (32, 3))
+    assert sorted(set(facets.ravel())) == list(range(len(rows)))
+
+
+def test_contact_csv_of_a_body_without_contact_is_a_header(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    writing.write(made_up(contact=False), folder)
+    comm.Barrier()
+    for name in ("contact.csv", "contact_facets.csv"):
+        assert (folder / name).read_text().count("\n") == 1
+
+
+def test_the_summary_is_json_that_says_what_is_not_finite(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    writing.write(made_up(), folder)
+    comm.Barrier()
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    summary = json.loads((folder / "summary.json").read_text(), parse_constant=refuse)
+    assert summary["converged"] is True
+    assert summary["contact_force"] == [0.0, 0.125]
+    assert summary["bounds"]["one"]["bound"] is None
+    assert summary["not_finite"] == {"bounds.one.bound": "inf"}
+
+
+def test_the_parameters_load_back_equal(folder: Path, comm: MPI.Intracomm) -> None:
+    solution = made_up()
+    writing.write(solution, folder)
+    comm.Barrier()
+    assert study_file.load(folder / "parameters.yaml").parameters == solution.parameters
+
+
+def test_a_writable_folder_is_found_so_and_left_as_it_was(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    output_folder.prepare(folder / "a" / "b", comm)
+    assert listing(folder, comm) == set()
+
+
+def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(
+    folder: Path, comm: MPI.Intracomm
+) -> None:
+    if comm.rank == 0:
+        (folder / "file").write_text("in the way")
+    with pytest.raises(InputError, match="cannot be written to") as caught:
+        output_folder.prepare(folder / "file" / "results", comm)
+    assert caught.value.key == "output.directory"
+    assert listing(folder, comm) == {"file"}
+
+
+def test_a_full_disk_leaves_the_earlier_results_alone(
+    folder: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writing.write(made_up(), folder)
+    comm.Barrier()
+    before = (folder / "summary.json").read_bytes()
+
+    def fail(_: object) -> str:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(study_file, "dump", fail)
+    changed = made_up()
+    changed.summary["dofs"] = -1
+    with pytest.raises(ContactLockingError, match=r"No space left on device.*\n.*room"):
+        writing.write(changed, folder)
+    assert listing(folder, comm) == FILES
+    assert (folder / "summary.json").read_bytes() == before
+
+
+def test_a_picture_that_cannot_be_drawn_is_a_warning_and_the_rest_is_there(
+    folder: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(solution: StudySolution, folder: Path) -> str:
+        return "no picture was drawn: no fonts"
+
+    monkeypatch.setattr(pictures, "picture", fail)
+    assert writing.write(made_up(), folder) == ["no picture was drawn: no fonts"]
+    assert listing(folder, comm) == FILES - {"picture.png", "snapshot.npz"}
+
+
+def test_fields_can_be_written_as_xdmf(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    folder = comm.bcast(tmp_path)
+    wanted = {"formats": ["xdmf"], "picture": False, "directory": "r"}
+    solution = made_up(2, output=wanted)
+    writing.write(solution, folder)
+    if comm.rank != 0:
+        return
+    assert not (folder / "fields.bp").exists()
+    root = ElementTree.parse(folder / "fields.xdmf").getroot()
+    found = {item.get("Name"): item for item in root.iter("Attribute")}
+    assert set(found) == set(fields.FIELD_NAMES)
+    assert found["displacement"].get("Center") == "Node"
+    assert found["strain_norm"].get("Center") == "Cell"
+    data = found["strain_norm"].find("DataItem")
+    assert data is not None and data.text is not None and data.text.startswith("fields.h5:")
+    assert int(data.get("Dimensions", "").split()[0]) == solution.domain.num_cells
+
+
+def test_an_xdmf_file_of_quadratic_elements_has_all_nodes(
+    tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    folder = comm.bcast(tmp_path)
+    wanted = {"formats": ["xdmf"], "picture": False}
+    solution = solve(block(2, 0.5, discretisation={"degree": 2}, output=wanted), comm)
+    writing.write(solution, folder)
+    nodes = solution.displacement.function_space.dofmap.index_map.size_global
+    if comm.rank != 0:
+        return
+    root = ElementTree.parse(folder / "fields.xdmf").getroot()
+    (topology,) = root.iter("Topology")
+    assert topology.get("TopologyType") == "Triangle_6"
+    found = {item.get("Name"): item for item in root.iter("Attribute")}
+    assert set(found) == set(fields.FIELD_NAMES)
+    (data,) = found["displacement"]
+    assert data.get("Dimensions") == f"{nodes} 3"
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_functions_keep_their_values_on_the_quadratic_mesh(dim: int, comm: MPI.Intracomm) -> None:
+    mesh = made_up(dim).domain.mesh
+
+    def quadratic(x: FloatArray) -> FloatArray:
+        return np.vstack([x[0] ** 2 - x[1], *[x[0] * x[dim - 1] + 1.0] * (dim - 1)])
+
+    given = fem.Function(fem.functionspace(mesh, ("P", 2, (dim,))), name="u")
+    given.interpolate(quadratic)
+    cells = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    cells.interpolate(lambda x: x[0] - 2.0 * x[1])
+    target = xdmf.quadratic(given.function_space)
+    nodal, constant = (xdmf.on_the_same_cells(one, target) for one in (given, cells))
+    assert nodal.name == "u"
+    for moved, function in ((nodal, quadratic), (constant, lambda x: x[0] - 2.0 * x[1])):
+        x = moved.function_space.tabulate_dof_coordinates().T
+        width = moved.function_space.dofmap.bs
+        expected = np.atleast_2d(function(x)).T
+        assert moved.x.array.reshape(-1, width) == pytest.approx(expected, abs=1e-12)

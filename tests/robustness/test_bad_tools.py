@@ -1,0 +1,284 @@
+"""Tools that are refused, each with what is wrong and how it would be right, or warned of."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from problems import block
+from tool_files import ascii_stl, ball, binary_stl, box
+
+from contact_locking import InputError
+from contact_locking.arrays import FloatArray
+from contact_locking.mesh.file.tool_surface import LARGEST_FILE, checked, read_stl
+from contact_locking.study.assembly import assemble
+from contact_locking.study_file import from_mapping
+
+pytestmark = pytest.mark.serial
+
+BELOW = box([-1.0, -1.0, -1.0], [2.0, 2.0, -0.005])
+
+
+def warned(foundation: dict[str, Any], dim: int = 3) -> list[str]:
+    """The warnings about the tool below a body."""
+    from mpi4py import MPI
+
+    h = 0.5 if dim == 3 else 0.25
+    given = block(dim, h, contact={"on": "bottom", "foundation": foundation})
+    problem = assemble(given, MPI.COMM_SELF)
+    problem.close()
+    return [text for text in problem.warnings if text.startswith("contact.foundation")]
+
+
+def written(folder: Path, triangles: FloatArray) -> dict[str, Any]:
+    file = folder / "tool.stl"
+    file.write_bytes(ascii_stl(triangles))
+    return {"surface": {"file": str(file)}}
+
+
+def refusal(foundation: dict[str, Any], dim: int = 3) -> str:
+    with pytest.raises(InputError) as error:
+        warned(foundation, dim)
+    assert error.value.key is not None and error.value.key.startswith("contact.foundation")
+    return str(error.value)
+
+
+def test_a_good_tool_has_no_warning(tmp_path: Path) -> None:
+    assert warned(written(tmp_path, BELOW)) == []
+
+
+def test_an_open_tool_is_warned_of_and_its_rim_must_not_be_behind_the_body(tmp_path: Path) -> None:
+    top = BELOW[8:10]
+    assert np.ptp(top[:, :, 2]) == 0.0
+    (open_,) = warned(written(tmp_path, top))
+    assert "the surface is open, 4 edges have one triangle only" in open_
+    small = top * [0.2, 0.2, 1.0]
+    first, second = warned(written(tmp_path, small))
+    assert "open" in first and "lies beyond the end of the open tool" in second
+    said = refusal(written(tmp_path, small + np.array([0.0, 0.0, 0.1])))
+    assert "reaches around the end of the open tool" in said
+
+
+def test_a_closed_tool_that_is_inside_out_is_turned_with_a_warning(tmp_path: Path) -> None:
+    inverted = written(tmp_path, BELOW[:, ::-1])
+    (said,) = warned(inverted)
+    assert "the body is not in the hole" in said and "turned: true" in said
+    assert warned({"surface": inverted["surface"] | {"turned": True}}) == []
+    square = [[-2, -0.005], [-2, -3], [3, -3], [3, -0.005], [-2, -0.005]]
+    (said,) = warned({"polyline": square[::-1]}, 2)
+    assert "the body is not in the hole" in said and "reverse the corners" in said
+    assert warned({"polyline": square}, 2) == []
+
+
+def test_a_die_around_the_body_is_not_turned(tmp_path: Path) -> None:
+    around = box([-0.2, -0.2, -0.005], [1.2, 1.2, 1.2])
+    assert warned(written(tmp_path, around[:, ::-1])) == []
+    # A press fit: every node of the bottom is inside of the die, which faces it.
+    tight = box([-0.2, -0.2, 0.005], [1.2, 1.2, 1.2])
+    assert warned(written(tmp_path, tight[:, ::-1])) == []
+
+
+def test_an_open_tool_that_is_inside_out_is_refused_and_can_be_turned(tmp_path: Path) -> None:
+    line = [[-2, -0.005], [3, -0.005]]
+    assert "reverse the corners" in refusal({"polyline": line}, 2)
+    assert warned({"polyline": line[::-1]}, 2) == []
+    assert "change the sign of expression" in refusal({"expression": "-y - 0.005"}, 2)
+
+
+def test_degenerate_triangles_and_copies_are_left_out(tmp_path: Path) -> None:
+    needle = np.array([[BELOW[0, 0], BELOW[0, 0], BELOW[0, 1]], [BELOW[0, 0]] * 3])
+    bad = np.concatenate([BELOW, needle, BELOW[3:4], BELOW[5:6, [1, 2, 0]]])
+    flat, copies = warned(written(tmp_path, bad))
+    assert "2 degenerate triangles were left out" in flat
+    assert "2 copies of triangles were left out" in copies
+    assert "degenerate triangles only" in refusal(written(tmp_path, needle))
+
+
+def test_an_edge_of_three_triangles_is_refused(tmp_path: Path) -> None:
+    a, b = BELOW[0, :2]
+    wall = np.array([[a, b, [0.5, 0.5, -0.5]]])
+    said = refusal(written(tmp_path, np.concatenate([BELOW, wall])))
+    assert "3 triangles share the edge from" in said and "two sides only where two do" in said
+
+
+def test_an_open_tool_without_a_side_is_refused() -> None:
+    strip = box([0, 0, 0], [1, 1, 1])[:2]
+    strip[1] = strip[1, ::-1]
+    with pytest.raises(InputError, match="an open surface does not tell which side is outside"):
+        checked(strip, "strip.stl")
+    angles = np.linspace(0.0, 2.0 * np.pi, 13)
+    half = 0.4 * np.stack([np.cos(angles / 2), np.sin(angles / 2)], axis=1)
+    ends = [
+        np.stack([(1 + s * half[:, 0]) * np.cos(angles), (1 + s * half[:, 0]) * np.sin(angles),
+                  s * half[:, 1]], axis=1)
+        for s in (1.0, -1.0)
+    ]  # fmt: skip
+    # After half a turn each side goes on as the other.
+    ends[0][-1], ends[1][-1] = ends[1][0].copy(), ends[0][0].copy()
+    quads = [(ends[0][i], ends[1][i], ends[1][i + 1], ends[0][i + 1]) for i in range(12)]
+    moebius = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    with pytest.raises(InputError, match="has no two sides, as a Moebius strip"):
+        checked(moebius, "moebius.stl")
+
+
+def test_a_tool_far_away_or_in_other_units_is_warned_of(tmp_path: Path) -> None:
+    (far,) = warned(written(tmp_path, BELOW - [0.0, 0.0, 30.0]))
+    assert "contact.foundation: the body is 1 long, and the foundation is 30 away" in far
+    first, *_ = warned(written(tmp_path, 1000.0 * BELOW))
+    assert "it is 3e+03 long, and the body 1; are its units those of the mesh?" in first
+    first, *_ = warned(written(tmp_path, 0.001 * BELOW))
+    assert "it is 0.003 long" in first
+    (far,) = warned({"half_space": {"point": [0, -30], "normal": [0, 1]}}, 2)
+    assert "30 away from Gamma_C" in far
+
+
+def test_a_body_wholly_inside_a_tool_is_warned_of(tmp_path: Path) -> None:
+    inside = box([-9.0, -9.0, -9.0], [9.0, 9.0, 1.9])
+    assert any("all of the body lies inside" in text for text in warned(written(tmp_path, inside)))
+
+
+def content(kind: str) -> bytes:
+    text, binary = ascii_stl(BELOW), binary_stl(BELOW)
+    return {
+        "empty": b"",
+        "text cut off": text[:300],
+        "binary cut off": binary[:-20],
+        "binary with a huge count": binary_stl(BELOW, 4_000_000_000),
+        "no triangles": binary_stl(BELOW[:0]),
+        "no solid": b"solid\nendsolid\n",
+        "something else": b"<html>tool</html>" * 20,
+        "words": text.replace(b"vertex 2 ", b"vertex two "),
+        "not finite": text.replace(b"vertex 2 ", b"vertex nan "),
+        "infinite": text.replace(b"vertex 2 ", b"vertex 1e300 "),
+        "a mesh cut off": b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0",
+    }[kind]
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("text cut off", "is cut off: as an STL file in text form it has"),
+        ("binary cut off", "with 12 triangles a binary STL file has 684 bytes, and this file has"),
+        ("binary with a huge count", "with 4000000000 triangles a binary STL file has 2000000000"),
+        ("no triangles", "holds no triangles"),
+        ("no solid", "holds no triangles"),
+        ("something else", "neither an STL file"),
+        ("words", "a line with vertex has no three numbers"),
+        ("not finite", "coordinates that are not finite"),
+        ("infinite", "coordinates that are not finite, or too large"),
+        ("a mesh cut off", "tool.stl"),
+    ],
+)
+def test_a_file_that_is_no_tool_is_refused(kind: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "tool.stl"
+    file.write_bytes(content(kind))
+    assert message in refusal({"surface": {"file": str(file)}})
+
+
+def test_any_damage_to_a_file_is_read_or_refused(tmp_path: Path) -> None:
+    random, file = np.random.default_rng(7), tmp_path / "tool.stl"
+    for whole in (ascii_stl(BELOW), binary_stl(BELOW)):
+        for _ in range(60):
+            data = np.frombuffer(whole, dtype=np.uint8).copy()
+            data[random.integers(len(data), size=3)] = random.integers(256, size=3)
+            file.write_bytes(data[: random.integers(1, len(data) + 1)].tobytes())
+            try:
+                assert read_stl(file).shape[1:] == (3, 3)
+            except InputError as error:
+                assert "tool.stl" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda file: None, "there is no such file"),
+        (lambda file: file.mkdir(), "is a folder"),
+        (lambda file: file.write_bytes(b""), "is empty"),
+    ],
+)
+def test_a_missing_file_is_a_fault_of_the_study_file(
+    make: Any, message: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "tool.stl"
+    make(file)
+    for surface in ("tool.stl", {"file": "tool.stl"}):
+        given = {"mesh": {"dim": 3}, "contact": [{"foundation": {"surface": surface}}]}
+        with pytest.raises(InputError, match=message) as error:
+            from_mapping(given, tmp_path)
+        assert "contact.0.foundation.surface" in str(error.value)
+
+
+def test_a_file_of_a_gigabyte_is_refused_by_its_size_alone(tmp_path: Path) -> None:
+    file = tmp_path / "tool.stl"
+    with file.open("wb") as stream:
+        stream.truncate(1_000_000_000)
+    began = time.perf_counter()
+    given = {"mesh": {"dim": 3}, "contact": {"foundation": {"surface": "tool.stl"}}}
+    with pytest.raises(InputError, match="has 1000 MB, and at most 250 MB are read"):
+        from_mapping(given, tmp_path)
+    with pytest.raises(InputError, match="at most 250 MB"):
+        read_stl(file)
+    assert time.perf_counter() - began < 1.0
+    assert LARGEST_FILE < 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        ([[0, 0], [0, 0]], "has no segment"),
+        ([[0, 0], [2, 0], [2, 1], [1, -1]], "crosses or touches itself: segments 1 and 3 meet"),
+        ([[0, 0], [2, 0], [1, 0]], "crosses or touches itself: segments 1 and 2 meet"),
+        ([[0, 0], [1, 0], [1, 1], [0.5, 0]], "segments 1 and 3 meet"),
+    ],
+)
+def test_a_polyline_that_has_no_sides_is_refused(corners: list[Any], message: str) -> None:
+    assert message in refusal({"polyline": corners}, 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y\n0,0\n1,zwei\n", "line 3: expected two numbers x, y"),
+        ("0,0\n1,nan\n", "line 2: expected two numbers"),
+        ("0\n1\n", "line 2: expected two numbers"),
+        ("x,y\n", "has no segment"),
+        ("\0", "has no segment"),
+    ],
+)
+def test_a_file_that_is_no_polyline_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "profile.csv"
+    file.write_text(text)
+    assert message in refusal({"polyline": str(file)}, 2)
+
+
+def test_an_expression_without_a_direction_is_refused() -> None:
+    assert "there its gradient vanishes" in refusal({"expression": "(x - 0.25)**2 + y**2"}, 2)
+    assert "there its gradient vanishes" in refusal({"expression": "0.1"}, 2)
+    text = warned({"expression": "5*(y + 0.005)"}, 2)
+    assert "between 5 and 5 on Gamma_C, and that of a distance is 1" in text[0]
+
+
+@pytest.mark.parametrize(
+    ("foundation", "dim", "message"),
+    [
+        ({"surface": "tool.stl"}, 2, "contact.foundation.surface: is for 3D; in 2D take polyline"),
+        ({"polyline": [[0, 0], [1, 0]]}, 3, "contact.foundation.polyline: is for 2D; in 3D take"),
+        ({"polyline": [[0, 0]]}, 2, "contact.foundation.polyline: "),
+        ({"polyline": [[0, 0], [1, 0, 0]]}, 2, "polyline.1: must have 2 components in 2D"),
+        ({"expression": "z"}, 2, "contact.foundation.expression: in the expression 'z'"),
+        ({"expression": "y*t"}, 2, "contact.foundation.expression: depends on the time t"),
+        ({"surface": {"file": "tool.stl", "scale": 0}}, 3, "contact.foundation.surface.scale: "),
+        ({"surface": {"scale": 2}}, 3, "contact.foundation.surface.file: "),
+        ({"surface": {"fil": "tool.stl"}}, 3, "contact.foundation.surface.fil: unknown key"),
+    ],
+)
+def test_a_shape_that_does_not_fit_is_refused_before_anything_is_computed(
+    foundation: dict[str, Any], dim: int, message: str, tmp_path: Path
+) -> None:
+    (tmp_path / "tool.stl").write_bytes(binary_stl(ball(0.5, np.zeros(3), 8)))
+    with pytest.raises(InputError) as error:
+        from_mapping({"mesh": {"dim": dim}, "contact": {"foundation": foundation}}, tmp_path)
+    assert message in str(error.value)

@@ -1,0 +1,175 @@
+"""Ctrl-C and signals end a solve wherever they arrive, and nothing wrong is told or written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import pytest
+from petsc4py import PETSc
+from problems import SMALL_BLOCK
+
+from contact_locking import from_mapping, solve
+from contact_locking.command import cli, commands
+from contact_locking.errors import (
+    NotConverged,
+    interrupt_behind,
+    raise_callback_error,
+    raise_interrupt,
+)
+from contact_locking.monitor import Monitor
+from contact_locking.running.studies.signals import Stopped
+
+pytestmark = pytest.mark.serial
+
+LAUNCHER = shutil.which("mpirun")
+SPRING = {
+    "mesh": {"builder": "block", "h": 0.25},
+    "loads": {
+        "displacements": [{"on": "left", "value": [0, 0]}],
+        "tractions": [{"on": "top", "value": [0, -0.01]}],
+    },
+    "contact": {"on": "bottom"},
+    "penalty": {"n": 100.0},
+}
+
+
+class Impatient(Monitor):
+    """Ctrl-C, or an error, while PETSc solves a linear system."""
+
+    def __init__(self, error: BaseException | type[BaseException]) -> None:
+        self.error, self.calls = error, 0
+
+    def linear(self, k: int) -> None:
+        self.calls += 1
+        raise self.error
+
+
+@pytest.mark.parametrize("method", ["interior_point", "newton"])
+def test_ctrl_c_inside_a_linear_solve_is_no_failure_of_the_solver(method: str) -> None:
+    data = SPRING | {"solver": {"method": method, "linear": "iterative"}}
+    monitor = Impatient(KeyboardInterrupt)
+    with pytest.raises(KeyboardInterrupt):
+        solve(from_mapping(data), monitor=monitor)
+    assert monitor.calls == 1
+
+
+@pytest.mark.parametrize("method", ["interior_point", "newton"])
+@pytest.mark.parametrize(
+    "error", [OSError(errno.ENOSPC, "No space left on device"), BrokenPipeError(), TypeError("k")]
+)
+def test_what_a_callback_raises_inside_a_linear_solve_is_no_failure_of_the_solver(
+    method: str, error: Exception
+) -> None:
+    data = SPRING | {"solver": {"method": method, "linear": "iterative"}}
+    with pytest.raises(type(error)) as caught:
+        solve(from_mapping(data), monitor=Impatient(error))
+    assert caught.value is error
+
+
+def test_whoever_keeps_such_an_error_can_solve_again() -> None:
+    """petsc4py would crash after some errors that leave a monitor."""
+    kept = []
+    for method in ("newton", "interior_point") * 3:
+        data = SPRING | {"solver": {"method": method, "linear": "iterative"}}
+        with pytest.raises(TypeError) as caught:
+            solve(from_mapping(data), monitor=Impatient(TypeError("k")))
+        kept.append(caught.value)
+        assert solve(from_mapping(data)).converged
+    assert len(kept) == 6
+
+
+def test_arithmetic_that_fails_in_a_callback_is_left_to_the_method() -> None:
+    failure, defect = RuntimeError("of a library"), RuntimeError("of a library")
+    failure.__cause__, defect.__cause__ = FloatingPointError("overflow"), KeyError("k")
+    raise_callback_error(failure)
+    with pytest.raises(KeyError):
+        raise_callback_error(defect)
+
+
+def test_an_interrupt_is_found_behind_the_errors_of_libraries() -> None:
+    stopped = Stopped(signal.SIGTERM)
+
+    def interrupted(*_: Any) -> None:
+        raise stopped
+
+    matrix = PETSc.Mat().createDense((1, 1))
+    matrix.setUp()
+    matrix.setValue(0, 0, 1.0)
+    matrix.assemble()
+    inner, outer = PETSc.KSP().create(), PETSc.SNES().create()
+    x, f = matrix.createVecs()
+    inner.setOperators(matrix)
+    inner.setMonitor(interrupted)
+    outer.setFunction(lambda _, x, f: inner.solve(x, f), f)
+    outer.setJacobian(lambda *_: None, matrix)
+    with pytest.raises(PETSc.Error) as caught:
+        outer.solve(None, x)
+    assert interrupt_behind(caught.value) is stopped
+    with pytest.raises(Stopped, match="SIGTERM"):
+        raise_interrupt(caught.value)
+    assert interrupt_behind(NotConverged("too steep")) is None
+    for item in (inner, outer, matrix, x, f):
+        item.destroy()
+
+
+def test_an_interrupt_behind_an_error_that_nobody_expects_is_told_as_such(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: Any) -> int:
+        raise RuntimeError("a callback failed") from KeyboardInterrupt()
+
+    monkeypatch.setitem(commands.COMMANDS, "schema", fail)
+    assert cli.main(["schema"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.skipif(LAUNCHER is None, reason="there is no mpirun")
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("rank", [0, 1])
+def test_a_signal_to_one_rank_inside_its_linear_solver_ends_all_and_leaves_no_results(
+    rank: int, end: signal.Signals, tmp_path: Path
+) -> None:
+    (tmp_path / "study.yml").write_text(SMALL_BLOCK)
+    script = f"""
+        import os, signal, sys
+        from mpi4py import MPI
+        from contact_locking.command import cli
+        from contact_locking.solver.linear.direct.substructuring import Substructuring
+
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        set_up, calls = Substructuring.setUp, []
+
+        def interrupted(self, pc):
+            calls.append(1)
+            if len(calls) == 5 and MPI.COMM_WORLD.rank == {rank}:
+                os.kill(os.getpid(), {int(end)})
+            set_up(self, pc)
+
+        Substructuring.setUp = interrupted
+        sys.exit(cli.main())
+        """
+    (tmp_path / "script.py").write_text(textwrap.dedent(script))
+    # The environment variables of this process's MPI must not reach the ranks.
+    ours = ("OMPI_COMM", "OMPI_FIRST", "PMIX_", "PMI_", "PRTE_LAUNCHED")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
+    assert LAUNCHER is not None
+    words = ["script.py", "run", "study.yml", "--output", "out"]
+    done = subprocess.run(
+        [LAUNCHER, "-n", "2", sys.executable, *words],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 128 + end
+    assert "converged" not in done.stdout
+    assert [path.name for path in (tmp_path / "out").iterdir() if path.suffix] == []

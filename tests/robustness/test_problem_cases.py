@@ -1,0 +1,251 @@
+"""Problems that a first solver got wrong: each is solved, and rightly, or rightly has no solution.
+
+What is told of a solution is judged by the sweep's own sums, and by the conic solver.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from pathlib import Path
+from typing import Any
+
+import friction_cases
+import numpy as np
+import problem_cases
+import pytest
+from mpi4py import MPI
+from sweep.case import Case, Study, clamp, study
+from sweep.solve import INFEASIBLE, SOLVED, WEDGED, outcome_of_case
+
+from contact_locking import study_file
+from contact_locking.process import solving
+from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
+
+pytestmark = pytest.mark.serial
+
+SOLVED_CASES = problem_cases.SOLVED | friction_cases.SOLVED
+
+
+def solution_of(data: Study) -> StudySolution:
+    solution = solving.solve(Parameters.model_validate(data), MPI.COMM_SELF)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+@pytest.mark.parametrize("name", SOLVED_CASES)
+def test_this_problem_is_solved(name: str) -> None:
+    outcome = outcome_of_case(SOLVED_CASES[name])
+    assert outcome.kind == SOLVED, outcome.reason
+
+
+@pytest.mark.parametrize("name", problem_cases.INFEASIBLE)
+def test_this_problem_has_no_solution(name: str) -> None:
+    outcome = outcome_of_case(problem_cases.INFEASIBLE[name])
+    assert outcome.kind == INFEASIBLE, outcome.reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", sorted(Path(__file__).with_name("unsolved").glob("*.yml")))
+def test_what_is_left_unsolved_says_so_and_how_much_friction_has_a_solution(file: Path) -> None:
+    """A file of this folder that is solved one day moves to the problems that are.
+
+    Its forces are not in proportion to the penalty, and are told no otherwise.
+    """
+    solution = solving.solve(study_file.load(file).parameters, MPI.COMM_SELF)
+    assert not solution.converged
+    assert "a solution was found with" in solution.summary["reason"]
+    assert "grow with the penalty" not in solution.summary["reason"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "file", sorted(Path(__file__).with_name("unsolved").glob("processes/*.yml"))
+)
+def test_an_unsolved_process_ends_with_a_step_that_says_so(file: Path) -> None:
+    """A later planned time may be impossible; of the step that was tried nothing is proved."""
+    *before, last = solving.solve_steps(study_file.load(file).parameters, MPI.COMM_SELF)
+    assert before
+    assert all(found.converged for found in before)
+    assert not last.converged
+    of_the_step = last.summary["reason"].rpartition("did not converge: ")[-1]
+    assert not of_the_step.startswith("infeasible")
+    assert "grow with the penalty" not in of_the_step
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", sorted(Path(__file__).with_name("wedged").glob("*.yml")))
+def test_forces_that_grow_are_found_with_penalties_that_are_soft_enough(file: Path) -> None:
+    """With stiffer penalties these problems are not solved."""
+    case = Case(study_file.load(file).parameters.model_dump())
+    outcome = outcome_of_case(case, checks=False)
+    assert outcome.kind == WEDGED, outcome.reason
+
+
+@pytest.mark.parametrize("name", friction_cases.WEDGED)
+def test_this_problem_is_told_to_have_forces_that_grow_with_the_penalty(name: str) -> None:
+    outcome = outcome_of_case(friction_cases.WEDGED[name], checks=False)
+    assert outcome.kind == WEDGED, outcome.reason
+    assert "there seems to be no equilibrium" in outcome.reason
+    assert "times the contact force of the other" in outcome.reason
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "an approach without touch is a translation",
+        "without loads nothing happens",
+        "a body moved along a foundation that touches it exactly is not pressed",
+    ],
+)
+def test_an_admissible_elastic_solution_takes_one_tangent(name: str) -> None:
+    outcome = outcome_of_case(SOLVED_CASES[name], checks=False)
+    assert outcome.kind == SOLVED, outcome.reason
+    assert outcome.tangents <= 1
+
+
+def _pressed(young: float, stress: float, **more: Any) -> Study:
+    loads = {
+        "tractions": [{"on": "top", "value": [0.0, -stress]}],
+        "displacements": [clamp(2)],
+    }
+    mesh = {"builder": "block", "dim": 2, "h": 0.2}
+    return study(mesh, loads, young=young, friction=0.4, **more)
+
+
+@pytest.mark.parametrize("young", [7e10, 2.1e11, 2e6])
+def test_who_says_nothing_of_penalties_gets_the_inequality_in_any_unit(young: float) -> None:
+    """With n = 1e4 Pa the foundation was as good as absent: a contact force of 6.5 for 6.2e7."""
+    silent = solution_of(_pressed(young, 5e-4 * young, penalty={}))
+    exact = solution_of(_pressed(young, 5e-4 * young, penalty={"n": math.inf}))
+    force, wanted = (s.summary["contact_force"] for s in (silent, exact))
+    np.testing.assert_allclose(force, wanted, rtol=1e-6, atol=1e-6 * abs(wanted[1]))
+    assert wanted[1] == pytest.approx(0.62 * 5e-4 * young, rel=0.2)
+
+
+def test_steel_in_pascals_and_metres_presses_back_as_steel() -> None:
+    """The modulus is between those of plane strain with free sides and without lateral strain."""
+    mesh = {"builder": "block", "dim": 2, "size": [0.2, 0.1], "h": 0.02}
+    push = {"displacements": [{"on": "top", "value": [1e-6, -2e-6]}]}
+    found = solution_of(study(mesh, push, young=2.1e11, friction=0.3, penalty={}))
+    free, held = 2.1e11 / (1.0 - 0.3**2), 2.1e11 * 0.7 / (1.3 * 0.4)
+    assert free <= found.summary["contact_force"][1] / (0.2 * 2e-6 / 0.1) <= held
+
+
+@pytest.mark.parametrize("kernel", ["convolution", "helmholtz", "none"])
+@pytest.mark.parametrize("share", [1e-13, 1e-30])
+def test_the_displacement_scales_with_a_tiny_load(kernel: str, share: float) -> None:
+    """Friction was 2 to 9 % off where its bound was below 1e-14 of the stiffness."""
+    loads = {
+        "tractions": [{"on": "top", "value": [0.9, -0.6]}],
+        "displacements": [clamp(2)],
+    }
+    mesh = {"builder": "block", "dim": 2, "h": 0.2}
+    data = study(mesh, loads, friction=0.5, smoothing={"kernel": kernel, "radius": 0.25})
+    tiny = copy.deepcopy(data)
+    tiny["loads"]["tractions"][0]["value"] = [0.9 * share, -0.6 * share]
+    u, v = (solution_of(d).displacement.x.array for d in (data, tiny))
+    assert np.abs(v / share - u).max() <= 1e-7 * np.abs(u).max()
+
+
+def test_epsilon_is_the_same_in_any_unit_of_stress() -> None:
+    """A compliance: E times s asks for epsilon / s.  The displacement changed by 4 to 84 %."""
+    u = [
+        solution_of(
+            _pressed(s, 0.01 * s, limit=0.02, penalty={"n": 1e4 * s, "epsilon": 1e-3 / s})
+        ).displacement.x.array
+        for s in (1.0, 1e9)
+    ]
+    assert np.abs(u[1] - u[0]).max() <= 1e-7 * np.abs(u[0]).max()
+
+
+@pytest.mark.parametrize("kernel", ["convolution", "none"])
+def test_friction_alone_holds_a_pressed_and_sheared_block(kernel: str) -> None:
+    """A uniform state without strain along the foot: pressure p, shear t < mu p, no slip."""
+    p, t = 0.02, 0.006
+    loads = {
+        "tractions": [
+            {"on": "top", "value": [t, -p]},
+            {"on": "right", "value": [0.0, t]},
+            {"on": "left", "value": [0.0, -t]},
+        ]
+    }
+    mesh = {"builder": "block", "dim": 2, "h": 0.25}
+    data = study(mesh, loads, friction=0.5, smoothing={"kernel": kernel, "radius": 0.3})
+    data["material"]["elasticity"] = {"young": 1.0, "poisson": 0.0}
+    found = solution_of(data)
+    np.testing.assert_allclose(found.summary["contact_force"], [0.0, p], atol=1e-6 * p)
+    np.testing.assert_allclose(found.summary["friction_force"], [-t, 0.0], atol=1e-6 * t)
+    points = found.contact_points
+    assert points is not None
+    assert np.abs(points.u_tangent).max() <= 1e-6 * np.abs(found.displacement.x.array).max()
+
+
+def _lifted_sheet(height: float, **more: Any) -> Study:
+    """A sheet of steel of 300 to 1 on a floor, lifted at one end; N, mm, per mm of width."""
+    loads = {
+        "body_force": [0.0, -7.7e-5],
+        "displacements": [{"on": "right", "value": [None, height]}],
+    }
+    mesh = {"builder": "block", "dim": 2, "size": [300.0, 1.0], "h": 1.0, "structured": True}
+    data = study(mesh, loads, young=2e5, **more)
+    data["material"]["plane"] = "stress"
+    data["discretisation"] = {"degree": 2}
+    return data
+
+
+@pytest.mark.parametrize(("height", "close"), [(1.0, 1e-4), (1e-7, 1e-2)])
+def test_a_sheet_that_is_lifted_needs_the_same_force_held_by_friction_and_by_a_roller(
+    height: float, close: float
+) -> None:
+    """A beam that is lifted over the length L by h: ``h = w L^4/(24 E I)``, and the force w L/2.
+
+    The lower height lifts a part that is hardly longer than thick, where friction acts a little.
+    """
+    rubbing = _lifted_sheet(height, friction=0.2, smoothing={"kernel": "none"})
+    rolling = _lifted_sheet(height)
+    rolling["loads"]["displacements"].append({"on": "left", "value": [0.0, None]})
+    forces = [solution_of(data).summary["reactions"]["right"][1] for data in (rubbing, rolling)]
+    assert forces[0] == pytest.approx(forces[1], rel=close)
+    if height == 1.0:
+        stiffness, weight = 2e5 / 12.0, 7.7e-5
+        lifted = (24.0 * stiffness * height / weight) ** 0.25
+        assert forces[0] == pytest.approx(0.5 * weight * lifted, rel=0.03)
+
+
+def test_a_load_on_held_nodes_alone_does_nothing_by_newtons_method() -> None:
+    data = study(
+        {"builder": "block", "dim": 2, "h": 0.25},
+        {"pressures": [{"on": "left", "value": 0.01}], "displacements": [clamp(2)]},
+        gap=0.01,
+        friction=0.3,
+        penalty={"n": 1000.0},
+    )
+    data["solver"] = {"method": "newton"}
+    found = solution_of(data)
+    assert not found.displacement.x.array.any()
+
+
+@pytest.mark.parametrize("method", ["newton", "interior_point"])
+def test_friction_is_regularised_over_a_positive_slip_for_every_elliptic_matrix(
+    method: str,
+) -> None:
+    """The isotropic tensor that is nearest to this matrix has a negative Young's modulus."""
+    data = _pressed(1.0, 0.01, penalty={"n": 1000.0})
+    data["material"] = {"elasticity": {"stiffness": [[1.0, -0.8, 0], [-0.8, 1.0, 0], [0, 0, 4.0]]}}
+    data["solver"] = {"method": method}
+    found = solution_of(data)
+    # The smallest eigenvalue is 0.2.
+    assert found.summary["penalty"]["regularisation"] == pytest.approx(0.2 / 1000.0)
+
+
+def test_a_penalty_that_is_soft_for_the_material_is_warned_of_with_one_that_does() -> None:
+    """Steel in pascals on a foundation of 1/epsilon = n = 1e4 Pa/m, which it hardly feels."""
+    soft = solution_of(_pressed(2e11, 1e8, penalty={"n": 1e4}))
+    (warning,) = [text for text in soft.summary["warnings"] if "enters the foundation" in text]
+    proposed = float(warning.split("penalty.n: ")[1].split()[0])
+    stiff = solution_of(_pressed(2e11, 1e8, penalty={"n": proposed}))
+    assert not stiff.summary["warnings"]
+    largest = abs(stiff.displacement.x.array).max()
+    assert stiff.summary["penetration_max"] <= 0.02 * largest

@@ -1,0 +1,83 @@
+"""The view of a running study, and the sources of its numbers."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from study_folder import Folder
+
+from contact_locking.command.monitors import ProgressFile
+from contact_locking.monitor import Monitor
+from contact_locking.plain_text import duration
+from contact_locking.running.studies import Study
+from contact_locking.running.studies.cases import Case, Outcome
+from contact_locking.running.studies.view import View
+
+pytestmark = pytest.mark.serial
+
+
+def test_the_progress_file_tells_where_a_run_is(tmp_path: Path) -> None:
+    path = tmp_path / "progress.json"
+    monitor = ProgressFile(path, Monitor())
+    monitor.message("preparing")
+    assert json.loads(path.read_text()) == {"message": "preparing"}
+    monitor.stage(1, 1, float("inf"), 0.0)
+    monitor.iteration(7, 1e-3)
+    assert json.loads(path.read_text()) == {"n": "inf", "iteration": "7", "residual": "1.0e-03"}
+    missing = ProgressFile(tmp_path / "missing" / "progress.json", Monitor())
+    missing.message("nobody reads this, and the run goes on")
+
+
+def test_a_terminal_shows_what_runs_and_how_far_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Folder(tmp_path, monkeypatch)
+    folder.write("{vary: {penalty.n: [10, 3, 30]}}")
+    study = Study.of(folder.load())
+    for case in study.cases:
+        case.folder.mkdir(parents=True)
+    news = '{"n": "30", "iteration": "7", "residual": "1.0e-03"}'
+    (study.cases[2].folder / "progress.json").write_text(news)
+    with View(Console(force_terminal=True, width=100), 3) as view:
+        warned = {"warnings": ["the strain is large", "no picture"]}
+        view.ended(study.cases[0], Outcome("converged", summary=warned), 30.0)
+        view.ended(study.cases[1], Outcome("not converged", "[too] steep"), 50.0)
+        view.show([Started(study.cases[2], 10.0)])
+        shown = capsys.readouterr().out
+    assert "[1/3] penalty.n = 10  converged  (30 s)" in shown
+    assert "warning: the strain is large" in shown and "warning: no picture" in shown
+    assert "[2/3] penalty.n = 3  not converged: [too] steep  (50 s)" in shown
+    assert "2 of 3 done, 1 running, 1 not converged, about 30 s left" in shown
+    assert "penalty.n = 30    n = 30  iteration 7  residual 1.0e-03    10 s" in shown
+
+
+@dataclass
+class Started:
+    case: Case
+    seconds: float
+
+    def why(self) -> str:
+        return ""
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(1.26, "1.3 s"), (59.6, "60 s"), (600, "10 min"), (9000, "2 h 30 min")]
+)
+def test_times_are_said_in_units_that_fit(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_a_rough_result_is_told_in_the_line_of_its_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Folder(tmp_path, monkeypatch)
+    folder.write("{vary: {penalty.n: [10, 3]}}")
+    case = Study.of(folder.load()).cases[0]
+    summary = {"certificate": {"errors": {"mesh": {"relative": 0.3}}}}
+    with View(Console(width=200), 1) as view:
+        view.ended(case, Outcome("converged", "", summary), 1.0)
+    assert "converged, but rough: the error of the mesh is about 30 %" in capsys.readouterr().out

@@ -1,0 +1,104 @@
+"""Processes that stay: one solves several cases, and a crash concerns the crashed case alone."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from study_folder import STUDY, Folder
+
+from contact_locking.command import cli
+from contact_locking.running.studies import Plan, Study, local
+from contact_locking.running.studies.local import LocalExecutor
+
+pytestmark = pytest.mark.serial
+
+# Stands for the worker: ends as n says, and writes its process into the log of each case.
+STAND_IN = """
+import json, os, re, signal, sys
+for line in sys.stdin:
+    log, run, file, *_ = json.loads(line)
+    n = float(re.search(r"^  n: (.*)", open(file).read(), re.MULTILINE)[1].replace(".inf", "inf"))
+    open(log, "a").write(f"process {os.getpid()}\\n")
+    if n == 9:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if n == 5:
+        print("error: in words", file=open(log, "a"))
+    print(2 if n == 5 else 0, flush=True)
+"""
+
+
+def solve_all(executor: LocalExecutor) -> dict[str, str]:
+    """The reasons of all cases by their values, once all have ended."""
+    found = {}
+    end = time.monotonic() + 60
+    while executor.busy:
+        assert time.monotonic() < end
+        for ended in executor.poll():
+            found[ended.case.label] = ended.why()
+        time.sleep(0.01)
+    executor.stop()
+    return found
+
+
+def test_a_case_that_crashes_ends_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local, "_PROGRAM", (sys.executable, "-c", STAND_IN))
+    folder = Folder(tmp_path, monkeypatch)
+    folder.write("{vary: {penalty.n: [10, 20, 9, 30, 5, 40]}}")
+    cases = Study.of(folder.load()).cases
+    reasons = solve_all(LocalExecutor(cases, Plan()))
+    assert len(reasons) == 6
+    assert reasons["penalty.n = 9"].startswith("was killed by SIGKILL")
+    assert reasons["penalty.n = 5"] == "in words"
+    logs = [(case.folder / "log.txt").read_text().splitlines()[0] for case in cases]
+    first, second = logs[0], logs[3]
+    assert logs == [first] * 3 + [second] * 3 and first != second
+
+
+def test_a_process_is_replaced_after_many_cases(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local, "_PROGRAM", (sys.executable, "-c", STAND_IN))
+    monkeypatch.setattr(local, "_MOST_CASES", 2)
+    folder = Folder(tmp_path, monkeypatch)
+    folder.write("{vary: {penalty.n: [10, 20, 30, 40]}}")
+    cases = Study.of(folder.load()).cases
+    solve_all(LocalExecutor(cases, Plan(jobs=1)))
+    logs = [(case.folder / "log.txt").read_text() for case in cases]
+    assert logs[0] == logs[1] != logs[2] == logs[3]
+
+
+def test_ending_a_study_ends_its_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = "import sys, time; sys.stdin.readline(); time.sleep(60)"
+    monkeypatch.setattr(local, "_PROGRAM", (sys.executable, "-c", script))
+    folder = Folder(tmp_path, monkeypatch)
+    folder.write("{vary: {penalty.n: [10, 20, 30]}}")
+    executor = LocalExecutor(Study.of(folder.load()).cases, Plan(jobs=2))
+    executor.poll()
+    began = time.monotonic()
+    executor.stop()
+    assert time.monotonic() - began < 30
+    assert all(running.ended() for running in executor.running)
+
+
+def test_a_process_that_stays_finds_what_a_run_finds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cases do not depend on those before them, not even on one that was refused."""
+    folder = Folder(tmp_path, monkeypatch)
+    folder.write(
+        '{zip: {contact.gap: [0, "1/(x - x)", 0.001], friction.coefficient: [0.3, 0.3, 0.1]}}'
+    )
+    assert cli.main(["study", str(folder.file), "--output", str(folder.output)]) == 3
+    table = [json.loads(line) for line in (folder.output / "table.jsonl").open()]
+    assert [row["state"] for row in table] == ["converged", "failed", "converged"]
+    alone = tmp_path / "alone"
+    text = STUDY.replace("{on: bottom}", "{on: bottom, gap: 0.001}")
+    (tmp_path / "one.yml").write_text(text.replace("friction: {", "friction: {coefficient: 0.1, "))
+    assert cli.main(["run", str(tmp_path / "one.yml"), "--quiet", "--output", str(alone)]) == 0
+    summary = json.loads((alone / "summary.json").read_text())
+    assert table[2]["compliance"] == summary["compliance"]
+    assert table[2]["contact_force.1"] == summary["contact_force"][1]

@@ -1,0 +1,259 @@
+"""The interior point method: any n, agreement with Newton and theory, what is infeasible."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import block, column, with_changes
+from solved_by_cg import crushed_steel
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged
+from contact_locking.process import solving
+from contact_locking.results.contact_points import OPEN
+from contact_locking.solver.linear.ksp import LINEAR_FAILURE
+from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
+from contact_locking.study_file.parameters import Parameters
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("coefficient", [0.0, 0.3, "0.5 - 0.2*s/(s + 0.01)"])
+def test_interior_point_and_newton_find_the_same_solution(
+    dim: int, coefficient: float | str
+) -> None:
+    h = 0.1 if dim == 2 else 0.34
+    newton, interior = (
+        solving.solve(block(dim, h, friction__coefficient=coefficient, solver={"method": method}))
+        for method in ("newton", "interior_point")
+    )
+    assert newton.converged and interior.converged
+    for key in ("compliance", "elastic_energy", "strain_norm_max"):
+        assert interior.summary[key] == pytest.approx(newton.summary[key], rel=1e-8)
+    for key in ("contact_force", "friction_force"):
+        assert interior.summary[key] == pytest.approx(newton.summary[key], rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize("coefficient", [0.3, 1.0])
+def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
+    for n in (1e2, 1e4, 1e6, 1e8, math.inf):
+        solution = solving.solve(block(h=0.05, penalty__n=n, friction__coefficient=coefficient))
+        assert solution.converged, solution.summary["reason"]
+        assert solution.summary["iterations"]["tangents"] <= 30
+
+
+def test_penalised_solutions_tend_to_that_of_the_inequality() -> None:
+    def displacement(n: float) -> FloatArray:
+        # Alone, since two meshes need not be distributed alike.
+        solution = solving.solve(block(penalty__n=n), MPI.COMM_SELF)
+        return solution.displacement.x.array.copy()
+
+    limit = displacement(math.inf)
+    errors = [np.abs(displacement(n) - limit).max() for n in (1e2, 1e3, 1e4)]
+    assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_inequality_keeps_both_constraints_and_the_coulomb_cone(dim: int) -> None:
+    solution = solving.solve(block(dim, 0.1 if dim == 2 else 0.34, penalty__n=math.inf))
+    summary = solution.summary
+    assert solution.converged
+    assert summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
+    assert summary["locked_fraction"] > 0.1
+    assert summary["penetration_max"] <= 1e-8
+    points = solution.contact_points
+    if points is not None:
+        traction = np.linalg.norm(points.traction, axis=1)
+        assert np.all(traction <= points.bound * (1.0 + 1e-6) + 1e-9)
+        assert np.abs(points.pressure * (points.gap - points.u_normal)).max() <= 1e-8
+        assert np.array_equal(points.pressure > 0.0, points.state != OPEN)
+        sliding = np.sum(points.traction * points.u_tangent, axis=1)
+        assert np.all(sliding <= 1e-12)
+
+
+def test_column_under_the_inequality_stops_at_the_locking_limit() -> None:
+    solution = solving.solve(column(penalty={"n": math.inf}))
+    assert solution.converged
+    assert solution.summary["strain_norm_max"] == pytest.approx(0.02, rel=1e-7)
+    # It sinks by the gap and the locked shortening.
+    assert solution.summary["compliance"] == pytest.approx(0.05 * (0.1 + 0.04), rel=1e-7)
+
+
+def test_nested_friction_finds_the_same_bound_and_its_contraction() -> None:
+    def solve(friction: str) -> tuple[Parameters, dict[str, Any]]:
+        parameters = block(penalty__n=math.inf, solver={"friction": friction})
+        return parameters, solving.solve(parameters).summary
+
+    (_, inside), (_, nested) = solve("inside"), solve("nested")
+    assert inside["converged"] and nested["converged"]
+    assert nested["compliance"] == pytest.approx(inside["compliance"], rel=1e-7)
+    assert 0.0 < nested["friction_fixed_point"]["contraction"] < 0.5
+
+
+def _stretched(by: float, n: float) -> Parameters:
+    ends = [{"on": "left", "value": [0.0, 0.0]}, {"on": "right", "value": [by, None]}]
+    return block(penalty__n=n, loads={"displacements": ends})
+
+
+@pytest.mark.parametrize("by", [0.015, 0.0199])
+def test_displacements_that_the_locking_limit_allows_are_followed(by: float) -> None:
+    solution = solving.solve(_stretched(by, math.inf))
+    assert solution.converged, solution.summary["reason"]
+    assert solution.summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("by", [0.0205, 0.2])
+def test_displacements_that_no_field_within_the_limit_follows_are_infeasible(by: float) -> None:
+    # The mean strain along x is by, and |eps| is no less: 0.02/by of it can be followed.
+    summary = solving.solve(_stretched(by, math.inf)).summary
+    assert not summary["converged"]
+    assert summary["reason"].startswith("infeasible")
+    assert "times its limit near" in summary["reason"]
+    low, high = summary["admissible_load_factor"]
+    assert low <= 0.02 / by <= high * (1.0 + 1e-3)
+    assert high <= 1.02 * low
+
+
+def test_an_iterative_solver_proves_a_block_of_steel_in_millimetres_infeasible() -> None:
+    # The proof balances the multipliers with springs that are 1e6 times as stiff as the steel.
+    summary = solving.solve(crushed_steel()).summary
+    assert summary["reason"].startswith("infeasible")
+    # The mean strain along z is 0.02, and |eps| is no less.
+    assert 0.5 <= summary["admissible_load_factor"][1] <= 0.5 * (1.0 + 1e-3)
+
+
+@pytest.mark.serial
+def test_what_is_infeasible_on_one_mesh_may_be_solved_on_a_finer_one() -> None:
+    def summary(h: float) -> dict[str, Any]:
+        pulled = with_changes(
+            {
+                "mesh": {"builder": "l_shape", "h": h},
+                "material": {"locking_limit": 0.02},
+                "loads": {
+                    "displacements": [
+                        {"on": "top", "value": [0.0, 0.0]},
+                        {"on": "right", "value": [0.0, 0.03]},
+                    ]
+                },
+                "contact": {"on": []},
+                "penalty": {"n": math.inf},
+            }
+        )
+        return dict(solving.solve(pulled).summary)
+
+    coarse, fine = summary(0.5), summary(0.25)
+    assert coarse["reason"].startswith("infeasible") and coarse["admissible_load_factor"][1] < 0.95
+    assert fine["converged"], fine["reason"]
+
+
+def test_foundation_that_no_strain_within_the_limit_makes_room_for_is_infeasible() -> None:
+    # It stands 0.1 inside the body, up to the clamped side: no displacement to scale.
+    summary = solving.solve(block(contact__gap=-0.1, penalty__n=math.inf)).summary
+    assert summary["reason"].startswith("infeasible")
+    assert summary["admissible_load_factor"] is None
+
+
+def test_friction_bound_settles_where_contact_only_grazes() -> None:
+    # The gap all but stays open: pressure and friction bound vanish with the products themselves.
+    moved = [
+        {"on": "left", "value": [0.0, 0.0]},
+        {"on": "right", "value": [-0.024, 0.0096]},
+    ]
+    parameters = block(
+        h=0.2,
+        material__elasticity={"young": 0.1, "poisson": 0.0},
+        material__locking_limit=math.inf,
+        loads__body_force=[-0.0012, -0.0012],
+        loads__tractions=[{"on": "top", "value": [-0.006, -0.00576]}],
+        loads__displacements=moved,
+        contact__gap=0.00856,
+        friction__coefficient="0.6 - 0.3*s/(s + 0.05)",
+        friction__smoothing={"kernel": "helmholtz", "radius": 0.3},
+        penalty__n=math.inf,
+    )
+    solution = solving.solve(parameters)
+    assert solution.summary["converged"], solution.summary["reason"]
+    assert solution.summary["iterations"]["tangents"] < 50
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("limit", [0.05, math.inf])
+def test_the_advice_after_a_failed_solve_is_about_what_the_problem_has(
+    limit: float, friction: float
+) -> None:
+    summary = solving.solve(
+        block(
+            contact__gap=-5e-4,
+            penalty__n=math.inf,
+            material__locking_limit=limit,
+            friction__coefficient=friction,
+            solver={"max_iterations": 2},
+        )
+    ).summary
+    assert not summary["converged"]
+    advice = summary["suggestion"]
+    assert advice.startswith("Raise solver.max_iterations")
+    assert ("the friction bound does not settle" in advice) == (friction > 0.0)
+    assert ("strain limit only just admits" in advice) == (limit < math.inf)
+
+
+def test_a_solve_that_stops_early_says_how_far_the_friction_bound_was() -> None:
+    # The foundation overlaps the body, so that feasibility is tried, too.
+    given = {"max_iterations": 6}
+    summary = solving.solve(block(contact__gap=-5e-4, penalty__n=math.inf, solver=given)).summary
+    assert not summary["converged"]
+    assert 1e-8 < summary["friction_fixed_point"]["change"] < 1.0
+
+
+def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
+    solution = solving.solve(_stretched(0.0205, 1e3))
+    assert solution.converged
+    assert solution.summary["strain_norm_max"] > 0.0205
+    soft = solving.solve(_stretched(0.03, 1e1))
+    assert any("exceeds its limit" in warning for warning in soft.summary["warnings"])
+
+
+def test_an_iterative_solver_solves_at_n_infinite_on_any_number_of_ranks() -> None:
+    changes = {"penalty__n": math.inf, "solver__linear": "iterative", "mesh__structured": True}
+    parameters = block(3, 1 / 12, **changes)
+    assert solving.solve(parameters).converged
+
+
+def test_an_iterative_solver_that_gets_nowhere_is_said_to() -> None:
+    parameters = block(3, 0.15, solver__linear="iterative")
+    solution = solving.solve(parameters, petsc_options={"ksp_max_it": 1})
+    assert not solution.converged
+    assert "linear solve failed" in solution.summary["reason"]
+
+
+def test_an_iterative_solver_that_gets_nowhere_gives_way_to_a_direct_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def stall(*_: object, **__: object) -> None:
+        raise NotConverged(LINEAR_FAILURE)
+
+    for name in ("solve", "solve_following"):
+        monkeypatch.setattr(MultigridTangents, name, stall)
+    solution = solving.solve(block(3, 0.25, solver__linear="iterative"))
+    assert solution.converged
+    told = [text for text in solution.summary["warnings"] if "the direct solver took" in text]
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize("linear", ["direct", "iterative"])
+def test_a_body_that_is_only_shifted_above_the_foundation_is_in_equilibrium(linear: str) -> None:
+    # The forces of the values prescribed are large, those of the solution are rounding.
+    shifted = block(
+        3,
+        0.25,
+        loads={"displacements": [{"on": "top", "value": [0.0, 0.0, -0.01]}]},
+        contact={"on": "bottom", "gap": 0.1},
+        penalty__n=math.inf,
+        solver__linear=linear,
+    )
+    solution = solving.solve(shifted)
+    assert solution.converged, solution.summary["reason"]
+    assert solution.summary["strain_norm_max"] < 1e-9

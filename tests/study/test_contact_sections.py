@@ -1,0 +1,222 @@
+"""`contact` in the study file: one section for Gamma_C, or a list with a section for each part."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contact_locking.errors import InputError
+from contact_locking.study_file import dump, from_mapping, load, problem_fingerprint
+from contact_locking.study_file.parameters import FrictionParameters, Smoothing
+
+pytestmark = pytest.mark.serial
+
+FLOOR_AND_WALL = """\
+mesh: {builder: block}
+contact:
+  - on: bottom
+    gap: 0.01
+  - on: [left, right]
+    foundation: {sphere: {centre: [-3, 0.5], radius: 2}}
+    friction:
+      coefficient: 0.6
+      smoothing: {kernel: none}
+friction:
+  coefficient: 0.3 + s
+  smoothing: {radius: 0.2}
+  regularisation: 1.0e-4
+"""
+SPHERE = {"sphere": {"centre": [0, -1], "radius": 1}}
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "study.yml"
+    path.write_text(FLOOR_AND_WALL)
+    return path
+
+
+def refusal(data: Any) -> str:
+    with pytest.raises(InputError) as caught:
+        from_mapping(data)
+    return str(caught.value)
+
+
+def test_one_section_is_one_part_with_the_common_friction() -> None:
+    given = from_mapping({"contact": {"on": "top", "gap": "x"}, "friction": {"coefficient": 0.2}})
+    (part,) = given.contacts
+    assert (part.key, part.on, part.gap) == ("contact", ("top",), "x")
+    assert part.friction == given.friction
+    assert part.friction_key("coefficient") == "friction.coefficient"
+    assert given.contact_names == ("top",)
+
+
+def test_a_part_takes_from_the_common_friction_what_it_does_not_say(file: Path) -> None:
+    floor, wall = load(file).parameters.contacts
+    assert floor.friction == FrictionParameters(
+        coefficient="0.3 + s", smoothing=Smoothing(radius=0.2), regularisation=1e-4
+    )
+    assert wall.friction == FrictionParameters(
+        coefficient=0.6, smoothing=Smoothing(kernel="none", radius=0.2), regularisation=1e-4
+    )
+
+
+def test_a_value_of_the_friction_has_the_key_where_the_file_defines_it(file: Path) -> None:
+    floor, wall = load(file).parameters.contacts
+    assert (floor.key, wall.key) == ("contact.0", "contact.1")
+    assert floor.friction_key("coefficient") == "friction.coefficient"
+    assert wall.friction_key("coefficient") == "contact.1.friction.coefficient"
+    assert wall.friction_key("smoothing.kernel") == "contact.1.friction.smoothing.kernel"
+    assert wall.friction_key("smoothing.radius") == "friction.smoothing.radius"
+
+
+@pytest.mark.parametrize("contact", [[], {"on": []}, [{"on": []}]])
+def test_a_body_without_contact_has_no_parts(contact: Any) -> None:
+    parameters = from_mapping({"contact": contact})
+    assert parameters.contacts == () == parameters.contact_names
+
+
+def test_a_section_without_a_part_leaves_the_keys_of_the_others() -> None:
+    (part,) = from_mapping({"contact": [{"on": []}, {"on": "left"}]}).contacts
+    assert part.key == "contact.1"
+
+
+def test_a_single_section_may_have_its_own_friction() -> None:
+    own = {"contact": {"friction": {"coefficient": 0.4}}, "friction": {"coefficient": 0.1}}
+    (part,) = from_mapping(own).contacts
+    assert part.friction.coefficient == 0.4
+    assert part.friction_key("coefficient") == "contact.friction.coefficient"
+
+
+def test_a_part_of_the_boundary_may_lie_between_two_foundations() -> None:
+    contact = [{"on": "bottom", "gap": 0.1}, {"on": ["bottom", "left"], "foundation": SPHERE}]
+    parameters = from_mapping({"contact": contact})
+    assert [part.on for part in parameters.contacts] == [("bottom",), ("bottom", "left")]
+    assert parameters.contact_names == ("bottom", "left")
+
+
+def test_the_parts_are_overridden_by_their_number(file: Path) -> None:
+    overrides = ["contact.0.gap=y", "contact.0.friction.coefficient=2", "contact.1.on=top"]
+    floor, wall = load(file, overrides).parameters.contacts
+    assert (floor.gap, floor.friction.coefficient, wall.on) == ("y", 2.0, ("top",))
+    # A null key has the value of the section friction.
+    _, wall = load(file, ["contact.1.friction.coefficient=null"]).parameters.contacts
+    assert wall.friction.coefficient == "0.3 + s"
+
+
+def test_a_study_varies_the_parts_by_their_number(file: Path) -> None:
+    text = "study: {vary: {contact.1.friction.coefficient: [0, 1], contact.0.gap: [0, 0.1]}}"
+    file.write_text(FLOOR_AND_WALL + text)
+    study = load(file)
+    assert study.parameters.study is not None
+    cases = [study.case(case).contacts for case in study.parameters.study.cases()]
+    found = [(wall.friction.coefficient, floor.gap) for floor, wall in cases]
+    assert found == [(0.0, 0.0), (0.0, 0.1), (1.0, 0.0), (1.0, 0.1)]
+
+
+@pytest.mark.parametrize("override", ["contact=[]", "contact={gap: 1}", "title=two foundations"])
+def test_a_dump_keeps_the_parts_as_the_file_has_them(file: Path, override: str) -> None:
+    parameters = load(file, [override]).parameters
+    file.write_text(dump(parameters))
+    assert load(file).parameters == parameters
+
+
+def test_a_dump_of_one_section_has_no_friction_of_its_own() -> None:
+    assert "contact:\n  on: [bottom]\n  gap: 0.0\nfriction:" in dump(from_mapping({}))
+
+
+def test_the_fingerprint_tells_problems_apart_and_not_the_ways_to_write_them() -> None:
+    def of(contact: Any, friction: Any = None) -> str:
+        return problem_fingerprint(from_mapping({"contact": contact, "friction": friction}))
+
+    one = of({"gap": 0.1}, {"coefficient": 0.3})
+    assert one == of([{"gap": 0.1}], {"coefficient": 0.3})
+    assert one == of({"gap": 0.1, "friction": {"coefficient": 0.3}}, {"coefficient": 0.7})
+    assert one != of({"gap": 0.1}, {"coefficient": 0.7})
+    two = [{"gap": 0.1}, {"on": "left", "friction": {"coefficient": 0.3}}]
+    assert len({one, of(two), of(two[::-1]), of(two, {"coefficient": 0.3}), of([])}) == 5
+
+
+def test_the_limit_has_neither_penalty_nor_regularisation(file: Path) -> None:
+    overrides = ["contact.1.friction.regularisation=1", "penalty={n: 1e3, epsilon: 1}"]
+    given = load(file, [*overrides, "solver.method=newton"]).parameters
+    limit = given.limit()
+    assert (limit.penalty.n, limit.penalty.epsilon, limit.solver.method) == (math.inf, None, "auto")
+    assert [part.friction.regularisation for part in limit.contacts] == [None, None]
+    assert [part.friction.coefficient for part in limit.contacts] == ["0.3 + s", 0.6]
+    assert from_mapping({"penalty": {"n": 1}}).limit() == from_mapping({})
+
+
+WRONG: list[tuple[Any, str]] = [
+    (3, "contact: must be a mapping with keys among on, gap, foundation, friction, or a list of"),
+    ([3], "contact.0: must be a mapping with keys among on, gap, foundation, friction, not 3"),
+    ([{}, {"gapp": 1}], r"contact.1.gapp: unknown key (did you mean 'gap'?); known here: on, gap"),
+    ([{}, {"on": "botom"}], "contact.1.on: no part of the boundary is named 'botom' (did you"),
+    ([{}, {"gap": "z"}], "contact.1.gap: in the expression 'z': unknown name 'z'"),
+    ([{}, {"gap": 1, "foundation": SPHERE}], "contact.1.gap: the foundation defines the gap"),
+    (
+        [{}, {"foundation": {"sphere": {"centre": [0, 0, 0], "radius": 1}}}],
+        "contact.1.foundation.sphere.centre: must have 2 components in 2D",
+    ),
+    ([{"friction": {"coefficient": -1}}], "contact.0.friction.coefficient: must be >= 0, not -1"),
+    ([{"friction": {"coefficient": "z"}}], "contact.0.friction.coefficient: in the expression 'z'"),
+    (
+        {"friction": {"smoothing": {"kernel": "convolve"}}},
+        "contact.friction.smoothing.kernel: must be convolution, helmholtz or none, not 'convolve'",
+    ),
+    ([{"friction": {"mu": 1}}], "contact.0.friction.mu: unknown key (did you mean"),
+    ({"0": {"gap": 1}}, "contact.0: contact is one section and not a list: leave the number out"),
+    ([{}] * 101, "contact: has 101 entries; at most 100 are allowed"),
+]
+
+
+@pytest.mark.parametrize(("contact", "message"), WRONG, ids=lambda value: str(value)[:30])
+def test_a_wrong_section_is_refused_by_its_number(contact: Any, message: str) -> None:
+    text = refusal({"contact": contact})
+    assert text.startswith(message)
+    assert "\n" not in text
+
+
+def test_a_fault_of_a_list_has_its_line(file: Path) -> None:
+    file.write_text(FLOOR_AND_WALL.replace("0.6", "-0.6").replace("gap: 0.01", "gap: q"))
+    with pytest.raises(InputError) as caught:
+        load(file)
+    first, second = str(caught.value).splitlines()
+    assert first.startswith(f"{file}:4: contact.0.gap: in the expression 'q'")
+    assert second.startswith(f"{file}:8: contact.1.friction.coefficient: must be >= 0")
+
+
+def test_prescribed_displacements_must_not_overlap_any_part(file: Path) -> None:
+    text = refusal(
+        {
+            "contact": [{}, {"on": ["right", "left"]}],
+            "loads": {"displacements": [{"on": "left", "value": [0, 0]}]},
+        }
+    )
+    expected = "loads.displacements.0.on: 'left' is in contact.1.on as well"
+    assert text == f"{expected}; Gamma_D and Gamma_C must not overlap"
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("contact.gap", "'contact' is a list with the indices 0 to 0, not 'gap'"),
+        ("contact.1.gap", "'contact' is a list with the indices 0 to 0, not '1'"),
+        ("contact.0.gapp", "no key 'gapp' in contact.0 (did you mean 'gap'?)"),
+        ("contact.first.gap", "no key 'first' in contact"),
+        ("contact.0.0.gap", "no key '0' in contact.0"),
+    ],
+)
+def test_a_study_cannot_vary_what_the_list_does_not_have(key: str, message: str) -> None:
+    assert message in refusal({"contact": [{}], "study": {"vary": {key: [0]}}})
+
+
+def test_the_demo_of_two_foundations_is_a_study_file() -> None:
+    demo = Path(__file__).parents[2] / "demos" / "two_foundations.yml"
+    floor, wall = load(demo).parameters.contacts
+    assert (floor.friction.coefficient, wall.friction.coefficient) == (0.3, 0.6)
+    assert wall.friction.smoothing == floor.friction.smoothing
+    assert wall.foundation is not None and wall.foundation.cylinder is not None

@@ -1,0 +1,166 @@
+"""Parameters: defaults, what is normalised, the cases of a study, and the schema of all keys."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from contact_locking.meshes import BUILDERS
+from contact_locking.study_file import from_mapping, schema, schema_text
+from contact_locking.study_file.parameters import MeshParameters, Parameters
+from contact_locking.study_file.schema import rows
+
+pytestmark = pytest.mark.serial
+
+IDENTITY = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
+def test_defaults_are_the_block_without_loads() -> None:
+    parameters = Parameters()
+    assert parameters == from_mapping({})
+    assert parameters.mesh.builder == "block"
+    assert parameters.mesh.dim == 2
+    assert parameters.mesh.geometry.size == (1.0, 1.0)
+    assert parameters.material.elasticity.young == 1.0
+    assert parameters.material.elasticity.poisson == 0.3
+    assert parameters.material.locking_limit == math.inf
+    assert parameters.contact_names == ("bottom",)
+    assert parameters.friction.coefficient == 0.0
+    assert parameters.penalty.n == math.inf
+    assert parameters.friction.regularisation is None
+    assert parameters.penalty.epsilon is None
+    assert parameters.study is None
+
+
+def test_an_empty_section_has_its_defaults() -> None:
+    sections = ["mesh", "material", "loads", "contact", "friction", "penalty", "solver", "output"]
+    assert from_mapping(dict.fromkeys(sections)) == Parameters()
+
+
+@pytest.mark.parametrize("value", [1e4, 10000, "1e4", "1.0e4", "2*5000", "10**4"])
+def test_a_number_may_be_written_as_a_constant_expression(value: Any) -> None:
+    assert from_mapping({"penalty": {"n": value}}).penalty.n == 1e4
+    traction = {"on": "top", "value": [value, "x*y"]}
+    assert from_mapping({"loads": {"tractions": [traction]}}).loads.tractions[0].value == (
+        1e4,
+        "x*y",
+    )
+
+
+def test_names_are_a_name_or_a_list() -> None:
+    one = {"on": "left", "value": [0, None]}
+    two = {"on": ["right", "top"], "value": [0, "x"]}
+    loads = from_mapping({"loads": {"displacements": [one, two]}}).loads
+    assert loads.displacements[0].on == ("left",)
+    assert loads.displacements[0].value == (0.0, None)
+    assert loads.displacements[1].on == ("right", "top")
+    assert from_mapping({"contact": {"on": []}}).contact_names == ()
+
+
+def test_each_way_to_give_the_elasticity() -> None:
+    def elasticity(**given: Any) -> Any:
+        return from_mapping({"material": {"elasticity": given}}).material.elasticity
+
+    assert (elasticity(young=2).young, elasticity(young=2).poisson) == (2.0, 0.3)
+    lame = elasticity(**{"lambda": 1, "mu": "1 + x"})
+    assert (lame.lame_lambda, lame.lame_mu, lame.young) == (1.0, "1 + x", None)
+    assert elasticity(stiffness=IDENTITY).stiffness == ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    mixed = [["1 + x", "y", 0], ["y", 2, 0], [0, 0, 1]]
+    assert elasticity(stiffness=mixed).stiffness[0] == ("1 + x", "y", 0.0)
+
+
+def test_a_builder_takes_its_own_parameters() -> None:
+    mesh = from_mapping({"mesh": {"dim": 3, "size": [1, 2, "1/2"], "h": "1e-1"}}).mesh
+    assert mesh.dim == 3
+    assert mesh.geometry == BUILDERS["block"](dim=3, size=(1.0, 2.0, 0.5), h=0.1)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+def test_every_builder_has_defaults(builder: str) -> None:
+    mesh = MeshParameters.model_validate({"builder": builder})
+    assert mesh.geometry == BUILDERS[builder]()
+    assert mesh.dim in (2, 3)
+
+
+def test_cases_of_a_study() -> None:
+    study = {
+        "vary": {"friction.coefficient": [0, "s"], "penalty.n": {"geometric": [10, 1000, 3]}},
+        "zip": {"mesh.h": {"linear": [0.1, 0.2, 2]}, "solver.max_iterations": [7, 8]},
+    }
+    parameters = from_mapping({"study": study})
+    assert parameters.study is not None
+    cases = parameters.study.cases()
+    assert len(cases) == 2 * 2 * 3
+    keys = ("mesh.h", "solver.max_iterations", "friction.coefficient", "penalty.n")
+    assert [tuple(case[key] for key in keys) for case in cases[:4]] == [
+        (0.1, 7, 0, 10.0),
+        (0.1, 7, 0, 100.0),
+        (0.1, 7, 0, 1000.0),
+        (0.1, 7, "s", 10.0),
+    ]
+    assert cases[-1]["mesh.h"] == 0.2
+
+
+def test_every_key_has_a_description_and_a_default_or_is_required() -> None:
+    table = list(rows())
+    assert all(row.description for row in table)
+    defaults = {row.key: row.default for row in table}
+    assert defaults["material.locking_limit"] == ".inf"
+    assert defaults["material.elasticity.lambda"] == "null"
+    assert defaults["contact.foundation.sphere.radius"] == "required"
+    units = {row.key: row.unit for row in table}
+    assert units["mesh.h"] == "length"
+    assert units["loads.tractions.INDEX.value"] == "stress"
+    text = schema_text()
+    assert all(row.key in text for row in table)
+
+
+def test_schema_is_json_with_defaults_and_units() -> None:
+    import json
+
+    definition = schema()
+    json.dumps(definition, allow_nan=False)
+    n = definition["$defs"]["PenaltyParameters"]["properties"]["n"]
+    assert (n["default"], n["unit"]) == (".inf", "stress")
+    material = definition["$defs"]["MaterialParameters"]["properties"]
+    assert material["locking_limit"]["default"] == ".inf"
+    *kinds, empty = definition["$defs"]["MeshParameters"]["anyOf"]
+    assert empty == {"type": "null"}
+    builders = [kind["properties"].get("builder", {}).get("const") for kind in kinds]
+    assert builders == [None, *BUILDERS]
+    assert "unit" in kinds[1]["properties"]["h"]
+
+
+def test_the_json_schema_has_the_bounds_of_numbers() -> None:
+    sections = schema()["$defs"]
+
+    def bounds(section: str, key: str) -> list[dict[str, Any]]:
+        """The bounds of the numbers that the key may have."""
+        about = sections[section]["properties"][key]
+        choices = [about, *about.get("anyOf", []), *about.get("oneOf", [])]
+        choices += [inner for choice in about.get("anyOf", []) for inner in choice.get("oneOf", [])]
+        wanted = {"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "maxItems"}
+        return [
+            found for choice in choices if (found := {k: choice[k] for k in wanted & {*choice}})
+        ]
+
+    positive = [{"exclusiveMinimum": 0}]
+    assert bounds("PenaltyParameters", "n") == positive
+    assert bounds("PenaltyParameters", "epsilon") == positive
+    assert bounds("Elasticity", "young") == positive
+    assert bounds("Elasticity", "poisson") == [{"exclusiveMinimum": -1, "exclusiveMaximum": 0.5}]
+    assert bounds("MaterialParameters", "locking_limit") == positive
+    assert bounds("FrictionParameters", "coefficient") == [{"minimum": 0}]
+    assert bounds("OwnFriction", "coefficient") == [{"minimum": 0}]
+    assert bounds("SolverParameters", "max_iterations") == [{"minimum": 1, "maximum": 10**9}]
+    assert bounds("SolverParameters", "tolerance") == [
+        {"exclusiveMinimum": 0, "exclusiveMaximum": 1}
+    ]
+    assert bounds("LoadParameters", "tractions") == [{"maxItems": 200}]
+
+
+def test_the_json_schema_takes_one_section_or_a_list_for_contact() -> None:
+    one, several = schema()["properties"]["contact"]["oneOf"]
+    assert one == several["items"] == {"$ref": "#/$defs/ContactSection"}
