@@ -91,7 +91,7 @@ def preconditioner(multigrid: FilteredMultigrid) -> str:
     """What a tangent is solved with at present, and with how many rows to factorise."""
     if multigrid._projection is not None:
         projection: Projection = multigrid._projection
-        return f"projection, {projection.rows.getSize()[0]}"
+        return f"projection, {projection._rows.getSize()[0]}"
     if multigrid._filter is not None:
         return f"filter, {multigrid._filter._right.getSize()}"
     return "multigrid"
