@@ -28,9 +28,8 @@ from mpi4py import MPI
 
 from contact_locking.process import solving
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
-from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
+from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, Projection
 from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
-from contact_locking.solver.linear.projection import Projection
 from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.

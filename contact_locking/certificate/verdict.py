@@ -12,11 +12,10 @@ from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.elliptic import Lifting, NotApplicable
 from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
 from contact_locking.certificate.laws import entry_criterion, law_criteria
-from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.penalty_error import penalty_error
 from contact_locking.certificate.solved_state import SolvedState
 

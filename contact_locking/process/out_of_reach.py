@@ -2,9 +2,90 @@
 
 from __future__ import annotations
 
-from contact_locking.process.demand import Demand
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from contact_locking.arrays import FloatArray
+from contact_locking.parallel import maximum
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.solution import StudySolution
-from contact_locking.solver.solver_report import SolverReport
+from contact_locking.solver.task import SolverReport
+
+# Values that differ by less than this share of the largest are the same.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Demand:
+    """All that decides what is admissible at a time, on this rank.
+
+    ``limits`` are the inverse limits of the strain: the time does not change them, but whoever
+    changes the problem between two steps may.  Tools that a force pushes ask for nothing, as they
+    may retreat.
+    """
+
+    comm: MPI.Intracomm
+    time: float
+    displacements: FloatArray
+    gaps: FloatArray
+    normals: FloatArray
+    limits: FloatArray
+
+    @classmethod
+    def of(cls, system: PenalisedSystem, time: float) -> Demand:
+        """The demand of the time that the system has been put to."""
+        contacts = [contact for contact in system.contacts if not contact.is_pushed]
+        return cls(
+            comm=system.comm,
+            time=time,
+            displacements=system.constraints.held_part(system.u.x.array),
+            gaps=np.concatenate([np.empty(0), *(contact.gaps for contact in contacts)]),
+            normals=np.concatenate([np.empty(0), *(item.normals.ravel() for item in contacts)]),
+            limits=np.concatenate([law.inverse_limit.x.array for law in system.data.sets]),
+        )
+
+    def repeats(self, other: Demand) -> bool:
+        """Whether the same is admissible as at another time; collective."""
+        return (
+            self._is_bounded_like(other)
+            and self._are_same(self.displacements, other.displacements)
+            and self._are_same(self.gaps, other.gaps)
+        )
+
+    def is_beyond(self, refused: Demand, reached: Demand) -> bool:
+        """Whether nothing is admissible, as nothing is at ``refused``; collective.
+
+        Something is at ``reached``.  If ``refused`` mixes the displacements and the gaps of
+        ``reached`` and of this demand, and all else is the same, then the mixture of what is
+        admissible at both would be admissible at ``refused``, because the limits are convex.
+        """
+        if not reached.time < refused.time <= self.time:
+            return False
+        share = (refused.time - reached.time) / (self.time - reached.time)
+
+        def is_mixed(ours: FloatArray, middle: FloatArray, theirs: FloatArray) -> bool:
+            return self._are_same(theirs + share * (ours - theirs), middle)
+
+        return (
+            self._is_bounded_like(reached)
+            and self._is_bounded_like(refused)
+            and is_mixed(self.displacements, refused.displacements, reached.displacements)
+            and is_mixed(self.gaps, refused.gaps, reached.gaps)
+        )
+
+    def _is_bounded_like(self, other: Demand) -> bool:
+        """Whether normals and limits are the same; collective."""
+        return self._are_same(self.normals, other.normals) and self._are_same(
+            self.limits, other.limits
+        )
+
+    def _are_same(self, ours: FloatArray, theirs: FloatArray) -> bool:
+        # Sets of strains and contacts may be added between two steps.
+        apart = np.abs(ours - theirs) if ours.shape == theirs.shape else np.array([np.inf])
+        size = maximum(self.comm, np.abs(np.concatenate([ours, theirs])))
+        return maximum(self.comm, apart) <= _ROUNDING * size
 
 
 class OutOfReach:

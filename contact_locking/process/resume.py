@@ -9,9 +9,9 @@ from contact_locking.certificate.energy import EnergyBalance
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError
 from contact_locking.process import checkpoint
-from contact_locking.process.checkpoint.step import SavedStep
+from contact_locking.process.checkpoint.stored import SavedStep
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.solver.solver_report import SolverReport
+from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
 

@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from contact_locking.command import arguments
+from contact_locking.command import cli
 from contact_locking.study_file.schema import Row, rows
 
 
@@ -33,7 +33,7 @@ def study_file_keys() -> str:
 
 def command_line() -> str:
     """The help of every command."""
-    parser = arguments.parser()
+    parser = cli.parser()
     pages = [("contact-locking", parser), *commands(parser).items()]
     parts = []
     for name, command in pages:

@@ -12,9 +12,8 @@ from grid_matrix import RIGHT, grid
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from contact_locking.solver.linear.direct import native
-from contact_locking.solver.linear.direct.native import cholmod, is_available
-from contact_locking.solver.linear.direct.substructure import Substructure
+from contact_locking.solver.linear.direct import substructure
+from contact_locking.solver.linear.direct.substructure import Substructure, cholmod, is_available
 
 needs_cholmod = pytest.mark.skipif(
     not is_available(MPI.COMM_WORLD), reason="CHOLMOD is not installed, or has no header"
@@ -35,7 +34,7 @@ def test_other_indices_than_those_of_cholmod_are_refused(
     bits: int, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("CONTACT_LOCKING_NATIVE", raising=False)
-    monkeypatch.setattr(native, "INDEX", np.dtype(f"int{bits}"))
+    monkeypatch.setattr(substructure, "INDEX", np.dtype(f"int{bits}"))
     assert is_available(comm) == (bits == 32 and cholmod() is not None)
 
 
@@ -46,7 +45,7 @@ def test_the_file_compiles_by_itself_without_warnings(tmp_path: Path) -> None:
         pytest.skip("there is no compiler by this name")
     words = ["-std=c17", "-Wall", "-Wextra", "-Werror", "-fopenmp-simd"]
     include = f"-I{cholmod()}/include"
-    source = Path(native.__file__).with_name("substructure.c")
+    source = Path(substructure.__file__).with_name("substructure.c")
     subprocess.run(
         [compiler, *words, include, "-c", source, "-o", tmp_path / "substructure.o"], check=True
     )

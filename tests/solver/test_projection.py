@@ -15,10 +15,10 @@ from contact_locking.process import solving
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.linear import multigrid_tangents
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
+from contact_locking.solver.linear.filtered_multigrid import Projection
 from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.multigrid import Multigrid
 from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
-from contact_locking.solver.linear.projection import Projection
 from contact_locking.solver.linear.tangent_solver import Assemble
 
 

@@ -18,8 +18,8 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.solver.linear.direct import substructuring
-from contact_locking.solver.linear.direct.native import is_available
-from contact_locking.solver.linear.direct.separator import Separator
+from contact_locking.solver.linear.direct.substructure import is_available
+from contact_locking.solver.linear.direct.substructuring import Separator
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
@@ -198,7 +198,7 @@ def test_mumps_takes_over_for(
         request.addfinalizer(options.remove)
     else:
         monkeypatch.setattr(
-            "contact_locking.solver.linear.direct.separator._partition",
+            "contact_locking.solver.linear.direct.substructuring._partition",
             lambda counts, *_: np.zeros(len(counts), dtype=np.int32),
         )
     whole = grid()

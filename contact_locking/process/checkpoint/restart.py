@@ -11,10 +11,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.process import checkpoint
 from contact_locking.solver.multipliers import ContactForces, Multipliers
-from contact_locking.solver.saved import SavedState
-from contact_locking.solver.settings import Settings
-from contact_locking.solver.solver_report import SolverReport
-from contact_locking.solver.target import Target
+from contact_locking.solver.task import SavedState, Settings, SolverReport, Target
 from contact_locking.study.assembly import StudyProblem
 
 
