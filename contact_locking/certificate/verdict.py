@@ -70,14 +70,9 @@ class Certificate:
         }
 
 
-def is_solved(state: SolvedState, sharply: bool) -> bool:
-    """Whether equilibrium and the laws hold as in a solution; collective.
-
-    With ``sharply`` the limits are the tolerances of the solver, without the margin of the
-    certificate.
-    """
-    laws = law_criteria(state, 1.0) if sharply else law_criteria(state)
-    found = equilibrium(state).criteria(state.settings.tolerance) | laws
+def is_solved(state: SolvedState) -> bool:
+    """Whether equilibrium and the laws hold as in a solution; collective."""
+    found = equilibrium(state).criteria(state.settings.tolerance) | law_criteria(state)
     return all(item.holds for item in found.values())
 
 

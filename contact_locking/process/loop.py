@@ -28,10 +28,10 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
+from contact_locking.process.checkpoint.restart import restored_step
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.of_study import extras_of, of_study, solver_of
 from contact_locking.process.out_of_reach import Demand, OutOfReach
-from contact_locking.process.resume import restore
 from contact_locking.process.timeline import Timeline
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.history import History, Row
@@ -168,16 +168,15 @@ class Steps(Iterator[StudySolution]):
         before: Moment | None = None
         try:
             for path in self._saved:
-                restored = restore(path, self.problem, self._solver)
-                state, self._halved = restored.state, restored.step.halved
-                self.history = restored.step.history
-                solution = self._solution(state, restored.energy, restored.step.time)
+                state, step, energy = restored_step(path, self.problem, self._solver)
+                self._halved, self.history = step.halved, step.history
+                solution = self._solution(state, energy, step.time)
                 solution.summary["restart"] = f"the step was read from {path}"
                 self._tell(solution)
                 yield solution
-                timeline.skip_to(restored.step.time)
+                timeline.skip_to(step.time)
                 last, before = solution.state, Moment.of(state)
-                self._remember(last, restored.step.time)
+                self._remember(last, step.time)
             self._began, self._to_solve = time.perf_counter(), timeline.left
             while not timeline.is_over:
                 began = time.perf_counter()
