@@ -20,13 +20,13 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.contiguity import check_boundary
 from contact_locking.mesh.file.data import MeshData, Simplices
 from contact_locking.mesh.file.diagnosis import MOST_PARTS, check_cells, check_coordinates
-from contact_locking.mesh.file.topology import keys, signed_measures
+from contact_locking.mesh.file.topology import components, keys, signed_measures
 from contact_locking.parallel import agree, maximum, on_any_rank, on_root
 
 # The largest z of a body in the plane, as a share of the largest coordinate.
@@ -136,7 +136,7 @@ class DistributedCells:
 
     def __init__(self, mesh: dmesh.Mesh) -> None:
         topology, self.dim = mesh.topology, int(mesh.topology.dim)
-        self.comm = mesh.comm
+        self._mesh, self.comm = mesh, mesh.comm
         topology.create_connectivity(self.dim - 1, self.dim)
         topology.create_connectivity(self.dim, self.dim - 1)
         self._map = topology.index_map(self.dim - 1)
@@ -183,41 +183,13 @@ class DistributedCells:
 
         The parts are in the order of their first cells in the file.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        count = len(self.facets)
-        place = self.facets.reshape(-1)
-        cell = np.repeat(np.arange(count), self.dim + 1)
-        order = np.argsort(place, kind="stable")
-        twice = np.flatnonzero(np.diff(place[order]) == 0)
-        ends = cell[order[twice]], cell[order[twice + 1]]
-        graph = coo_array((np.ones(len(twice)), ends), (count, count))
-        own, labels = connected_components(graph, directed=False)
-        first = self.comm.exscan(own) or 0
-        numbers = (labels + first).astype(np.int64)
-        # Where another rank has the other cell of a facet, the sum tells the number of its part.
-        here = np.bincount(place, minlength=len(self.shared))
-        spread = np.repeat(numbers[:, None].astype(float), self.dim + 1, axis=1)
-        sums = self.summed(spread[:, :, None])[:, 0]
-        cut = ((self.shared == 2) & (here == 1))[place]
-        pairs = np.column_stack(
-            [numbers[cell[cut]], np.rint(sums[place[cut]]) - numbers[cell[cut]]]
-        )
-        pairs = np.concatenate(self.comm.allgather(np.unique(pairs.astype(np.int64), axis=0)))
-        total = self.comm.allreduce(own)
-        joint = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (total, total))
-        found, of_number = connected_components(joint, directed=False)
+        parts, found = connected_parts(self._mesh)
         if found > MOST_PARTS:
             raise InputError(
                 f"the body falls into {found} parts that share no edges or faces; at most "
                 f"{MOST_PARTS} are allowed"
             )
-        part = of_number[numbers]
-        least = np.full(found, np.iinfo(np.int64).max)
-        np.minimum.at(least, part, self.data.cells.numbers)
-        rank = np.argsort(np.argsort(np.min(self.comm.allgather(least), axis=0)))
-        return int(found), rank[part].astype(np.int64)
+        return found, parts[: len(self.facets)].astype(np.int64)
 
     def check(self) -> list[str]:
         """The warnings about the mesh; collective.  Raises InputError if it cannot be a body."""
@@ -302,3 +274,36 @@ def box(comm: MPI.Intracomm, points: FloatArray) -> tuple[FloatArray, FloatArray
     low = comm.allgather(points.min(axis=0, initial=np.inf))
     high = comm.allgather(points.max(axis=0, initial=-np.inf))
     return np.min(low, axis=0), np.max(high, axis=0)
+
+
+def connected_parts(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:
+    """The connected part (k,) of each local cell, and how many parts there are; collective.
+
+    Cells of one part are joined by facets.  The parts are numbered by the cells that come first in
+    the mesh that was given.
+    """
+    topology, comm, dim = mesh.topology, mesh.comm, mesh.topology.dim
+    cells, facets = topology.index_map(dim), topology.index_map(dim - 1)
+    joint = topology.connectivity(dim - 1, dim)
+    counts = np.diff(joint.offsets)
+    pairs = joint.array[np.repeat(counts == 2, counts)].reshape(-1, 2)
+    found, local = components(pairs, cells.size_local + cells.num_ghosts)
+    every = comm.allgather(found)
+    local = local + sum(every[: comm.rank])
+
+    def part_of(some: IntArray) -> IntArray:
+        return local[joint.array[joint.offsets[some]]]
+
+    # A facet that two ranks have joins their parts: one of them knows it as a ghost.
+    ghosts = np.arange(facets.size_local, facets.size_local + facets.num_ghosts)
+    theirs = np.column_stack([facets.ghosts, part_of(ghosts)])
+    shared = np.concatenate(comm.allgather(theirs))
+    own = shared[:, 0] - facets.local_range[0]
+    is_own = (own >= 0) & (own < facets.size_local)
+    edges = np.column_stack([part_of(own[is_own]), shared[is_own, 1]])
+    count, whole = components(np.concatenate(comm.allgather(edges)), sum(every))
+    numbers = whole[local]
+    first = np.full(count, np.iinfo(np.int64).max)
+    np.minimum.at(first, numbers, np.asarray(topology.original_cell_index, dtype=np.int64))
+    first = np.min(comm.allgather(first), axis=0)
+    return np.argsort(np.argsort(first))[numbers].astype(np.int32), count
