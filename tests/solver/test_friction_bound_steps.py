@@ -1,16 +1,68 @@
-"""Steps of the friction bound, where a short one would leave it nearly right."""
+"""Steps of the friction bound: what the predictor foresees saves back-substitutions."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
+from problems import block
 
 from contact_locking import study_file
 from contact_locking.errors import NotConverged
 from contact_locking.process import solving
+from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point import method
+from contact_locking.solver.interior_point.bound_step import BoundStep
+from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.study_file.parameters import Parameters
+
+
+def _solved(
+    monkeypatch: pytest.MonkeyPatch, coefficient: float, foreseen_above: float
+) -> tuple[StudySolution, int]:
+    """The block with this friction, and how many responses to a step of the bound it took."""
+    count = 0
+    learn = BoundStep._learn
+
+    def counting(self: BoundStep, *given: object) -> None:
+        nonlocal count
+        count += 1
+        learn(self, *given)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as changed:
+        changed.setattr(BoundStep, "_learn", counting)
+        changed.setattr(method, "Tuning", lambda: Tuning(foreseen_above=foreseen_above))
+        changes = {"mesh__structured": True, "penalty__n": math.inf, "solver__linear": "direct"}
+        solution = solving.solve(block(2, 1 / 24, friction__coefficient=coefficient, **changes))
+    assert solution.converged
+    return solution, count
+
+
+def test_a_foreseen_step_of_the_bound_saves_half_of_the_responses(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    foreseen, few = _solved(monkeypatch, 0.3, Tuning().foreseen_above)
+    unforeseen, many = _solved(monkeypatch, 0.3, math.inf)
+    assert few <= 0.5 * many
+    tangents = [item.summary["iterations"]["tangents"] for item in (foreseen, unforeseen)]
+    assert tangents[0] <= tangents[1] + 1
+    for key in ("compliance", "elastic_energy"):
+        assert foreseen.summary[key] == pytest.approx(unforeseen.summary[key], rel=2e-7)
+
+
+def test_the_end_of_a_solve_foresees_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There the corrector keeps the duality gap, and the predictor leads elsewhere."""
+    seen: list[float] = []
+    foresee = BoundStep.foresee
+
+    def noting(self: BoundStep, *given: object) -> None:
+        seen.append(1.0)
+        foresee(self, *given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(BoundStep, "foresee", noting)
+    solution, _ = _solved(monkeypatch, 0.3, Tuning().foreseen_above)
+    assert 0 < len(seen) < solution.summary["iterations"]["tangents"] - 2
 
 
 # Rounding differs with the ranks, and may send the first approach on this verge another way.

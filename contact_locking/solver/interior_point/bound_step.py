@@ -14,6 +14,10 @@ solves for them with one back-substitution an iteration, by the factorisation th
 anyway.  An iterative solver would pay for each of these as for the step itself; it solves for
 displacement and bounds together, with the forces of the bounds as functions of the displacement
 (:mod:`contact_locking.solver.linear.gmres`).
+
+Unless friction is large, the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` makes steps much smaller.
+The bound that the predictor asks for is then close to what agrees with the corrector, and the
+corrector is found with it: often no back-substitution is left to do.
 """
 
 from __future__ import annotations
@@ -104,14 +108,46 @@ class _Known:
 
 
 class BoundStep:
-    """The step of the bounds that belongs to a step of the iterate; made once for each tangent."""
+    """The step of the bounds that belongs to a step of the iterate; made once for each tangent.
 
-    def __init__(self, bounds: Sequence[MovingBound], tangent: Tangent, tuning: Tuning) -> None:
-        self._tangent, self._tuning = tangent, tuning
+    ``contracts`` tells whether the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` made steps of the
+    bounds much smaller at the last tangent.  Afterwards it tells the same of this tangent.
+    """
+
+    def __init__(
+        self,
+        bounds: Sequence[MovingBound],
+        tangent: Tangent,
+        tuning: Tuning,
+        contracts: bool = False,
+    ) -> None:
+        self._tangent, self._tuning, self.contracts = tangent, tuning, contracts
         self._laws = [_BoundLaw(bound, tuning.bound_most_taken) for bound in bounds]
         counts = [len(law.friction.weights) for law in self._laws]
         self._ends = np.cumsum(counts)[:-1]
         self._known: list[_Known] = []
+        self._foreseen = 0.0
+
+    def foresee(self, predictor: Direction) -> None:
+        """Let the step of each bound be what the predictor asks for; collective.
+
+        The corrector is found with these steps.  Where the map contracts they are nearly those that
+        agree with it, which saves back-substitutions; elsewhere each bound stands still.
+        """
+        if not self.contracts:
+            return
+        steps = [law.distance(predictor) for law in self._laws]
+        self._foreseen = self._norm(np.concatenate(steps))
+        for law, part in zip(self._laws, steps, strict=True):
+            law.change(part)
+
+    def agrees(self, direction: Direction) -> bool:
+        """Whether the step of each bound is close to what agrees with a direction; collective.
+
+        The direction is one with the steps of the bounds that are set before.
+        """
+        left = self._norm(np.concatenate([law.distance(direction) for law in self._laws]))
+        return left <= self._enough(left)
 
     def stand_still(self) -> None:
         """Let the step of each bound be zero."""
@@ -174,8 +210,12 @@ class BoundStep:
         change, left, start = np.zeros_like(right), right.copy(), self._norm(right)
         displacement = self._tangent.nothing()
         for i in range(self._tuning.bound_iterations):
+            size = self._norm(left)
+            # An iterative solver finds responses too roughly to rely on what they leave.
+            if i == 1 and self._tangent.direct is not None:
+                self.contracts = size <= self._tuning.bound_contracts * start
             if i >= len(self._known):
-                if not self._norm(left) > self._tuning.bound_rtol * start:
+                if not size > self._enough(start):
                     break
                 self._learn(left)
             known = self._known[i]
@@ -184,6 +224,11 @@ class BoundStep:
             displacement += share * known.displacement
             left -= share * known.image
         return change, displacement
+
+    def _enough(self, start: float) -> float:
+        """The residual at which the equation counts as solved that began with ``start``."""
+        rough = self._tuning.bound_rtol_foreseen * self._foreseen if self.contracts else 0.0
+        return max(rough, self._tuning.bound_rtol * start)
 
     def _learn(self, step: FloatArray) -> None:
         """Find the response to one more step, made independent of those before; collective."""

@@ -13,7 +13,7 @@ back-substitutions more than one with known bounds.
    unbalanced the forces, bound the stiffness of the steps that follow.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
-4. Predictor: the direction towards products of zero.
+4. Predictor: the direction towards products of zero; it foresees the step of the friction bound.
 5. Corrector: the direction towards the products that the predictor makes likely, with its
    second-order terms (Mehrotra, doi:10.1137/0802028).
 6. Friction bound: its step that agrees with the direction, and the direction with that.
@@ -254,7 +254,9 @@ class InteriorPoint:
         self._iterate = Iterate(tangent, tuning.band)
         self._iterate.soften(0.0)
         self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
-        self._search = Search(self._iterate, self._moving, tuning, task.settings)
+        self._search = Search(
+            self._iterate, self._moving, tuning, task.settings, self.approach.foresees
+        )
 
     # 2. The stopping rule.
 

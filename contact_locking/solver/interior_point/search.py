@@ -17,7 +17,8 @@ from contact_locking.solver.task import Settings
 class Search:
     """Finds the steps of an iterate whose tangent is assembled.
 
-    The numbers are those of the steps of the algorithm in :mod:`method`.
+    The numbers are those of the steps of the algorithm in :mod:`method`.  ``foresees`` is that of
+    the approach.
     """
 
     def __init__(
@@ -26,10 +27,12 @@ class Search:
         bounds: Sequence[MovingBound],
         tuning: Tuning,
         settings: Settings,
+        foresees: bool = False,
     ) -> None:
+        self._foresees = foresees
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
-        self._last_length = 0.0
+        self._last_length, self._bounds_contract = 0.0, False
         self._friction_tolerance = settings.friction_tolerance
         self._last_change, self._sharper = math.inf, 1.0
 
@@ -52,7 +55,9 @@ class Search:
         if self._last_length >= tuning.bolder_after:
             centring *= tuning.bolder
         target = self._limited(centring, measures) * before
-        bound_step = BoundStep(self._bounds, iterate.tangent, tuning)
+        bound_step = BoundStep(self._bounds, iterate.tangent, tuning, self._bounds_contract)
+        if self._foresees and measures.gap > tuning.foreseen_above:
+            bound_step.foresee(affine)
         # 5. The corrector.
         corrections = iterate.corrections(affine, min(1.0, t / tuning.trusted_length))
         # 6. The friction bound.
@@ -71,6 +76,7 @@ class Search:
         if self._bounds and bound_step.misses(best) > tuning.bound_missed:
             best = self._with_bounds(bound_step, target, corrections, best)
             t = self._length(best)
+        self._bounds_contract = bound_step.contracts
         best, self._last_length = self._balanced(best, t, measures)
         return best, self._last_length
 
@@ -161,7 +167,7 @@ class Search:
         self, bound_step: BoundStep, direction: Direction, target: float, corrections: Corrections
     ) -> Direction:
         """The direction with the steps of the friction bounds that agree with it; collective."""
-        if not self._bounds:
+        if not self._bounds or bound_step.agrees(direction):
             return direction
         change = bound_step.adapt(direction)
         # Responses to the friction bound are rough where an iterative solver finds them.

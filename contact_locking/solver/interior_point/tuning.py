@@ -13,10 +13,13 @@ class Approach:
     ``opening`` (> 0) is the least opening of contact at the start, relative to the strain times the
     length.  ``trusts_newton`` leaves the friction bound where a step brought it, if the step
     brought it closer to ``mu |R p|``; without it the bound is set to that after every step.
+    ``foresees`` lets the predictor foresee the step of the bound, which is faster; a solve that is
+    tried again does without it.
     """
 
     opening: float
     trusts_newton: bool
+    foresees: bool = False
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Tuning:
     #: finds solutions where friction changes much with the slip.  The others find solutions of one
     #: problem in some thousand that these miss, as paths through the cones differ.
     approaches: tuple[Approach, ...] = (
-        Approach(0.1, trusts_newton=True),
+        Approach(0.1, trusts_newton=True, foresees=True),
         Approach(100.0, trusts_newton=False),
         Approach(10.0, trusts_newton=True),
         Approach(10.0, trusts_newton=False),
@@ -116,6 +119,15 @@ class Tuning:
     #: The residual of the linear system for the step of the bound, relative, in (0, 1).  A smaller
     #: one saves no tangents.
     bound_rtol: float = 1e-2
+    #: Steps of the bound contract if the first iteration leaves this share of the residual at most,
+    #: in (0, 1).
+    bound_contracts: float = 0.2
+    #: Where they contract and the duality gap is above this, > 0, the predictor foresees the step
+    #: of the bound.
+    foreseen_above: float = 1e-5
+    #: The residual that is then enough, relative to the step foreseen, in (0, 1): what is left
+    #: shrinks by itself in the next steps.
+    bound_rtol_foreseen: float = 0.1
     #: The most iterations for that step, >= 1.
     bound_iterations: int = 30
     #: A step takes away this share of the bound at most, in (0, 1), so that it stays positive.
