@@ -1,4 +1,4 @@
-"""The types of NumPy arrays in signatures, and the names of the coordinate axes."""
+"""The types of NumPy arrays in signatures, the names of the axes, and moments of forces."""
 
 from __future__ import annotations
 
@@ -20,6 +20,13 @@ AXES = ("x", "y", "z")
 #: Bounds of the absolute values of quantities, and of divisors.  No quantity reaches them in any
 #: unit, and products of three such values stay in the range of double precision.
 LARGEST, SMALLEST = 1e100, 1e-100
+
+
+def moments(x: FloatArray, forces: FloatArray) -> FloatArray:
+    """``x cross F`` of forces (k, d) at points (k, d): (k, 1) in 2D, (k, 3) in 3D."""
+    if x.shape[1] == 2:
+        return np.asarray(x[:, :1] * forces[:, 1:] - x[:, 1:] * forces[:, :1])
+    return np.asarray(np.cross(x, forces), dtype=np.float64)
 
 
 def flattened(values: npt.NDArray[S], kept: int = 0) -> npt.NDArray[S]:

@@ -88,18 +88,14 @@ class ContactProblem:
         of_supports = [
             places.add(item.on, f"supports.{number}") for number, item in enumerate(supports)
         ]
-        domain, parts = places.domain()
+        domain = places.domain()
         domain = half_section(domain, "axisymmetric") if axisymmetric else domain
-
-        def joined(names: Sequence[str]) -> tuple[str, ...]:
-            return tuple(dict.fromkeys(part for name in names for part in parts[name]))
-
         held = [
-            _support(item, joined(names), f"supports.{number}")
+            _support(item, names, f"supports.{number}")
             for number, (item, names) in enumerate(zip(supports, of_supports, strict=True))
         ]
         placed = [
-            dataclasses.replace(item, on=joined(names), key=f"contacts.{number}")
+            dataclasses.replace(item, on=names, key=f"contacts.{number}")
             for number, (item, names) in enumerate(zip(contacts, of_contacts, strict=True))
         ]
         given = [item for item in bcs if not isinstance(item, Support)]

@@ -14,11 +14,11 @@ from dolfinx import fem
 
 from contact_locking import _compat
 from contact_locking.errors import InputError
+from contact_locking.fem.compiled import integral
 from contact_locking.files.ownership import write_text
 from contact_locking.laws.convex import squared_norm
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.results.derived import integral
 from contact_locking.results.names import TABLE_LINES
 from contact_locking.results.read import Row, read_rows
 from contact_locking.results.solution import StudySolution

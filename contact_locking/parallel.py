@@ -5,10 +5,11 @@ An error that only one rank raises would leave the other ranks waiting.
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -17,6 +18,9 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import ContactLockingError, InputError
 
 T = TypeVar("T")
+
+# Values that differ by less, relative to the largest, are alike.
+_ALIKE = 1e-6
 
 
 def on_root(comm: MPI.Intracomm, work: Callable[[], T]) -> T:
@@ -62,6 +66,20 @@ def maximum(comm: MPI.Intracomm, values: FloatArray | float, least: float = 0.0)
     A rank may have no values.
     """
     return float(comm.allreduce(float(np.max(values, initial=least)), op=MPI.MAX))
+
+
+def peak(comm: MPI.Intracomm, values: FloatArray, places: FloatArray) -> tuple[float, Any]:
+    """The largest of values (k,) >= 0 and its place (d,), None if all are zero; collective.
+
+    Of values that may be unequal by rounding the first place in lexicographic order counts, and
+    rounding does not change the order.
+    """
+    largest = maximum(comm, values)
+    near = places[values >= (1.0 - _ALIKE) * largest] if largest > 0.0 else places[:0]
+    order = np.round(near / (maximum(comm, np.abs(places)) or 1.0), 9)
+    first = np.lexsort(order.T[::-1])[:1]
+    found = comm.allgather([*zip(order[first].tolist(), near[first].tolist(), strict=True)])
+    return largest, min(itertools.chain(*found), default=(None, None))[1]
 
 
 def minimum(comm: MPI.Intracomm, values: FloatArray | float) -> float:

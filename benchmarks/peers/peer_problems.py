@@ -77,8 +77,8 @@ def problem(name: str, solution: StudySolution) -> Problem:
     x, cells = displaced(solution)[0], solution.displacement.function_space.dofmap.list
     space = solution.displacement.function_space
     parts = {}
-    for part, tag in domain.facet_names.items():
-        facets = domain.facet_tags.find(tag)
+    for part in domain.facet_names:
+        facets = domain.facets((part,))
         nodes = [fem.locate_dofs_topological(space, 1, np.array([facet])) for facet in facets]
         parts[part] = np.array(nodes)
     held = given["loads"]["displacements"]

@@ -9,7 +9,7 @@ import ufl
 from dolfinx import fem, la
 from ufl.core.expr import Expr
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, moments
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.reactions import reactions_by_part
 from contact_locking.certificate.solved_state import SolvedState
@@ -105,7 +105,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         total.append(state.comm.allreduce(nodal.sum(axis=0)))
         if vector is not own:
             magnitude = max(magnitude, state.sum(np.linalg.norm(nodal, axis=1)))
-        turning = _moments(x - centre, nodal).sum(axis=0)
+        turning = moments(x - centre, nodal).sum(axis=0)
         moment = moment + state.comm.allreduce(turning)
     # At rest and in a rigid motion all forces are rounding, whose sums must not fail the balances.
     count = np.sqrt(state.comm.allreduce(owned))
@@ -143,13 +143,6 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
 def _centre(state: SolvedState, x: FloatArray) -> FloatArray:
     comm = state.comm
     return np.asarray(comm.allreduce(x.sum(axis=0)) / comm.allreduce(len(x)))
-
-
-def _moments(x: FloatArray, force: FloatArray) -> FloatArray:
-    """``x cross F`` of each node: (k, 1) in 2D, (k, 3) in 3D."""
-    if x.shape[1] == 2:
-        return (x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0])[:, None]
-    return np.asarray(np.cross(x, force), dtype=np.float64)
 
 
 def nodal_forces(form: Expr) -> FloatArray:

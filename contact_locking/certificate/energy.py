@@ -40,8 +40,9 @@ from contact_locking.certificate.balances import nodal_forces
 from contact_locking.certificate.criteria import Criterion
 from contact_locking.certificate.laws import law_limit
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.fem.compiled import integral
 from contact_locking.problem import forms
-from contact_locking.results.derived import ContactFields, integral
+from contact_locking.results.derived import ContactFields
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ class SolvedState:
         """
         u, data, domain = problem.u, problem.data, problem.domain
         found = report.multipliers or penalised(domain, u, data)
-        body = BodyFields(domain, system, problem.limits, found)
+        body = BodyFields(problem, system, found)
         pairs = zip(data.contacts, found.contacts, strict=True)
         contacts = tuple(ContactFields(contact, u, forces) for contact, forces in pairs)
         return cls(problem, system, target, settings, report, found, body, contacts)
@@ -145,9 +145,11 @@ class StrainPoints:
         self._space = element.tensor_space(mesh)
         scalar = self._scalar = element.strain_space(mesh)
         ones = compiled.form(ufl.TestFunction(scalar) * state.problem.data.locking_dx)
-        self.weights = self.scalars(fem.assemble_vector(ones).array, scalar)
+        self.weights = fem.assemble_vector(ones).array[
+            scalar.dofmap.list[: self._owned].reshape(-1)
+        ]
         self.volume = float(domain.comm.allreduce(float(self.weights.sum())))
-        self.limit = self.scalars(state.problem.limits.limit.x.array, scalar)
+        self.limit = self.of(state.problem.limits.limit)
         self.locking_stress = self.of(state.body.locking_stress)
         self._strained = fem.Function(state.problem.u.function_space)
         self._strain = element.strain(self._strained)
@@ -156,10 +158,6 @@ class StrainPoints:
         self.strain = self.sets[0].measured(state.problem.u)
         # The limit of the ball without the rounding of 1/(1/M).
         self.sets[0].limit = self.limit
-
-    def scalars(self, array: FloatArray, space: fem.FunctionSpace) -> FloatArray:
-        """The values of a scalar function at the points, from its dofs."""
-        return np.asarray(array[space.dofmap.list[: self._owned].reshape(-1)])
 
     def by_cell(self, values: FloatArray) -> FloatArray:
         """Scalars (k,) at the points as (n, points of a cell), for the n owned cells."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -23,9 +22,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from contact_locking.monitor import Monitor
-    from contact_locking.results import in_words
-    from contact_locking.results.solution import StudySolution
     from contact_locking.study_file import StudyFile
+    from contact_locking.study_file.parameters import Parameters
 
 CONVERGED, NOT_CONVERGED = 0, 3
 
@@ -63,6 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
     speaks = comm.rank == 0 and not arguments.quiet
+    #: What an interrupt leaves of the run, in words.
+    arguments.left = lambda: _left_of_run(arguments, parameters)
     if restart is not None and not arguments.checkpoint:
         _keep_checkpoint(restart, Path(directory))
     with _explained(study), output_folder.reserved(directory, comm):
@@ -79,9 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
                 )
     for warning in solution.summary["warnings"] if arguments.quiet else warnings:
         terminal.complain(f"warning: {warning}")
-    use = _use_of_limit(solution)
     if speaks:
-        outcome = [*in_words.rows(solution.summary, use), ("results in", str(directory))]
+        outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]
         print(terminal.columns(outcome))
     if solution.converged:
         return CONVERGED
@@ -200,7 +199,7 @@ def mesh(arguments: argparse.Namespace) -> int:
         place = arguments.output
         try:
             with explained(f"cannot write {place}", place):
-                write(geometry, place, study.parameters.contact_names)
+                write(geometry, place, study.parameters.refined_names)
         except ImportError as error:
             raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
         except (ValueError, RuntimeError) as error:
@@ -246,6 +245,26 @@ def _keep_checkpoint(restart: Path, results: Path) -> None:
         )
 
 
+def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
+    """Which steps of an interrupted run are saved, and how to go on; not collective."""
+    from contact_locking import study_file
+    from contact_locking.process.checkpoint import saved_steps
+
+    directory = Path(parameters.output.directory)
+    if parameters.steps is not None and arguments.restart is None:
+        number = 0
+        with contextlib.suppress(OSError):
+            number = saved_steps.last_number(directory, study_file.fingerprint(parameters))
+        if number > 0:
+            return f"{number} steps are saved in {directory}; the same command goes on from there"
+    if not arguments.checkpoint:
+        return ""
+    ended = "its solve has" if parameters.adapt is None else "the solves on all meshes have"
+    if parameters.steps is not None:
+        ended = "its first step has" if arguments.restart is None else "all its steps have"
+    return f"nothing is saved: a run saves its state when {ended} ended"
+
+
 def _checkpoints_work() -> bool:
     """Whether checkpoints can be saved; a warning says why not."""
     from contact_locking.process import checkpoint
@@ -283,20 +302,6 @@ def _explained(study: StudyFile) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(study.explain(error), error.key) from error
-
-
-def _use_of_limit(solution: StudySolution) -> in_words.UseOfLimit | None:
-    """How far the body uses its strain limit, None for a body without a limit; collective."""
-    from contact_locking.parallel import maximum, minimum
-    from contact_locking.results import in_words
-
-    comm = solution.domain.comm
-    strain, limit = solution.strain_norm.x.array, solution.locking_limit.x.array
-    least = minimum(comm, limit)
-    if least == math.inf:
-        return None
-    ratio = maximum(comm, strain / limit)
-    return in_words.UseOfLimit(ratio, varies=maximum(comm, limit) > least)
 
 
 def _shown(value: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.friction_bound import FrictionBound
+from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.smoothing import (
     ConvolutionOperator,
     HelmholtzOperator,
@@ -96,8 +98,9 @@ class Helmholtz(Convolution):
 class Coulomb:
     """``|sigma_tau| <= mu(x, s) |R sigma_nu|`` (6), with s the accumulated slip.
 
-    ``coefficient`` is mu: a number, a function of points (k, d) and slips (k,), or a
-    :class:`~contact_locking.laws.friction.FrictionLaw`.  ``regularisation`` is the slip, a
+    ``coefficient`` is mu: a number, infinity for no slip where the body is pressed, a function of
+    points (k, d) and slips (k,), or a :class:`~contact_locking.laws.friction.FrictionLaw`.
+    ``regularisation`` is the slip, a
     length, at which friction reaches 71 % of its bound (22); 0 is Coulomb's law itself, and None
     stands for the compliance of the contact times Young's modulus.  A user's own friction bound is
     a subclass whose :meth:`on` returns another :class:`FrictionBound`.
@@ -119,12 +122,19 @@ class Coulomb:
         return FrictionLaw(self.coefficient)
 
     @property
+    def sticks(self) -> bool:
+        """Whether nothing slips where the body is pressed."""
+        return self.coefficient == math.inf
+
+    @property
     def is_zero(self) -> bool:
         """Whether there is no friction."""
         return isinstance(self.coefficient, float | int) and self.coefficient == 0.0
 
     def on(self, surface: ContactSurface, smoothing: Smoothing) -> FrictionBound:
         """The friction bound on a surface, with R there."""
+        if self.sticks:
+            return NoSlip(surface)
         return FrictionBound(surface, smoothing, self.law, self.is_zero)
 
 

@@ -63,7 +63,7 @@ class NodalContact:
         self._sides: IntArray = surface.sides(normals)
         smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
         self.friction = given.friction.on(surface, smoothing)
-        own = given.friction.regularisation
+        own = 0.0 if self.friction.stands else given.friction.regularisation
         self.regularisation = fem.Constant(domain.mesh, slip if own is None else own)
         count, dim = len(surface.nodes), domain.dim
         self.normal = surface.vector_function(normals, "contact_normal")
@@ -85,7 +85,7 @@ class NodalContact:
         return [
             *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
             *self.foundation.warnings(self.surface, self._first_gap),
-            *self.given.friction.smoothing.warnings(self.surface),
+            *(() if self.friction.stands else self.given.friction.smoothing.warnings(self.surface)),
         ]
 
     def enter(self, state: ContactState) -> None:

@@ -48,9 +48,12 @@ def parse(
     *,
     allow_infinite: bool = False,
     tables: Mapping[str, Table] = NO_TABLES,
+    condition: bool = False,
 ) -> Expression:
     """The expression of a number or a text in the given variables and tables.
 
+    With ``condition`` the text is a condition such as x < 0, and the expression 1 where it holds
+    and 0 elsewhere.
     With ``allow_infinite`` the value may be plus infinity, and ``inf`` is a known constant. Raises
     InputError that names the fault, its place in the text and the nearest known name.
     """
@@ -59,7 +62,7 @@ def parse(
             f"expected a number or an expression, not a value of type {type(value).__name__}"
         )
     if isinstance(value, str):
-        return _Parser(value, tuple(variables), allow_infinite, tables).expression()
+        return _Parser(value, tuple(variables), allow_infinite, tables).expression(condition)
     try:
         number = float(value)
     except OverflowError:
@@ -89,7 +92,7 @@ class _Parser:
         self.names: set[str] = set()
         self.tables, self.lookups = tables, dict[Lookup, None]()
 
-    def expression(self) -> Expression:
+    def expression(self, condition: bool) -> Expression:
         if not self.text:
             raise InputError("an empty text is neither a number nor an expression")
         if len(self.text) > MAX_LENGTH:
@@ -109,7 +112,11 @@ class _Parser:
             raise InputError(f"{self.shown()}: {error.msg}{column}{unit}") from None
         except (ValueError, RecursionError, MemoryError):
             raise InputError(f"{self.shown()}: it cannot be read as a formula") from None
-        root = self.number(tree.body, 0)
+        if condition:
+            holds = self.condition(tree.body, 1)
+            root = self.apply(tree.body, "if", holds, Number(1.0), Number(0.0))
+        else:
+            root = self.number(tree.body, 0)
         names, lookups = frozenset(self.names), tuple(self.lookups)
         return Expression(self.text, names, self.allow_infinite, root, lookups)
 

@@ -40,7 +40,8 @@ Where = Any
 class Domain:
     """A simplicial mesh of the body with named boundary parts and regions.
 
-    ``facet_tags`` holds the exterior facets that have a name.  ``parts`` gives for each local cell
+    ``facet_tags`` holds the exterior facets that have a name, and ``facet_names`` the values of the
+    facets of each name; facets may have several names.  ``parts`` gives for each local cell
     the index of its connected part in ``part_names``; cells of two parts share no facet.
     ``unusable`` gives, for the name of every other group of facets, why the group bounds nothing.
     ``is_refined`` tells a mesh that was made by the refinement of the mesh of a study, and
@@ -53,7 +54,7 @@ class Domain:
     facet_tags: Any
     parts: IndexArray
     cell_names: dict[str, int]
-    facet_names: dict[str, int]
+    facet_names: dict[str, tuple[int, ...]]
     part_names: tuple[str, ...] = ("the body",)
     unusable: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
@@ -83,12 +84,14 @@ class Domain:
 
         Raises InputError, with the names of the mesh, for a name that the mesh does not have.
         """
-        parts = [self.facet_tags.find(self._tag(name, self.facet_names, key)) for name in names]
+        parts = [self.facet_tags.find(tag) for tag in self._facet_tags(names, key)]
         return np.unique(np.concatenate(parts)) if parts else np.empty(0, dtype=np.int32)
 
     def cells(self, name: str, key: str | None = None) -> IndexArray:
         """Local cells (owned and ghosts) of the named region."""
-        return self.cell_tags.find(self._tag(name, self.cell_names, key))
+        if name not in self.cell_names:
+            raise self._unknown("region", name, self.cell_names, key)
+        return self.cell_tags.find(self.cell_names[name])
 
     def ds(self, names: Iterable[str], key: str | None = None, **metadata: Any) -> ufl.Measure:
         """The surface measure of the named boundary parts; the form compiler takes ``metadata``."""
@@ -98,7 +101,7 @@ class Domain:
         self, names: Iterable[str], key: str | None = None, **metadata: Any
     ) -> ufl.Measure:
         """The measure of the named boundary parts as parts of the mesh, without ``2 pi r``."""
-        tags = tuple(self._tag(name, self.facet_names, key) for name in names)
+        tags = self._facet_tags(names, key)
         measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)
         return measure(tags, metadata=metadata)
 
@@ -165,17 +168,24 @@ class Domain:
         shown = np.where(np.abs(point) <= rounding, 0.0, point)
         return ", ".join(f"{axis} = {x:.6g}" for axis, x in zip(AXES, shown, strict=False))
 
-    def _tag(self, name: str, table: dict[str, int], key: str | None) -> int:
-        if name not in table and table is self.facet_names and name in self.unusable:
-            raise InputError(f"in {self.origin}, {self.unusable[name]}", key)
-        if name not in table:
-            what = "boundary part" if table is self.facet_names else "region"
-            there = ", ".join(sorted(table)) or "none at all"
-            raise InputError(
-                f"no {what} named {name!r} in {self.origin}{nearest(name, table)}; it has: {there}",
-                key,
-            )
-        return table[name]
+    def require_names(self, names: Iterable[str], known: Iterable[str], key: str | None) -> None:
+        """Raise InputError for a name that is not one of the known boundary parts."""
+        for name in names:
+            if name not in known and name in self.unusable:
+                raise InputError(f"in {self.origin}, {self.unusable[name]}", key)
+            if name not in known:
+                raise self._unknown("boundary part", name, known, key)
+
+    def _facet_tags(self, names: Iterable[str], key: str | None) -> tuple[int, ...]:
+        names = tuple(names)
+        self.require_names(names, self.facet_names, key)
+        return tuple(sorted({tag for name in names for tag in self.facet_names[name]}))
+
+    def _unknown(self, kind: str, name: str, known: Iterable[str], key: str | None) -> InputError:
+        there = ", ".join(sorted(known)) or "none at all"
+        return InputError(
+            f"no {kind} named {name!r} in {self.origin}{nearest(name, known)}; it has: {there}", key
+        )
 
 
 def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] = ()) -> Domain:
@@ -225,7 +235,7 @@ def distributed(
         mesh, found = make()
         held.append((mesh, found))
         facts = {
-            "cell_names": mesh.cells.names,
+            "cell_names": {name: tag for name, (tag,) in mesh.cells.names.items()},
             "facet_names": found.facets.names,
             "unusable": found.unusable,
             "warnings": tuple(found.warnings),

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from dolfinx import la
 from dolfinx import mesh as dmesh
 
 from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.distributed_cells import connected_parts
 from contact_locking.mesh.domain import Domain, Where
+from contact_locking.mesh.named_parts import marked, tags_of
 from contact_locking.parallel import agree, on_any_rank
 from contact_locking.plain_text import nearest
 
@@ -21,8 +21,7 @@ _SIMPLICES = (dmesh.CellType.triangle, dmesh.CellType.tetrahedron)
 class NamedFacets:
     """Boundary parts by names: those of ``names``, which are values of ``tags``, and given facets.
 
-    Every place of a problem is told by :meth:`add` before :meth:`domain` makes the domain.  Facets
-    that several places share are boundary parts of their own.
+    Every place of a problem is told by :meth:`add` before :meth:`domain` makes the domain.
     """
 
     def __init__(
@@ -40,11 +39,10 @@ class NamedFacets:
         mesh.topology.create_entities(dim - 1)
         mesh.topology.create_connectivity(dim - 1, dim)
         mesh.topology.create_connectivity(dim, dim - 1)
-        self._map = mesh.topology.index_map(dim - 1)
         self._places: dict[str, BoolArray] = {}
         if self._names and tags is None:
             raise InputError("needs the mesh tags whose values have the names", "tags")
-        self._outside = self._marked(np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
+        self._outside = marked(mesh, np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
 
     def add(self, where: Where, key: str) -> tuple[str, ...]:
         """Tell of a place, and get its names; collective.
@@ -63,28 +61,10 @@ class NamedFacets:
         self._put(key, np.asarray(where, dtype=np.int32), key)
         return (key,)
 
-    def domain(self) -> tuple[Domain, dict[str, tuple[str, ...]]]:
-        """The domain, and for each name its boundary parts there; collective."""
-        mesh, names = self._mesh, list(self._places)
-        marks = np.zeros((len(names), len(self._outside)), dtype=bool)
-        for place, name in enumerate(names):
-            marks[place] = self._places[name]
-        facets = np.flatnonzero(marks.any(axis=0)).astype(np.int32)
-        kinds = [tuple(bool(mark) for mark in column) for column in marks[:, facets].T]
-        every_kind = {kind for of_rank in mesh.comm.allgather(set(kinds)) for kind in of_rank}
-        places = enumerate(sorted(every_kind, reverse=True), start=1)
-        number: dict[tuple[bool, ...], int] = {kind: value for value, kind in places}
-        values = np.array([number[kind] for kind in kinds], dtype=np.int32)
-        parts: dict[str, int] = {}
-        of_name: dict[str, tuple[str, ...]] = {name: () for name in names}
-        for kind, value in number.items():
-            sharing = [name for name, is_there in zip(names, kind, strict=True) if is_there]
-            part = " & ".join(sharing)
-            parts[part] = value
-            for name in sharing:
-                of_name[name] = (*of_name[name], part)
-        dim = mesh.topology.dim
-        tags = dmesh.meshtags(mesh, dim - 1, facets, values)
+    def domain(self) -> Domain:
+        """The domain with these boundary parts; collective."""
+        mesh, dim = self._mesh, self._mesh.topology.dim
+        tags, names = tags_of(mesh, self._places)
         cells = mesh.topology.index_map(dim)
         every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
         cell_tags = dmesh.meshtags(mesh, dim, every, np.zeros_like(every))
@@ -96,9 +76,9 @@ class NamedFacets:
             tags,
             numbers,
             {},
-            parts,
+            names,
             part_names if count > 1 else ("the body",),
-        ), of_name
+        )
 
     def _named(self, name: str, key: str) -> IndexArray:
         if name not in self._names:
@@ -115,7 +95,7 @@ class NamedFacets:
         return facets
 
     def _put(self, name: str, facets: IndexArray, key: str) -> None:
-        marks = self._marked(facets)
+        marks = marked(self._mesh, facets)
 
         def check() -> None:
             if np.any(marks & ~self._outside):
@@ -123,12 +103,3 @@ class NamedFacets:
 
         agree(self._mesh.comm, check)
         self._places[name] = marks
-
-    def _marked(self, facets: IndexArray) -> BoolArray:
-        """Which local facets, ghosts included, any rank has named; collective."""
-        marks = la.vector(self._map)
-        marks.array[:] = 0.0
-        marks.array[facets] = 1.0
-        marks.scatter_reverse(la.InsertMode.add)
-        marks.scatter_forward()
-        return np.asarray(marks.array > 0.0)

@@ -92,8 +92,9 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
     points[place] = coordinates
     order = np.lexsort(np.sort(all_corners, axis=1).T[::-1])
     named = simplices(all_corners[order], marks[order], domain.facet_names)
+    regions = {name: (tag,) for name, tag in domain.cell_names.items()}
     data = MeshData(
-        dim, points, np.arange(len(points)), simplices(all_cells, groups, domain.cell_names), named
+        dim, points, np.arange(len(points)), simplices(all_cells, groups, regions), named
     )
     found = Diagnosis(
         domain.part_names,
@@ -117,7 +118,7 @@ def gather_cells(domain: Domain, values: Any) -> FloatArray | None:
     return np.asarray(np.concatenate([local for _, local in parts])[np.argsort(places)])
 
 
-def simplices(nodes: Any, groups: Any, names: Mapping[str, int]) -> Simplices:
+def simplices(nodes: Any, groups: Any, names: Mapping[str, tuple[int, ...]]) -> Simplices:
     """Simplices numbered from 1, as in a mesh file."""
     count: IntArray = np.arange(1, len(nodes) + 1)
     return Simplices(

@@ -11,6 +11,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import IndexArray
 from contact_locking.contact.contact import Contact
+from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.contact.state import ContactState
@@ -81,6 +82,10 @@ class DiscreteProblem:
             NodalContact(domain, space, body.constraints, item, element, limited, slip)
             for item in contacts
         )
+        for contact in nodal:
+            if isinstance(contact.friction, NoSlip):
+                others = [other.surface for other in nodal if other is not contact]
+                contact.friction = contact.friction.beside(others)
         self.warnings = [text for contact in nodal for text in contact.warnings()]
         slips = tuple(float(contact.regularisation.value) for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)

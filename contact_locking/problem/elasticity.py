@@ -55,13 +55,16 @@ class Material:
     is the stress of the body without strain, None if there is none.  ``ellipticity`` (alpha) and
     ``stiffness`` are the smallest and the largest eigenvalue of A over the body, and ``young`` is
     the smallest Young's modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each
-    point, in the space of strains.  The constructor and :meth:`refresh` are collective and raise
+    point, in the space of strains.  ``across`` (k,) is the elastic stress across the plane over the
+    trace of that in the plane at the points of the strains, None where it is not known.  The
+    constructor and :meth:`refresh` are collective and raise
     InputError if A is not symmetric or not elliptic somewhere.
     """
 
     ellipticity: float
     stiffness: float
     young: float
+    across: FloatArray | None = None
 
     def __init__(self, given: Elasticity, points: Points) -> None:
         self._given, self._points = given, points
@@ -112,6 +115,7 @@ class Material:
                     self._points.write(field, row)
             with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
                 young = law.young_from_lame(*in_space)
+                self.across = 0.5 * in_space[0] / (in_space[0] + in_space[1])
             eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], self._size))
         else:
             matrices = self._matrix()
@@ -124,6 +128,8 @@ class Material:
             with np.errstate(all="ignore"):
                 young = law.mean_young(matrices, self._size)
         self.ellipticity, self.stiffness = _eigenvalue_range(self._points, eigenvalues, given.key)
+        if given.plane == "stress":
+            self.across = np.zeros(len(self._points.all))
         self.young = least(domain, young)
         self._points.write(self.largest_eigenvalue, eigenvalues.max(axis=0))
 

@@ -348,13 +348,15 @@ class _Motions:
             return np.asarray(comm.allreduce(sum((i.rub(motion) for i in self.at_contacts), none)))
 
         motion = driven_motion(some, normals, self.work, rub)
+        push, held = float(self.work @ motion), float(rub(motion) @ motion)
+        # No words for a motion of size zero, which nothing drives, or of the numbers of a solve
+        # that broke down.
+        if not push > held * (1.0 + _REACHED):
+            return None
         # A slide of length 1, or a turn by the angle 1.
         moved, turn = spin(self.free @ motion)
         words = self._words(motion)
         rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
-        push, held = float(self.work @ motion), float(rub(motion) @ motion)
-        if not push > held * (1.0 + _REACHED):
-            return None
         depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
         of_which = "the solver reached" + ", which another slip changes" * depends
         how = "lifts off" if len(normals) else "slides"

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+import dolfinx
 import numpy as np
 
 from contact_locking.certificate import Certificate
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fields import plausibility
+from contact_locking.parallel import maximum
 from contact_locking.problem.parts import describe_loose, describe_slide
-from contact_locking.results.body_fields import body_summary
+from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.contact_points import STICK
-from contact_locking.results.derived import contact_summary, gather_contacts, on_gamma_c
+from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
+from contact_locking.results.quantities import computed
 from contact_locking.results.solution import Solution
 from contact_locking.results.state import State
 from contact_locking.results.uncovered_boundary import uncovered_entry
@@ -45,12 +48,7 @@ def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution
         domain=problem.domain,
         element=problem.element,
         displacement=own,
-        strain_norm=body.strain_norm,
-        locking_limit=body.locking_limit,
-        locked=body.locked,
-        elastic_stress=body.elastic_stress,
-        locking_stress=body.locking_stress,
-        locking_parts=body.locking_parts,
+        **{name: getattr(body, name) for name in BodyFields.FIELDS},
         error_indicator=indicator and indicator.field,
         elastic_error_indicator=indicator and indicator.elastic_field,
         error_bound=certificate and certificate.error_bound,
@@ -79,20 +77,21 @@ def state_of(state: SolvedState) -> State:
     return State(saved, state.multipliers, after)
 
 
-def _warnings(state: SolvedState, touching: dict[str, Any], strain: float) -> list[str]:
+def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
     """What is probably not intended in a solution; collective."""
-    problem, target, data = state.problem, state.target, state.problem.data
-    entering = [fields.penetration(fields.free) for fields in state.contacts]
-    held = [fields.penetration(~fields.free) for fields in state.contacts]
-    found = plausibility.about_the_strain(strain)
+    problem, target, data, body = state.problem, state.target, state.problem.data, state.body
+    depths = [(fields.u_normal - fields.gap, fields.free) for fields in state.contacts]
+    entering = [maximum(state.comm, depth[free]) for depth, free in depths]
+    held = [maximum(state.comm, depth[~free]) for depth, free in depths]
+    found = plausibility.about_the_strain(numbers["strain_norm_max"])
     found += plausibility.about_the_overstrain(
-        state.body.largest_overstrain(problem.domain), target.penalty.n, target.young
+        body.largest(body.strain_norm, body.locking_limit) - 1.0, target.penalty.n, target.young
     )
     found += plausibility.about_held_nodes(
         [fields.contact.key for fields in state.contacts], held, state.largest_displacement
     )
     if problem.sliding and not any(contact.friction.depends_on_slip for contact in data.contacts):
-        found += plausibility.about_the_friction_used(touching["friction_used"])
+        found += plausibility.about_the_friction_used(numbers["friction_used"])
     for fields in state.contacts:
         between = fields.entry
         found += plausibility.about_an_entry(
@@ -121,17 +120,21 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
         slide = describe_slide(domain, u.function_space, data, problem.constraints)
     if slide is None and data.tools and problem.free and not report.converged:
         slide = describe_loose(domain, u.function_space, data, problem.constraints)
-    numbers = body_summary(domain, state.system, state.body)
-    touching = contact_summary(state.contacts, data.tools, domain.dim)
+    numbers = computed("body", state.body) | _contacts(state)
     warnings = [*problem.warnings, *report.warnings]
     if report.converged:
-        warnings += _warnings(state, touching, numbers["strain_norm_max"])
+        warnings += _warnings(state, numbers)
     summary: dict[str, Any] = {
         "converged": report.converged,
         "reason": f"{slide}; {report.reason}" if slide else report.reason,
         "suggestion": _WAY_OUT_OF_SLIDING if slide else report.suggestion,
+        "discretisation": data.element.facts(),
+        "dofs": int(u.function_space.dofmap.index_map.size_global * domain.dim),
+        "cells": domain.num_cells,
+        "ranks": domain.comm.size,
+        "dolfinx": dolfinx.__version__,
         **numbers,
-        **touching,
+        "strain_sets": state.body.about_sets(),
         "iterations": {
             "tangents": report.tangents,
             "linear": report.linear,
@@ -152,6 +155,17 @@ def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, A
         "warnings": warnings,
     }
     return summary if certificate is None else _judged(summary, state, certificate)
+
+
+def _contacts(state: SolvedState) -> dict[str, Any]:
+    """The keys of summary.json about all contacts together, and about each contact; collective."""
+    domain, tools = state.problem.domain, state.problem.data.tools
+    entries: list[dict[str, Any]] = []
+    for fields in state.contacts:
+        found = computed("contact", Contacts(domain, (fields,)))
+        pushed = [("tool", item.summary()) for item in tools if item.contact is fields.contact]
+        entries.append({"on": list(fields.contact.on), **found, **dict(pushed)})
+    return computed("contact", Contacts(domain, state.contacts)) | {"contacts": entries}
 
 
 def _judged(

@@ -18,24 +18,20 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from contact_locking.arrays import AXES
 from contact_locking.certificate import certify
 from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
-from contact_locking.parallel import maximum
 from contact_locking.process.checkpoint.restart import restored_step
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.of_study import extras_of, of_study, solver_of
 from contact_locking.process.out_of_reach import Demand, OutOfReach
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.contact_points import OPEN
 from contact_locking.results.history import History, Row
 from contact_locking.results.probe_table import ProbeSample
+from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import StudySolution
 from contact_locking.results.state import State
 from contact_locking.solver.task import SolverReport
@@ -52,36 +48,19 @@ SUMS = {
 def row_of(
     solution: StudySolution, history: History, at: float, energy: EnergyBalance, seconds: float
 ) -> Row:
-    """The row of history.csv for the next step; collective."""
-    summary, comm = solution.summary, solution.domain.comm
-    row: dict[str, float] = {"step": len(history) + 1, "t": at}
-    for name in ("contact_force", "friction_force"):
-        row |= _vector(name, summary[name])
-    row |= _vector("reaction", summary["certificate"]["resultants"]["reactions"])
+    """The row of history.csv for the next step."""
+    summary = solution.summary
+    row: dict[str, float] = {"step": len(history) + 1, "t": at} | columns(summary)
+    row |= components("reaction", summary["certificate"]["resultants"]["reactions"])
     for name, force in summary["reactions"].items():
-        row |= _vector(f"reaction_{name}", force)
-    several = summary["contacts"] if len(solution.contacts) > 1 else []
-    for number, entry in enumerate(several, start=1):
-        for name in ("contact_force", "friction_force"):
-            row |= _vector(f"{name}_{number}", entry[name])
+        row |= components(f"reaction_{name}", force)
+    several = len(summary["contacts"]) > 1
     for number, entry in enumerate(summary["contacts"], start=1):
-        if "tool" in entry:
-            suffix = f"_{number}" if several else ""
-            row[f"tool_force{suffix}"] = entry["tool"]["force"]
-            row[f"tool_travel{suffix}"] = entry["tool"]["travel"]
-    touching = [fields.state != OPEN for fields in solution.contacts]
-    pairs = list(zip(solution.contacts, touching, strict=True))
-    slips = [fields.slip[where] for fields, where in pairs]
-    steps = [np.linalg.norm(fields.increment[where], axis=1) for fields, where in pairs]
+        ending = f"_{number}" if several else ""
+        row |= columns(entry, ending) if several else {}
+        for name in ("force", "travel") if "tool" in entry else ():
+            row[f"tool_{name}{ending}"] = entry["tool"][name]
     row |= {
-        "contact_area": summary["contact_area"],
-        "slip_area": summary["slip_area"],
-        "slip_max": max((maximum(comm, values) for values in slips), default=0.0),
-        "slip_step_max": max((maximum(comm, values) for values in steps), default=0.0),
-        "penetration_max": summary["penetration_max"],
-        "strain_norm_max": summary["strain_norm_max"],
-        "locked_fraction": summary["locked_fraction"],
-        "elastic_energy": summary["elastic_energy"],
         "stored": energy.stored,
         "work": energy.work,
         "dissipated": energy.dissipated,
@@ -114,10 +93,6 @@ def totals(history: History, halvings: int, planned: int) -> dict[str, Any]:
         "dissipated": history.last("dissipated_total"),
         "numerical": history.last("numerical_total"),
     }
-
-
-def _vector(name: str, values: list[float]) -> dict[str, float]:
-    return {f"{name}_{axis}": value for axis, value in zip(AXES, values, strict=False)}
 
 
 CRITERION = "energy_balance"

@@ -9,12 +9,12 @@ from dolfinx import fem
 
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError
+from contact_locking.fem.compiled import integral
 from contact_locking.monitor import Monitor
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.parts import loose_fields
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.results.derived import integral
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import SavedState, Settings, SolverReport, Target, Task

@@ -1,10 +1,9 @@
-"""Fields of the body of a solved displacement, and their part of the summary."""
+"""Fields of the body of a solved displacement."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import dolfinx
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -13,10 +12,9 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
-from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import maximum
+from contact_locking.parallel import maximum, minimum, peak
 from contact_locking.problem import forms
-from contact_locking.problem.limits import LimitsOnMesh
+from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.multipliers import Multipliers
 
@@ -29,26 +27,38 @@ class BodyFields:
 
     ``locking_limit`` is M of the ball.  With other sets of strains it is the largest ``|eps|`` in K
     along the strain eps(u), so that ``|eps|`` over it is the utilisation of K: the largest of all
-    sets.  Cells are locked that use up their limit.
+    sets.  Cells are locked that use up their limit.  ``von_mises`` is None for a body in the plane
+    whose stress across the plane is not known.
     """
 
+    #: The names of all fields.
+    FIELDS = (
+        *("strain_norm", "locking_limit", "locked", "elastic_stress", "locking_stress"),
+        *("von_mises", "locking_parts"),
+    )
+
     def __init__(
-        self, domain: Domain, system: PenalisedSystem, limits: LimitsOnMesh, found: Multipliers
+        self, problem: DiscreteProblem, system: PenalisedSystem, found: Multipliers
     ) -> None:
+        self.domain, self.system, limits = problem.domain, system, problem.limits
+        self.displacement = system.u
         data, self._kept = system.data, system.kept
         self._element, self._dx = data.element, data.dx
         eps = data.strain(system.u)
         stress = data.elastic_stress(eps)
         norm = ufl.sqrt(ufl.inner(eps, eps))
-        self.strain_norm = self._at_points(data.element, domain, norm, "strain_norm")
-        self.elastic_stress = self._at_points(data.element, domain, stress, "elastic_stress")
+        self.strain_norm = self._at_points(data.element, norm, "strain_norm")
+        self.elastic_stress = self._at_points(data.element, stress, "elastic_stress")
         self.locking_stress, self.locking_parts = found.locking_stress, found.parts
         shares = [(item, item.utilisation(eps)) for item in data.limits]
         #: The utilisation of each set of strains but the ball.
         self.utilisations = [
-            self._at_points(data.element, domain, share, item.name) for item, share in shares
+            self._at_points(data.element, share, item.name) for item, share in shares
         ]
         self.locking_limit = limits.limit
+        self.is_limited = (
+            bool(limits.others) or minimum(self.domain.comm, limits.limit.x.array) < np.inf
+        )
         if not data.only_ball:
             self.locking_limit = self._limit_along_strain(data, limits.limit)
         self.locked = fem.Function(limits.limit.function_space, name="locked")
@@ -57,30 +67,30 @@ class BodyFields:
         at_peaks = data.element.at_peaks
         self._peaks = self.strain_norm
         if at_peaks is not data.element:
-            self._peaks = self._at_points(at_peaks, domain, norm, "strain_norm")
+            self._peaks = self._at_points(at_peaks, norm, "strain_norm")
         self._limit_at_peaks = limits.limit_at_peaks
         self._utilisations_at_peaks = [
-            self._at_points(at_peaks, domain, share, item.name) for item, share in shares
+            self._at_points(at_peaks, share, item.name) for item, share in shares
         ]
+        self.von_mises = self._von_mises(problem)
 
-    def _at_points(self, element: Element, domain: Domain, expr: Expr, name: str) -> fem.Function:
-        space = element.strain_space(domain.mesh, expr.ufl_shape)
+    def _at_points(self, element: Element, expr: Expr, name: str) -> fem.Function:
+        space = element.strain_space(self.domain.mesh, expr.ufl_shape)
         function = fem.Function(space, name=name)
         at = "peaks" if element is not self._element else "points"
         function.interpolate(self._kept((expr, at), lambda: compiled.interpolation(expr, space)))
         function.x.scatter_forward()
         return function
 
-    def share(self, domain: Domain, marks: FloatArray) -> float:
+    def share(self, marks: FloatArray) -> float:
         """The share of the body where ``marks`` (k,) of the space of strains are 1; collective."""
-        weights = self._kept("weights", lambda: self._weights(domain))
+        weights = self._kept("weights", self._weights)
         # Both sums round alike, so that all or none of the body is exactly 1 or 0.
-        marked, unmarked = domain.comm.allreduce(
-            np.array([weights @ marks, weights @ (1.0 - marks)])
-        )
+        shares = np.array([weights @ marks, weights @ (1.0 - marks)])
+        marked, unmarked = self.domain.comm.allreduce(shares)
         return float(marked / (marked + unmarked))
 
-    def _weights(self, domain: Domain) -> FloatArray:
+    def _weights(self) -> FloatArray:
         """The integrals (k,) of the functions of the space of strains over owned cells."""
         test = ufl.TestFunction(self.locked.function_space)
         return fem.assemble_vector(compiled.form(test * self._dx)).array
@@ -99,49 +109,52 @@ class BodyFields:
         limit.x.array[:] = np.minimum(limit.x.array, along)
         return limit
 
-    def largest_overstrain(self, domain: Domain) -> float:
-        """``max |eps|/M - 1`` over the points of the strains; collective."""
-        return _largest(domain, self.strain_norm, self.locking_limit) - 1.0
+    def _von_mises(self, problem: DiscreteProblem) -> fem.Function | None:
+        """``sqrt(3/2) |dev sigma|`` of the whole stress, at the points of the strains; collective.
 
-    def peaks(self, domain: Domain) -> tuple[float, float]:
-        """``max |eps|`` and ``max |eps|/M - 1`` over the whole of every cell; collective."""
-        used = [_largest(domain, share) for share in self._utilisations_at_peaks]
-        used.append(_largest(domain, self._peaks, self._limit_at_peaks))
-        return _largest(domain, self._peaks), max(used) - 1.0
+        Across the plane acts the elastic stress alone in plane strain, where the ball, whose
+        multiplier is parallel to the strain, is the only set; and nothing acts in plane stress.
+        """
+        points, across = problem.limits.points, problem.material.across
+        elastic = points.values(self.elastic_stress)
+        size, stress = elastic.shape[1], np.zeros((len(elastic), 3, 3))
+        stress[:, :size, :size] = elastic + points.values(self.locking_stress)
+        if size == 2:
+            in_space = problem.body.elasticity.plane != "stress"
+            if across is None or (in_space and not self.system.data.only_ball):
+                return None
+            stress[:, 2, 2] = across * np.trace(elastic, axis1=1, axis2=2)
+        stress -= np.trace(stress, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3.0
+        field = fem.Function(points.space, name="von_mises")
+        points.write(field, np.sqrt(1.5) * np.linalg.norm(stress, axis=(1, 2)))
+        return field
 
+    def largest(self, values: fem.Function, over: fem.Function | None = None) -> float:
+        """The largest value at the points of the strains, as a multiple of ``over``; collective."""
+        ratio = values.x.array if over is None else values.x.array / over.x.array
+        return maximum(self.domain.comm, ratio)
 
-def body_summary(domain: Domain, system: PenalisedSystem, fields: BodyFields) -> dict[str, Any]:
-    """The keys of summary.json about the body: energies, strains and sizes; collective."""
-    data, dofmap = system.data, system.u.function_space.dofmap
-    owned = fields.strain_norm.function_space.dofmap.index_map.size_local
-    largest, overstrain = fields.peaks(domain)
-    return {
-        "discretisation": data.element.facts(),
-        "dofs": int(dofmap.index_map.size_global * dofmap.index_map_bs),
-        "cells": domain.num_cells,
-        "ranks": domain.comm.size,
-        "dolfinx": dolfinx.__version__,
-        "compliance": system.compliance(),
-        "elastic_energy": system.energy(),
-        "strain_norm_max": maximum(domain.comm, fields.strain_norm.x.array[:owned]),
-        "strain_norm_max_in_cells": largest,
-        "overstrain_max": max(overstrain, 0.0),
-        "locked_fraction": fields.share(domain, fields.locked.x.array),
-        "strain_sets": [_about_set(domain, fields, share) for share in fields.utilisations],
-    }
+    def peak(self, field: fem.Function) -> Any:
+        """The largest norm of the values of a field at its points, and its place; collective."""
+        space, owned = field.function_space, field.function_space.dofmap.index_map.size_local
+        values = np.linalg.norm(field.x.array.reshape(-1, space.dofmap.bs)[:owned], axis=1)
+        places = space.tabulate_dof_coordinates()[:owned, : self.domain.dim]
+        return peak(self.domain.comm, values, places)
 
+    @property
+    def peaks(self) -> tuple[float, float]:
+        """``max |eps|`` and ``max |eps|/M`` over the whole of every cell; collective."""
+        used = [self.largest(share) for share in self._utilisations_at_peaks]
+        used.append(self.largest(self._peaks, self._limit_at_peaks))
+        return self.largest(self._peaks), max(used)
 
-def _about_set(domain: Domain, fields: BodyFields, utilisation: fem.Function) -> dict[str, Any]:
-    """The entry of summary.json about one set of strains beside the ball; collective."""
-    used_up = (utilisation.x.array >= 1.0 - _LOCKED_MARGIN).astype(float)
-    return {
-        "name": utilisation.name,
-        "utilisation_max": _largest(domain, utilisation),
-        "locked_fraction": fields.share(domain, used_up),
-    }
-
-
-def _largest(domain: Domain, values: fem.Function, over: fem.Function | None = None) -> float:
-    """The largest value at the points of the strains, as a multiple of ``over``; collective."""
-    ratio = values.x.array if over is None else values.x.array / over.x.array
-    return maximum(domain.comm, ratio)
+    def about_sets(self) -> list[dict[str, Any]]:
+        """The entries of summary.json about the sets of strains beside the ball; collective."""
+        return [
+            {
+                "name": item.name,
+                "utilisation_max": self.largest(item),
+                "locked_fraction": self.share((item.x.array >= 1.0 - _LOCKED_MARGIN).astype(float)),
+            }
+            for item in self.utilisations
+        ]

@@ -40,18 +40,7 @@ class ContactPoints:
     def none(cls, dim: int) -> ContactPoints:
         """The points of a body without contact."""
         vector, scalar, number = np.empty((0, dim)), np.empty(0), np.empty(0, dtype=np.int64)
-        return cls(
-            x=vector,
-            normal=vector,
-            u_normal=scalar,
-            u_tangent=vector,
-            gap=scalar,
-            pressure=scalar,
-            traction=vector,
-            bound=scalar,
-            state=number,
-            contact=number,
-        )
+        return cls(vector, vector, scalar, vector, scalar, scalar, vector, scalar, number, number)
 
     @property
     def dim(self) -> int:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from ufl.core.expr import Expr
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, IntArray
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.outline import box_around
-from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.fem import compiled
 from contact_locking.fem.trace import make_nodal
 from contact_locking.mesh.domain import Domain
-from contact_locking.parallel import maximum
+from contact_locking.parallel import peak
 from contact_locking.problem import forms
 from contact_locking.results.between_nodes import Entry, entry_between_nodes
 from contact_locking.results.contact_points import OPEN, SLIP, STICK, ContactPoints, joined
@@ -74,18 +74,9 @@ class ContactFields:
         pressure at open points, within its tolerance.  This pressure stays in the table, so that
         the table balances the loads.
         """
-        columns = (
-            self.surface.points,
-            self.normal,
-            self.u_normal,
-            self.u_tangent,
-            self.gap,
-            self.pressure,
-            self.traction,
-            self.bound,
-            self.state,
-            np.zeros(len(self.state), dtype=np.int64),
-        )
+        names = [column.name for column in dataclasses.fields(ContactPoints)[1:-1]]
+        number = np.zeros(len(self.state), dtype=np.int64)
+        columns = [self.surface.points, *(getattr(self, name) for name in names), number]
         gathered = [self.surface.domain.comm.gather(column) for column in columns]
         corners = self.surface.facet_corners()
         whole = [np.concatenate(parts) for parts in gathered if parts is not None]
@@ -96,29 +87,24 @@ class ContactFields:
         points = ContactPoints(*(column[order] for column in whole))
         return points, facets_of(points.x, corners)
 
-    def penetration(self, nodes: BoolArray) -> float:
-        """The largest ``[u_nu - gap]^+`` of some nodes (k,); collective."""
-        return maximum(self.surface.domain.comm, (self.u_normal - self.gap)[nodes])
 
-    def friction(self) -> tuple[float, float]:
-        """``int |sigma_tau|`` and ``int G``, the most that friction could be; collective."""
-        size = np.linalg.norm(self.traction, axis=1)
-        integrals = [self.surface.integral(values * self.free) for values in (size, self.bound)]
-        return float(integrals[0]), float(integrals[1])
+@dataclass(frozen=True)
+class Contacts:
+    """Some contacts of a body; the methods take functions of their fields and are collective."""
 
-    def summary(self) -> dict[str, Any]:
-        """Resultants and areas of this contact; collective."""
-        surface = self.surface
-        force = 0.0 - surface.integral(self.pressure[:, None] * self.normal)
-        return {
-            "penetration_max": maximum(surface.domain.comm, self.u_normal - self.gap),
-            "penetration_between_nodes": self.entry.depth,
-            "contact_force": force.tolist(),
-            "friction_force": surface.integral(self.traction).tolist(),
-            "contact_area": float(surface.integral((self.state != OPEN).astype(float))),
-            "slip_area": float(surface.integral((self.state == SLIP).astype(float))),
-            "friction_used": _share([self.friction()]),
-        }
+    domain: Domain
+    fields: tuple[ContactFields, ...]
+
+    def integral(self, density: Callable[[ContactFields], FloatArray], size: int = 0) -> Any:
+        """The integral of a density (k,), or (k, size), over Gamma_C of the contacts."""
+        integrals = (one.surface.integral(density(one)) for one in self.fields)
+        return sum(integrals, np.zeros(size) if size else 0.0)
+
+    def peak(self, values: Callable[[ContactFields], FloatArray]) -> Any:
+        """The largest of values (k,) and its place, as :func:`~contact_locking.parallel.peak`."""
+        found = np.concatenate([np.empty(0), *(values(one) for one in self.fields)])
+        places = [np.empty((0, self.domain.dim)), *(one.surface.points for one in self.fields)]
+        return peak(self.domain.comm, found, np.concatenate(places))
 
 
 def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multipliers:
@@ -136,41 +122,6 @@ def penalised(domain: Domain, u: fem.Function, data: forms.ProblemData) -> Multi
         part.x.scatter_forward()
     found.add_up(data)
     return found
-
-
-def contact_summary(
-    contacts: Sequence[ContactFields], tools: Sequence[PushedFoundation], dim: int
-) -> dict[str, Any]:
-    """The keys of summary.json about all contacts together, and about each contact; collective."""
-    total: dict[str, Any] = {
-        "penetration_max": 0.0,
-        "penetration_between_nodes": 0.0,
-        "contact_force": [0.0] * dim,
-        "friction_force": [0.0] * dim,
-        "contact_area": 0.0,
-        "slip_area": 0.0,
-    }
-    found = [fields.summary() for fields in contacts]
-    for one in found:
-        for key in ("penetration_max", "penetration_between_nodes"):
-            total[key] = max(total[key], one[key])
-        for key in ("contact_force", "friction_force"):
-            total[key] = np.add(total[key], one[key]).tolist()
-        for key in ("contact_area", "slip_area"):
-            total[key] += one[key]
-    pushed = {id(tool.contact): {"tool": tool.summary()} for tool in tools}
-    entries = [
-        {"on": list(fields.contact.on), **one, **pushed.get(id(fields.contact), {})}
-        for fields, one in zip(contacts, found, strict=True)
-    ]
-    used = _share([fields.friction() for fields in contacts])
-    return total | {"friction_used": used, "contacts": entries}
-
-
-def _share(friction: Sequence[tuple[float, float]]) -> float | None:
-    """The share of the friction bound that acts, None where there is no bound."""
-    acting, bound = (sum(values) for values in zip((0.0, 0.0), *friction, strict=True))
-    return acting / bound if bound > 0.0 else None
 
 
 def gather_contacts(
@@ -214,8 +165,3 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
         if name != "contact_state":
             make_nodal(function, [fields.surface.limited for fields in contacts])
     return found
-
-
-def integral(domain: Domain, form: Expr) -> float:
-    """The value of a functional; collective."""
-    return float(domain.comm.allreduce(fem.assemble_scalar(compiled.form(form))))

@@ -26,6 +26,7 @@ FIELD_NAMES = (
     "locked",
     "elastic_stress",
     "locking_stress",
+    "von_mises",
     "error_indicator",
     "contact_pressure",
     "tangential_traction",

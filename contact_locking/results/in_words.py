@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from contact_locking.plain_text import count, per_cent
+from contact_locking.results.quantities import QUANTITIES, Quantity, look_up
+from contact_locking.results.read import number
 
 # A result whose weakest number is above this share of the solution is a rough one.
 ROUGH = 0.1
@@ -19,14 +21,6 @@ _UNIQUENESS = {
     ),
     "not known": "not known, as usual with friction",
 }
-
-
-@dataclass(frozen=True)
-class UseOfLimit:
-    """The largest |eps|/M of a body, and whether M differs from place to place."""
-
-    ratio: float
-    varies: bool
 
 
 @dataclass(frozen=True)
@@ -47,7 +41,10 @@ class Weakness:
 
 
 def weakest(summary: Mapping[str, Any]) -> Weakness | None:
-    """The largest of the errors that the certificate knows; None if it knows none."""
+    """The largest of the errors that the certificate knows; None if it knows none.
+
+    The keys of the summary may be dotted, as in the row of a study.
+    """
     found = list(_weaknesses(summary))
     return max(found, key=lambda weakness: weakness.share) if found else None
 
@@ -60,54 +57,60 @@ def verdict(summary: Mapping[str, Any]) -> str:
     return f"yes, but the result is rough: {weak.words}" if weak and weak.is_rough else "yes"
 
 
-def rows(summary: Mapping[str, Any], use: UseOfLimit | None) -> list[tuple[str, str]]:
-    """The outcome in rows of a name and words; ``use`` is None for a body without a limit."""
+def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The outcome in rows of a name and words."""
     iterations, certificate = summary["iterations"], summary["certificate"]
-    restart = summary.get("restart")
-    counts = [
-        count(iterations["tangents"], "tangent"),
-        count(iterations["linear"], "linear solve"),
-        count(iterations["friction"], "friction update"),
-    ]
-    sizes = [
-        count(summary["cells"], "cell"),
-        count(summary["dofs"], "unknown"),
-        count(summary["ranks"], "rank"),
-    ]
+    kinds = {"tangents": "tangent", "linear": "linear solve", "friction": "friction update"}
+    counts = [count(iterations[key], name) for key, name in kinds.items()]
+    kinds = {"cells": "cell", "dofs": "unknown", "ranks": "rank"}
+    sizes = [count(summary[key], name) for key, name in kinds.items()]
     element = summary["discretisation"]
     body = "; axisymmetric" if element.get("axisymmetric") else ""
-    return [
+    bound = certificate["errors"].get("guaranteed", {})
+    found = [
         ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
-        *([("restart", restart)] if restart else []),
-        ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
-        ("iterations", ", ".join(counts)),
-        ("largest strain", _strain(summary, use)),
-        *([] if use is None else [("locked", _locked(summary["locked_fraction"]))]),
-        ("contact force", _vector(summary["contact_force"])),
-        ("friction force", _vector(summary["friction_force"])),
-        *_reactions(summary),
-        *_tools(summary.get("contacts", ())),
-        ("contact area", _areas(summary)),
-        *_friction_used(summary),
+        ("restart", summary.get("restart")),
+        *_quantities(summary),
+        ("reactions", _reactions(summary)),
+        *_tools(summary["contacts"]),
         ("criteria", _criteria(certificate["criteria"])),
         ("proved", _proved(summary)),
-        *_not_bounded(certificate["errors"].get("guaranteed")),
-        *_limit_load(certificate.get("limit_load")),
-        ("estimated", _estimated(certificate["errors"])),
+        ("guaranteed bound", None if bound.get("applicable", True) else bound["reason"]),
+        ("limit load", _limit_load(certificate.get("limit_load"))),
+        ("estimated", _estimated(summary)),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
+        ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
+        ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
     ]
+    return [(name, words) for name, words in found if words]
+
+
+def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    """The computed quantities that the summary knows, those of contacts only if there are any."""
+    for key, quantity in QUANTITIES.items():
+        is_known = summary.get(key) is not None and summary.get(quantity.beside or key) is not None
+        is_there = quantity.of == "body" or (quantity.of == "contact" and summary["contacts"])
+        if is_there and is_known and not quantity.detail:
+            yield quantity.name, told(quantity, summary[key], summary.get(f"{key}_at"))
+
+
+def told(quantity: Quantity, value: Any, place: Sequence[float] | None = None) -> str:
+    """A value of a quantity in words, with its place if it has one."""
+    if quantity.share_of:
+        return f"{per_cent(value)} of {quantity.share_of}"
+    words = _vector(value) if isinstance(value, list) else f"{value:.4g}"
+    return words if place is None else f"{words} {quantity.at} {_vector(place)}"
 
 
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
-    errors = _errors(summary)
-    if (mesh := _relative(errors, "mesh")) is not None:
+    if (mesh := _relative(summary, "mesh")) is not None:
         words = f"the error of the mesh is about {_roughly(mesh)}, by an estimate"
         # Meshes are not adapted in steps.
         adapt = "" if summary.get("steps") else ", or the section adapt"
         yield Weakness(mesh, words, f"a finer mesh{adapt}")
-    measured, bound = _relative(errors, "penalty_measured"), _relative(errors, "penalty")
+    measured, bound = _relative(summary, "penalty_measured"), _relative(summary, "penalty")
     if measured:
         words = f"the penalty changes the solution by {per_cent(measured)}, as measured"
         yield Weakness(measured, words, "a larger penalty.n, or none")
@@ -121,70 +124,14 @@ def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
         yield Weakness(bound, words, advice)
 
 
-def _errors(summary: Mapping[str, Any]) -> Mapping[str, Any]:
-    certificate = summary.get("certificate")
-    errors = certificate.get("errors") if isinstance(certificate, dict) else None
-    return errors if isinstance(errors, dict) else {}
-
-
-def _relative(errors: Mapping[str, Any], name: str) -> float | None:
-    entry = errors.get(name)
-    value = entry.get("relative") if isinstance(entry, dict) else None
-    return float(value) if isinstance(value, int | float) else None
-
-
-def _strain(summary: Mapping[str, Any], use: UseOfLimit | None) -> str:
-    largest = summary["strain_norm_max"]
-    if use is None:
-        return f"{largest:.4g} (no strain limit is set)"
-    ratio = use.ratio
-    if summary["strain_sets"] or (use.varies and ratio <= 1.0 + 1e-6):
-        # The strain that uses up most of a limit need not be the largest.
-        return f"{largest:.4g}, up to {per_cent(ratio)} of the limits"
-    if ratio > 1.0 + 1e-6:
-        above = "up to " * use.varies + per_cent(ratio - 1.0)
-        at_points = f"{largest:.4g}, {above} above the limit"
-    elif ratio >= 1.0 - 1e-6:
-        at_points = f"{largest:.4g}, the limit"
-    else:
-        at_points = f"{largest:.4g}, {per_cent(ratio)} of the limit"
-    return at_points + _between_points(summary)
-
-
-def _between_points(summary: Mapping[str, Any]) -> str:
-    """The largest strain where no limit holds, if this strain is larger than at the points."""
-    largest = summary["strain_norm_max_in_cells"]
-    if largest <= summary["strain_norm_max"] * (1.0 + 1e-6):
-        return ""
-    beyond = summary["overstrain_max"]
-    above = f", {per_cent(beyond)} above the limit" if beyond > 0.0 else ""
-    return f", at the Gauss points; {largest:.4g}{above}, between the points"
-
-
-def _locked(share: float) -> str:
-    return f"{per_cent(share)} of the body is at its strain limit"
-
-
-def _areas(summary: Mapping[str, Any]) -> str:
-    touching, slipping = summary["contact_area"], summary["slip_area"]
-    # Without friction every point of contact is free to slip, whether it does or not.
-    if not (_has_friction(summary) or any(summary["friction_force"])):
-        return f"{touching:.4g}, without friction"
-    return f"{touching:.4g}, of which {slipping:.4g} slips"
+def _relative(summary: Mapping[str, Any], name: str) -> float | None:
+    return number(look_up(summary, f"certificate.errors.{name}.relative"))
 
 
 def _has_friction(summary: Mapping[str, Any]) -> bool:
     """Whether friction acts, or would if there were a pressure."""
-    certificate = summary.get("certificate")
-    constants = certificate.get("constants") if isinstance(certificate, dict) else None
-    coefficient = constants.get("friction_coefficient") if isinstance(constants, dict) else None
+    coefficient = look_up(summary, "certificate.constants.friction_coefficient")
     return bool(coefficient) or summary.get("friction_used") is not None
-
-
-def _friction_used(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The share of the friction that acts of what could act; no row without friction."""
-    used = summary.get("friction_used")
-    return [] if used is None else [("friction used", f"{per_cent(used)} of the friction bound")]
 
 
 def _vector(values: Iterable[float], largest: float = 0.0) -> str:
@@ -212,13 +159,13 @@ def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
     ]
 
 
-def _reactions(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The reaction of each boundary part that is held; no row without supports."""
+def _reactions(summary: Mapping[str, Any]) -> str:
+    """The reaction of each boundary part that is held; empty without supports."""
     reactions = summary["reactions"]
     forces = [summary["contact_force"], summary["friction_force"], *reactions.values()]
     largest = max((abs(value) for force in forces for value in force), default=0.0)
     told = [f"{_vector(force, largest)} on {name}" for name, force in reactions.items()]
-    return [("reactions", ", ".join(told))] if told else []
+    return ", ".join(told)
 
 
 def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
@@ -236,16 +183,16 @@ def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _proved(summary: Mapping[str, Any]) -> str:
-    bounds, errors = summary["bounds"], summary["certificate"]["errors"]
+    bounds = summary["bounds"]
     under = ", for the friction bound reached" if _has_friction(summary) else ""
     broken = [_spaced(name) for name, entry in bounds.items() if entry["holds"] is False]
     if broken:
         return f"violated: {', '.join(broken)}"
     held = sum(entry["holds"] is True for entry in bounds.values())
     told = []
-    if (whole := _relative(errors, "guaranteed")) is not None:
+    if (whole := _relative(summary, "guaranteed")) is not None:
         told.append(_at_most("the whole error is", whole, "the whole error", under))
-    if distance := _relative(errors, "penalty"):
+    if distance := _relative(summary, "penalty"):
         change = "the penalty changes the solution on this mesh by"
         told.append(_at_most(change, distance, "what the penalty changes", under))
     if held:
@@ -260,27 +207,18 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
     return f"{change} at most {per_cent(bound)}{under}"
 
 
-def _not_bounded(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    """Why the guaranteed bound that the study file asks for does not apply."""
-    if entry is None or entry["applicable"]:
-        return []
-    return [("guaranteed bound", entry["reason"])]
-
-
-def _limit_load(entry: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+def _limit_load(entry: Mapping[str, Any] | None) -> str | None:
     """The limit load, if the study file asks for proofs and displacements move."""
-    if entry is None:
-        return []
-    if entry["load_factor"] is None:
-        return [("limit load", entry["reason"])]
+    if entry is None or entry["load_factor"] is None:
+        return None if entry is None else str(entry["reason"])
     confirmed, excluded = entry["load_factor"]
     most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
     shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
-    return [("limit load", f"of the prescribed displacements {shares}")]
+    return f"of the prescribed displacements {shares}"
 
 
-def _estimated(errors: Mapping[str, Any]) -> str:
-    mesh, measured = _relative(errors, "mesh"), _relative(errors, "penalty_measured")
+def _estimated(summary: Mapping[str, Any]) -> str:
+    mesh, measured = _relative(summary, "mesh"), _relative(summary, "penalty_measured")
     told = [] if mesh is None else [f"the error of the mesh is about {_roughly(mesh)}"]
     if measured is not None:
         change = f"the penalty changes the solution on this mesh by {per_cent(measured)}"

@@ -113,7 +113,8 @@ def _run(folder: Path) -> RunResults:
     _require_version(summary, folder)
     if not isinstance(summary.get("converged"), bool):
         raise InputError(f"{path}: is damaged: it does not say whether the run converged")
-    for key, text in dict(_dict(summary.pop("not_finite", None))).items():
+    listed = summary.pop("not_finite", None)
+    for key, text in listed.items() if isinstance(listed, dict) else ():
         _restore(summary, key.split("."), text)
     picture, meshes, film = folder / PICTURE, folder / MESHES, folder / ANIMATION
     contact, facets, history = folder / CONTACT, folder / FACETS, folder / HISTORY
@@ -175,28 +176,15 @@ def _require_version(record: dict[str, Any], folder: Path) -> None:
 
 def _restore(value: Any, path: list[str], text: Any) -> None:
     """Set the value at ``path`` in a summary to an infinity or NaN, which JSON cannot hold."""
-    *above, last = path
-    for name in above:
-        value = _item(value, name)
-    if text in ("inf", "-inf", "nan") and _item(value, last) is None:
-        match value:
-            case dict():
-                value[last] = float(text)
-            case list() if last.isdecimal() and int(last) < len(value):
-                value[int(last)] = float(text)
-
-
-def _item(value: Any, name: str) -> Any:
-    match value:
-        case dict():
-            return value.get(name)
-        case list() if name.isdecimal() and int(name) < len(value):
-            return value[int(name)]
-    return None
-
-
-def _dict(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}
+    first, *rest = path
+    place: Any = int(first) if isinstance(value, list) and first.isdecimal() else first
+    known = range(len(value)) if isinstance(value, list) else value
+    if not isinstance(value, dict | list) or place not in known:
+        return
+    if rest:
+        _restore(value[place], rest, text)
+    elif text in ("inf", "-inf", "nan") and value[place] is None:
+        value[place] = float(text)
 
 
 def number(value: Any) -> float | None:

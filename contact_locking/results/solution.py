@@ -39,6 +39,7 @@ class Solution:
     locked: fem.Function  # P0, 1 where |eps| >= locking_limit (1 - 1e-6), else 0
     elastic_stress: fem.Function  # P0, (d, d): A eps(u)
     locking_stress: fem.Function  # P0, (d, d): Z
+    von_mises: fem.Function | None  # P0, of both stresses; None if sigma_zz is not known
     locking_parts: tuple[fem.Function, ...]  # P0, the multiplier of each set of strains
     error_indicator: fem.Function | None  # P0, eta_K, the error in h by recovery
     elastic_error_indicator: fem.Function | None  # P0, the same for the elastic stress

@@ -17,9 +17,6 @@ from contact_locking.arrays import IndexArray
 from contact_locking.results.fields import FIELD_NAMES
 from contact_locking.results.solution import Solution
 
-# The fields of the body that have values at the points of the strains.
-_OF_STRAINS = ("strain_norm", "locked", "elastic_stress", "locking_stress", "error_indicator")
-
 
 def write(solution: Solution, path: Path, comm: MPI.Intracomm) -> None:
     """Write all fields to ``path`` and to the file beside it that ends with .h5; collective.
@@ -36,7 +33,8 @@ def write(solution: Solution, path: Path, comm: MPI.Intracomm) -> None:
             for name in FIELD_NAMES:
                 function = getattr(solution, name)
                 if function is not None:
-                    element = ("DG", 0) if name in _OF_STRAINS else ("P", degree)
+                    jumps = function.function_space.element.basix_element.discontinuous
+                    element = ("DG", 0) if jumps else ("P", degree)
                     space = fem.functionspace(mesh, (*element, function.ufl_shape))
                     copy = fem.Function(space, name=name)
                     copy.interpolate(function)

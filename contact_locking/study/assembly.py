@@ -9,8 +9,11 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from contact_locking.arrays import AXES
 from contact_locking.errors import InputError
+from contact_locking.expressions import TIME, parse
 from contact_locking.fem.spaces import Element, element_of
+from contact_locking.fields.between_steps import unseen_peaks
 from contact_locking.fields.clock import Clock
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.table_files import read_tables
@@ -24,6 +27,7 @@ from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.study.contacts import contact_of, friction_warnings
 from contact_locking.study.loads import build_loads
 from contact_locking.study.material import MaterialOfStudy
+from contact_locking.study.places import with_placed_parts
 from contact_locking.study.probe_points import locate
 from contact_locking.study_file.parameters import LoadParameters, Parameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
@@ -78,7 +82,12 @@ class StudyProblem(DiscreteProblem):
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)
         told += self.loads.warnings(self.material.stiffness)
-        self.warnings = [*told, *self.warnings]
+        told += parameters.idle_friction()
+        for key, text in parameters.timed():
+            expression = parse(text, (*AXES, TIME), tables=tables)
+            told += unseen_peaks(expression, key, clock, domain.bounding_box())
+        # Two contacts may have one section of friction.
+        self.warnings = list(dict.fromkeys([*told, *self.warnings]))
 
     def advance(self, time: float) -> None:
         """Put loads, prescribed displacements, gaps and forces of tools to a time; collective.
@@ -145,9 +154,14 @@ def assemble(
 
 def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     """The mesh of the study, which is the first mesh where meshes are adapted; collective."""
+    return with_placed_parts(_given_mesh(parameters, comm), parameters.mesh)
+
+
+def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
+    """The mesh of a builder, or the mesh in a file; collective."""
     geometry = parameters.mesh.geometry
     if geometry is not None:
-        return domains.from_geometry(geometry, comm, parameters.contact_names)
+        return domains.from_geometry(geometry, comm, parameters.refined_names)
     assert parameters.mesh.file is not None
     path = Path(parameters.mesh.file)
     if not is_xdmf(path):
@@ -166,6 +180,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         *((part.on, f"{part.key}.on") for part in parameters.contacts),
         *((load.on, f"loads.tractions.{i}.on") for i, load in enumerate(loads.tractions)),
         *((load.on, f"loads.pressures.{i}.on") for i, load in enumerate(loads.pressures)),
+        *((load.on, f"loads.forces.{i}.on") for i, load in enumerate(loads.forces)),
     ):
         require_surface(domain, on, key)
     for place, condition in parameters.loads.held():

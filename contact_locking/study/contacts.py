@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 
@@ -27,6 +28,8 @@ from contact_locking.study_file.parameters import ContactParameters, Foundation
 # A negative friction coefficient smaller than this share of the largest value is zero with
 # rounding.
 _COEFFICIENT_ROUNDING = 1e-12
+# A slip, as a share of the size of the body.
+_SOME_SLIP = 1e-3
 # A force below this share of the largest force is zero with rounding, as in sin(pi*t) at t = 1.
 _ROUNDING = 1e-12
 # The share of the largest force by which the force may leave its line.
@@ -42,7 +45,9 @@ def contact_of(
     that is zero at all times or changes its direction.
     """
     coefficient: float | FrictionLaw = 0.0
-    if given.friction.coefficient != 0:
+    if given.friction.coefficient == math.inf:
+        coefficient = math.inf
+    elif given.friction.coefficient != 0:
         coefficient = _friction_law(domain, given, clock)
     friction = Coulomb(coefficient, _kernel(domain, given), given.friction.regularisation)
     foundation = given.foundation
@@ -58,10 +63,17 @@ def contact_of(
 
 def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:
     """What the nodes do not see of the friction coefficient; collective.  Raises for a pole."""
+    if given.friction.coefficient == math.inf:
+        return []
     key = given.friction_key("coefficient")
     expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
     facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))
-    return features(facets, expression, key, "refine the mesh there", s=0.0)
+    # Friction may begin with the slip; from the size of the body on the slip is as good as endless.
+    slips = [0.0, _SOME_SLIP * domain.extent(), domain.extent()]
+    for slip in slips if "s" in expression.names else slips[:1]:
+        if found := features(facets, expression, key, "refine the mesh there", s=slip):
+            return found
+    return []
 
 
 class GapOfStudy(GivenGap):

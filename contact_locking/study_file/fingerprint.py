@@ -86,10 +86,10 @@ def mesh_identity(
     Raises OSError if the file cannot be read.
     """
     if parameters.mesh.file is not None:
-        revolution = {"axisymmetric": True} if parameters.mesh.axisymmetric else {}
-        path = parameters.mesh.file
+        path, others = parameters.mesh.file, parameters.mesh.model_dump()
+        del others["file"]
         files = [path, str(data_file(Path(path)))] if is_xdmf(path) else [path]
-        return {"content": " ".join(map(digest, files)), **revolution}
+        return {"content": " ".join(map(digest, files)), **json.loads(json.dumps(others))}
     return dict(json.loads(json.dumps(parameters.mesh.model_dump())))
 
 

@@ -168,10 +168,16 @@ def _mesh_schema() -> dict[str, Any]:
     about = visible_fields(MeshParameters)
     file = {"type": "string", "description": about["file"].description}
     told = about["axisymmetric"].description
-    revolution = {"type": "boolean", "default": False, "description": told}
-    kinds: list[dict[str, Any]] = [
-        _object({"file": file, "axisymmetric": revolution}, required=["file"])
-    ]
+    shared: dict[str, Any] = {
+        "axisymmetric": {"type": "boolean", "default": False, "description": told},
+        "parts": {
+            "type": "object",
+            "additionalProperties": {"$ref": "#/$defs/BoundaryPart"},
+            "default": {},
+            "description": about["parts"].description,
+        },
+    }
+    kinds: list[dict[str, Any]] = [_object({"file": file, **shared}, required=["file"])]
     for name, cls in BUILDERS.items():
         # An editor shows the description when it completes the name of the builder.
         builder = {
@@ -179,7 +185,7 @@ def _mesh_schema() -> dict[str, Any]:
             "default": name,
             "description": (cls.__doc__ or "").partition("\n")[0],
         }
-        properties: dict[str, Any] = {"builder": builder, "axisymmetric": revolution}
+        properties: dict[str, Any] = {"builder": builder, **shared}
         types = builder_types(cls)
         for entry in fields(cls):
             kind = TypeAdapter(types[entry.name]).json_schema()

@@ -21,8 +21,8 @@ from mpi4py import MPI
 
 from contact_locking import StudySolution, load, solve
 from contact_locking.convergence import on_mesh_of, write_table
+from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import isotropic_stress, lame_from_young, strain
-from contact_locking.results.derived import integral
 
 FILE = Path(__file__).with_name("error_bound.yml")
 RESULTS = Path("results/error_bound_measured")

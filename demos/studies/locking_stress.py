@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from contact_locking import StudySolution, load, solve
 from contact_locking.convergence import fitted_rate, write_table
-from contact_locking.results.derived import integral
+from contact_locking.fem.compiled import integral
 
 FILE = Path(__file__).with_name("theorem_4_9.yml")
 RESULTS = Path("results/locking_stress")

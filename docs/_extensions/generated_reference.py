@@ -8,11 +8,13 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from contact_locking.command import cli
+from contact_locking.results.quantities import QUANTITIES
 from contact_locking.study_file.schema import Row, rows
 
 
@@ -29,6 +31,17 @@ def study_file_keys() -> str:
             lines += [f"Default: {_code(first.default)}"]
         parts.append("\n".join(lines))
     return "\n\n".join(parts) + "\n"
+
+
+def quantities(of: str) -> str:
+    """A table of the quantities of the body, or of contacts, that the summary has."""
+    lines = ["| key | unit | meaning |", "| --- | --- | --- |"]
+    for key, quantity in QUANTITIES.items():
+        if quantity.compute is not None and quantity.of == of:
+            keys = f"`{key}`, `{key}_at`" if quantity.at else f"`{key}`"
+            unit = "" if quantity.unit == "1" else quantity.unit
+            lines.append(f"| {keys} | {unit} | {_plain(quantity.meaning)} |")
+    return "\n".join(lines)
 
 
 def command_line() -> str:
@@ -51,9 +64,12 @@ def commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPars
     return {}
 
 
+CONTACTS = "<!-- quantities of contacts -->"
 MARKS: dict[str, Callable[[], str]] = {
     "<!-- study file keys -->": study_file_keys,
     "<!-- command line -->": command_line,
+    "<!-- quantities of the body -->": partial(quantities, "body"),
+    CONTACTS: partial(quantities, "contact"),
 }
 
 

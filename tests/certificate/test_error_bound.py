@@ -194,6 +194,6 @@ def test_a_study_that_does_not_ask_has_no_guaranteed_bound() -> None:
 @pytest.mark.serial
 def test_the_command_line_shows_the_bound_in_one_row() -> None:
     solution = solving.solve(benchmark(4))
-    rows = dict(in_words.rows(solution.summary, in_words.UseOfLimit(1.0, False)))
+    rows = dict(in_words.rows(solution.summary))
     relative = solution.summary["certificate"]["errors"]["guaranteed"]["relative"]
     assert rows["proved"].startswith(f"the whole error is at most {per_cent(relative)}")

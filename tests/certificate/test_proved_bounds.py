@@ -11,7 +11,7 @@ from certified import solved
 from problems import block, column, under_a_plate, with_changes
 
 from contact_locking.certificate import elliptic
-from contact_locking.results.derived import integral
+from contact_locking.fem.compiled import integral
 from contact_locking.solver.linear.ksp import iterative_options
 
 

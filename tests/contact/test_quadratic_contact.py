@@ -15,10 +15,10 @@ from test_elements import solved
 
 from contact_locking import convergence
 from contact_locking.fem import compiled
+from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P2
 from contact_locking.fem.trace import Trace, make_nodal
 from contact_locking.parallel import maximum
-from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters

@@ -134,7 +134,7 @@ def surface_of(
     tags = dmesh.meshtags(mesh, dim - 1, facets, np.full(len(facets), 1, dtype=np.int32))
     regions = dmesh.meshtags(mesh, dim, np.empty(0, np.int32), np.empty(0, np.int32))
     one_part = np.zeros(len(_compat.cell_nodes(mesh)), dtype=np.int32)
-    domain = Domain(mesh, regions, tags, one_part, {}, {"contact": 1})
+    domain = Domain(mesh, regions, tags, one_part, {}, {"contact": (1,)})
     return ContactSurface(domain, fem.functionspace(mesh, ("P", 1, (dim,))), ("contact",))
 
 

@@ -18,9 +18,9 @@ from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.extras.pictures.snapshot import Snapshot
+from contact_locking.fem.compiled import integral
 from contact_locking.process import checkpoint, solving
 from contact_locking.results import fields
-from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 from contact_locking.study.assembly import assemble

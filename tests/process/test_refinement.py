@@ -139,8 +139,7 @@ def _check_nodes(mesh: WholeMesh, curve: Curved) -> None:
     for name in curve.groups:
         mask = np.zeros(len(points), dtype=bool)
         for group in (mesh.data.facets, mesh.data.cells):
-            if name in group.names:
-                mask[group.nodes[group.groups == group.names[name]]] = True
+            mask[group.nodes[group.named(name)]] = True
         masks.append(mask)
     nodes = np.all(masks, axis=0)
     distance = np.linalg.norm(points[nodes] - np.array(curve.centre), axis=1)

@@ -161,7 +161,7 @@ def test_a_killed_run_goes_on_from_its_last_complete_step(tmp_path: Path) -> Non
     assert_same(whole.history, history_in(folder))
     report.write(folder)
     charts = {path.stem for path in (folder / "report").glob("*.svg")}
-    assert {"history-forces", "history-areas", "history-work"} <= charts
+    assert {"history-force", "history-area", "history-energy", "history-moment"} <= charts
 
 
 def test_saved_steps_of_other_parameters_are_not_used(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import strain
 from contact_locking.process import solving
-from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 

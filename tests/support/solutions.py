@@ -76,6 +76,7 @@ def made_up(dim: int = 2, contact: bool = True, **changes: Any) -> StudySolution
         locked=function(cell, lambda x: (x[-1] > 0.5).astype(float)),
         elastic_stress=function(tensor, stress),
         locking_stress=function(tensor, lambda x: -stress(x)),
+        von_mises=function(cell, lambda x: 1.0 + x[0]),
         locking_parts=(),
         error_indicator=function(cell, lambda x: 1e-3 * x[0]),
         elastic_error_indicator=function(cell, lambda x: 1e-3 * x[0]),

@@ -19,10 +19,10 @@ from contact_locking.arrays import FloatArray
 from contact_locking.certificate.penalty_error import distance
 from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.convergence import norms
+from contact_locking.fem.compiled import integral
 from contact_locking.laws.convex import squared_norm
 from contact_locking.mesh.domain import Domain
 from contact_locking.process.solving import solve_assembled
-from contact_locking.results.derived import integral
 from contact_locking.study.assembly import assemble
 
 Wave = Callable[[FloatArray], FloatArray]

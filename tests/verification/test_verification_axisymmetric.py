@@ -14,10 +14,10 @@ from problems import with_changes
 from verification_table import Row
 
 from contact_locking.convergence import fitted_rate
+from contact_locking.fem.compiled import integral
 from contact_locking.laws.convex import squared_norm
 from contact_locking.laws.elasticity import lame_from_young
 from contact_locking.process import solving
-from contact_locking.results.derived import integral
 from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import assemble, mesh_of
 

@@ -15,8 +15,9 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
 from contact_locking.extras.pictures.snapshot import Snapshot
-from contact_locking.plain_text import per_cent
 from contact_locking.results.contact_points import STATE_NAMES
+from contact_locking.results.in_words import told
+from contact_locking.results.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from contact_locking.arrays import FloatArray
@@ -148,7 +149,7 @@ def head(figure: Figure, body: Snapshot) -> None:
     """Write the study's title and a line of numbers at the top of the figure."""
     numbers = f"{body.dofs:,} dofs".replace(",", "\u2009")
     if body.locked.any():
-        numbers += f"     {per_cent(body.locked_fraction)} of the body is at its strain limit"
+        numbers += f"     {told(QUANTITIES['locked_fraction'], body.locked_fraction)}"
     if not body.converged:
         numbers += "     NOT CONVERGED"
     height = figure.get_figheight()

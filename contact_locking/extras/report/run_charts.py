@@ -11,13 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from contact_locking.arrays import AXES, FloatArray, IntArray
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.extras.pictures import contact_map, plane, style
 from contact_locking.results.adapted_meshes import AdaptedMesh, load
 from contact_locking.results.contact_points import ContactPoints, contact_name, facets_within
 from contact_locking.results.history import History
 from contact_locking.results.ordering import curves
+from contact_locking.results.quantities import QUANTITIES
 from contact_locking.results.read import RunResults
 from contact_locking.results.read import number as finite
 
@@ -116,13 +117,14 @@ def _state_map(figure: Figure, contact: ContactPoints, facets: IntArray) -> None
     figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
 
 
-_AREAS = {"contact_area": "contact", "slip_area": "slip"}
 _WORK = {
     "work_total": "work of the loads",
     "stored": "stored",
     "dissipated_total": "dissipated by friction",
     "numerical_total": "lost by the method",
 }
+# The names of files for units that are no words.
+_FILES = {"1": "strain", "force · length": "moment"}
 _COLOURS = (style.BLUE, style.VERMILION, style.BLACK, style.ORANGE)
 
 
@@ -130,21 +132,23 @@ def history_charts(history: History) -> list[Chart]:
     """The charts of a process; none without two steps."""
     if len(history) < 2:
         return []
-    kinds = {"contact_force": "pressure", "friction_force": "friction"}
-    forces = {
-        f"{kind}_{axis}": f"{name}, {axis}"
-        for kind, name in kinds.items()
-        for axis in AXES
-        if f"{kind}_{axis}" in history.columns
-    }
-    drawn = {
-        "history-forces": ("Resultants on the body over the time", "force", forces),
-        "history-areas": ("Area of contact and of slip over the time", "area", _AREAS),
-        "history-work": ("Work and energies over the time", "work", _WORK),
-    }
+    drawn: dict[str, dict[str, str]] = {}
+    for column in history.columns:
+        is_scalar = column in QUANTITIES
+        quantity = QUANTITIES.get(column if is_scalar else column[:-2])
+        if quantity and not quantity.detail and np.isfinite(history.column(column)).any():
+            label = "share" if quantity.share_of else quantity.unit
+            name = quantity.name if is_scalar else f"{quantity.name}, {column[-1]}"
+            drawn.setdefault(label, {})[column] = name
+    drawn["energy"] = _WORK
     return [
-        chart(name, text, 2.6, partial(_curves, history=history, label=label, lines=lines))
-        for name, (text, label, lines) in drawn.items()
+        chart(
+            f"history-{_FILES.get(label, label)}",
+            f"{', '.join(lines.values())} over the time",
+            2.4 + 0.1 * len(lines),
+            partial(_curves, history=history, label="" if label == "1" else label, lines=lines),
+        )
+        for label, lines in drawn.items()
     ]
 
 
@@ -155,6 +159,8 @@ def _curves(figure: Figure, history: History, label: str, lines: Mapping[str, st
         dashes = "-" if number < len(_COLOURS) else "--"
         colour = _COLOURS[number % len(_COLOURS)]
         axes.plot(time, history.column(column), dashes, color=colour, label=name)
+    # From zero on, so that rounding in a constant is not seen.
+    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0.5)
     axes.set(xlabel="t", ylabel=label)
     figure.legend(loc="outside upper center", ncols=2, fontsize="small")
 

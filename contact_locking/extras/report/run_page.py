@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contact_locking.results.contact_points import STATE_NAMES, ContactPoints
+from contact_locking.results.contact_points import STATE_NAMES, ContactPoints, contact_name
 from contact_locking.results.in_words import weakest
+from contact_locking.results.quantities import QUANTITIES, Quantity, look_up
 from contact_locking.results.read import RunResults
 
 from .charts import Chart
 from .pictures import frames, picture
-from .quantities import MEANINGS, QUANTITIES, by_contact, reactions
 from .run_charts import adapt_charts, adapted, contact_charts, history_charts
 from .templates import render
-from .words import shown
+from .words import MEANINGS, shown
 
 
 class Part(NamedTuple):
@@ -57,6 +57,11 @@ def _flat(value: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]
 
 
 _INFEASIBLE = "infeasible: "
+# The keys of a summary about the work of the solver.
+_OF_SOLVER = (
+    *("cells", "dofs", "discretisation", "penalty", "iterations", "friction_fixed_point"),
+    *("residual", "duality_gap", "admissible_load_factor", "wall_seconds"),
+)
 
 
 def run_page(run: RunResults) -> tuple[str, list[Chart]]:
@@ -64,12 +69,17 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     summary = run.summary
     charts, adapt = contact_charts(run), adapt_charts(run)
     steps = history_charts(run.history)
-    contact_names, contact_quantities = by_contact(summary)
+    stages = [stage for stage in _list(summary.get("stages")) if isinstance(stage, dict)]
+    contact_names, contact_quantities = _by_contact(summary)
+    parts, numbers = certificate(summary), _quantities(summary)
+    holds = [entry["holds"] for part in parts for entry in part.judged.values()]
     html = render(
         "run.html.j2",
         title=shown(summary.get("title") or "Run"),
         warnings=_list(summary.get("warnings")),
-        quantities=_quantities(summary),
+        quantities=[row for row in numbers if not row[0].detail],
+        details=[row for row in numbers if row[0].detail],
+        internals=dict(_flat({key: summary[key] for key in _OF_SOLVER if key in summary})),
         contact_names=contact_names,
         contact_quantities=contact_quantities,
         contact=run.contact,
@@ -81,7 +91,8 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         adapted=adapted(summary),
         adapt=summary.get("adapt"),
         adapt_charts=adapt,
-        certificate=certificate(summary),
+        certificate=parts,
+        judged=(holds.count(True), holds.count(False)),
         meanings=MEANINGS,
         restart=summary.get("restart"),
         parameter_file=run.parameters,
@@ -92,7 +103,8 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         weakness=weakest(summary),
         **_verdict(summary),
         **_picture(run),
-        **_iterations(summary),
+        stages=stages,
+        stage_columns=list(dict.fromkeys(name for stage in stages for name in stage)),
     )
     return html, [*(chart for _, drawn in charts for chart in drawn), *adapt, *steps]
 
@@ -117,10 +129,34 @@ def _picture(run: RunResults) -> dict[str, str | None]:
     return {"picture": picture(run.picture), "no_picture": reason}
 
 
-def _quantities(summary: Mapping[str, Any]) -> list[tuple[Any, Any]]:
-    """The quantities that the summary has, with their values."""
-    found = [(quantity, _look_up(summary, quantity.key)) for quantity in QUANTITIES]
-    return [(q, value) for q, value in found if value is not None] + reactions(summary)
+# A quantity, and its values with their places.
+_Row = tuple[Quantity, list[tuple[Any, Any]]]
+
+
+def _quantities(summary: Mapping[str, Any]) -> list[_Row]:
+    """The quantities that the summary has, and the reactions."""
+    found = [
+        (quantity, [(value, summary.get(f"{key}_at"))])
+        for key, quantity in QUANTITIES.items()
+        if quantity.of != "solver" and (value := look_up(summary, key)) is not None
+    ]
+    reactions, meaning = summary.get("reactions"), "resultant of the reactions on the body"
+    return found + [
+        (Quantity(f"reactions.{name}", f"reaction on {name}", meaning, "force"), [(value, None)])
+        for name, value in (reactions.items() if isinstance(reactions, dict) else ())
+    ]
+
+
+def _by_contact(summary: Mapping[str, Any]) -> tuple[list[str], list[_Row]]:
+    """The names of the contacts, and each quantity with its values for them; empty for one."""
+    entries = _list(summary.get("contacts"))
+    contacts = [entry if isinstance(entry, dict) else {} for entry in entries]
+    contacts = contacts if len(contacts) > 1 else []
+    return [contact_name(summary, number) for number in range(len(contacts))], [
+        (quantity, [(contact.get(key), contact.get(f"{key}_at")) for contact in contacts])
+        for key, quantity in QUANTITIES.items()
+        if any(key in contact for contact in contacts)
+    ]
 
 
 def _states(contact: ContactPoints) -> list[str]:
@@ -129,23 +165,5 @@ def _states(contact: ContactPoints) -> list[str]:
     return [f"{n} {name}" for n, name in zip(counts, STATE_NAMES, strict=True) if n]
 
 
-def _iterations(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """The totals, and the stages with the names of their columns."""
-    totals = summary.get("iterations")
-    stages = [stage for stage in _list(summary.get("stages")) if isinstance(stage, dict)]
-    return {
-        "iterations": totals if isinstance(totals, dict) else {},
-        "stages": stages,
-        "stage_columns": list(dict.fromkeys(name for stage in stages for name in stage)),
-    }
-
-
 def _list(value: Any) -> list[Any]:
     return value if isinstance(value, list) else []
-
-
-def _look_up(summary: Mapping[str, Any], dotted: str) -> Any:
-    value: Any = summary
-    for name in dotted.split("."):
-        value = value.get(name) if isinstance(value, dict) else None
-    return value

@@ -8,19 +8,18 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
-from contact_locking.results.in_words import Weakness, weakest
+from contact_locking.results.in_words import weakest
 from contact_locking.results.names import PARAMETERS, PICTURE
+from contact_locking.results.quantities import QUANTITIES
 from contact_locking.results.read import Row, StudyResults, number
 from contact_locking.study_file import source
 
 from .charts import Chart
 from .pictures import thumbnail
-from .quantities import QUANTITIES
 from .templates import render
 from .trends import Trend, VariedTexts, axes, differ, trend_charts, trends, varied
 from .words import shown, title, titles_in
 
-_MAIN = frozenset(entry.key for entry in QUANTITIES if entry.kind not in ("internal", "hidden"))
 _NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
 _ROW_KIND = {"converged": None, "not run": "waiting"}
 #: The column with the reason of a failure, the warnings and the weakness of a result.
@@ -92,22 +91,11 @@ def remark(row: Row) -> str:
     """Why a case failed, or the warnings and the weakness of one that converged; often empty."""
     if row.get("converged") is not True:
         return " ".join(filter(None, (shown(row.get("reason") or ""), _text(row, "suggestion"))))
-    weak = weakness(row)
+    weak = weakest(row)
     told = [f"rough: {weak.words}"] if weak is not None and weak.is_rough else []
     if warnings := _text(row, "warnings"):
         told.append(f"warning: {warnings}")
     return "; ".join(told)
-
-
-def weakness(row: Row) -> Weakness | None:
-    """The weakest number of a row."""
-    prefix, ending = "certificate.errors.", ".relative"
-    errors: dict[str, Any] = {
-        key.removeprefix(prefix).removesuffix(ending): {"relative": number(value)}
-        for key, value in row.items()
-        if key.startswith(prefix) and key.endswith(ending)
-    }
-    return weakest({"certificate": {"errors": errors}})
 
 
 def _text(row: Row, key: str) -> str:
@@ -121,7 +109,9 @@ def _kind(name: str, front: Sequence[str], rows: Sequence[Row]) -> str | None:
     vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
     if name in front or name == "case":
         return None
-    return None if {name, vector} & _MAIN and _tells_apart(name, rows) else "more"
+    found = QUANTITIES.get(name) or QUANTITIES.get(vector)
+    is_main = found is not None and found.trend is not None and found.of != "solver"
+    return None if is_main and _tells_apart(name, rows) else "more"
 
 
 def _tells_apart(name: str, rows: Sequence[Row]) -> bool:
@@ -168,7 +158,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     drawn = [(trend, trend_charts(trend)) for trend in found]
     over: dict[str, list[tuple[Trend, list[Chart]]]] = {}
     for trend, charts in drawn:
-        if trend.quantity.kind != "internal":
+        if trend.quantity.of != "solver":
             over.setdefault(trend.axis.title, []).append((trend, charts))
     html = render(
         "study.html.j2",
@@ -179,7 +169,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
         side_by_side=len(what.zip) > 1,
         table=cases(study.rows, keys, pictures, texts),
         trends=list(over.items()),
-        internals=[pair for pair in drawn if pair[0].quantity.kind == "internal"],
+        internals=[pair for pair in drawn if pair[0].quantity.of == "solver"],
         rates=any(trend.differences for trend in found),
         pictures=pictures,
         most_pictures=_MOST_PICTURES,
@@ -201,7 +191,7 @@ def _states(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _is_rough(row: Row) -> bool:
-    weak = weakness(row)
+    weak = weakest(row)
     return row.get("converged") is True and weak is not None and weak.is_rough
 
 

@@ -18,12 +18,12 @@ from pydantic import ValidationError
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.extras.pictures import style
+from contact_locking.results.quantities import QUANTITIES, Quantity
 from contact_locking.results.read import Row, number
 from contact_locking.study_file.parameters.study import StudyParameters
 from contact_locking.study_file.parameters.telling_apart import told_apart
 
 from .charts import Chart, chart
-from .quantities import QUANTITIES, Quantity
 from .words import shown
 
 
@@ -172,7 +172,7 @@ def trends(axis: Axis, rows: Iterable[Row], texts: VariedTexts) -> list[Trend]:
         for group in groups
     }
     found = []
-    for quantity in (quantity for quantity in QUANTITIES if quantity.kind != "hidden"):
+    for quantity in (quantity for quantity in QUANTITIES.values() if quantity.trend):
         curves = [
             curve
             for group, members in groups.items()
@@ -218,8 +218,8 @@ def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
     limited = [(curve, curve.limit) for curve in curves if curve.limit is not None]
     compared: Compared = "the value at infinity" if limited else "the next value"
     differences: list[Differences] = []
-    settles = quantity.kind in ("settles", "vanishes")
-    if axis.geometric and quantity.kind == "vanishes" and any(map(_falls, curves)):
+    settles = quantity.trend in ("settles", "vanishes")
+    if axis.geometric and quantity.trend == "vanishes" and any(map(_falls, curves)):
         compared = "zero"
         differences = [_differences(curve, curve.x, np.abs(curve.y)) for curve in curves]
     elif axis.geometric and settles and limited:

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from contact_locking.arrays import AXES
-
-from .quantities import QUANTITIES
+from contact_locking.results.quantities import QUANTITIES, look_up
 
 
 def shown(value: Any) -> str:
@@ -68,26 +67,66 @@ _TITLES: Mapping[str, str] = {
     "solver.method": "solver",
     "dofs": "unknowns",
     "dolfinx": "DOLFINx",
-    **{quantity.key: quantity.name for quantity in QUANTITIES},
+    "iterations.friction": "friction updates",
+    "iterations.linear": "linear solves",
 }
 # What the entries of the lists of loads are.
 _LOADS: Mapping[str, str] = {
     "tractions": "traction",
     "pressures": "pressure",
+    "forces": "force",
     "displacements": "displacement",
     "supports": "support",
 }
-# The names of values of a certificate that are not their keys with blanks, and of the iterations.
+# The names of values of a certificate and of stages that are not their keys with blanks.
 _WORDS: Mapping[str, str] = {
     "alpha": "α",
     "c_0": "c_0",
     "c_0_reason": "why c_0 is not known",
     "epsilon": "ε",
-    "linear": "linear solves",
-    "friction": "friction updates",
+}
+#: The meanings of the values of the certificate, by their names.
+MEANINGS = {
+    "displacement_norm": "‖ε(u)‖ over the body",
+    "locking_penalty": "2n ∫ ([|ε| − M]⁺)²",
+    "contact_penalty": "(1/ε) ∫ ([u_ν − g]⁺)²",
+    "locking_work": "∫ M |Z|, the work of the locking stress at the limit",
+    "equilibrium": "residual forces over the forces that act",
+    "force_balance": "sum of all forces on the body",
+    "moment_balance": "sum of all moments on the body",
+    "locking_complementarity": "locking stress only where |ε| = M",
+    "locking_violation": "strain beyond the locking law",
+    "contact_complementarity": "pressure only where the gap is closed",
+    "contact_violation": "penetration beyond the contact law, and pull",
+    "held_nodes": "contact forces at nodes that conditions hold",
+    "friction_complementarity": "slip only at the friction bound, against the traction",
+    "coulomb_cone": "friction above its bound",
+    "friction_sign": "work that friction adds",
+    "friction_bound": "change of the friction bound in one more update",
+    "smoothing_constants": "change of constants by R",
+    "duality_gap": "sum of Fenchel's terms of the laws over the work",
+    "energy_balance": "energy that a step creates or loses beyond its bounds, over the work",
+    "alpha": "smallest eigenvalue of the elasticity",
+    "c_0": "trace constant of this mesh, |v| on Γ_C ≤ c_0 ‖v‖_V, from below",
+    "friction_coefficient": "largest μ",
+    "friction_lipschitz": "Lipschitz constant of μ in the slip",
+    "friction_constants": "whether μ and its Lipschitz constant are exact or sampled",
+    "smoothing_norm": "upper bound of the norm of R on this mesh",
+    "uniqueness.verdict": "whether theory says that there is no other solution",
+    "uniqueness.contraction": "factor by which updates of the friction bound shrink",
+    "mesh.energy_norm": "estimated distance to the solution on finer meshes",
+    "mesh.with_locking": "the same with the locking stress in it",
+    "penalty.energy_norm": "bound of the distance to the solution for n = ∞ on this mesh",
+    "penalty.displacement_norm": "the same bound in the norm of the strain",
+    "load_factor": "shares of the prescribed displacements that can, and cannot, be followed",
+    "infeasible": "whether no displacement on any mesh follows the prescribed values",
+    "guaranteed.energy_norm": "proved bound of the whole error, for the friction bound kept fixed",
+    "guaranteed.applicable": "whether the bound is proved for these data",
+    "penalty_measured.energy_norm": "measured distance to the solution for n = ∞ on this mesh",
+    "penalty_measured.displacement_norm": "the same distance in the norm of the strain",
 }
 # Sections whose names say nothing beside that of the key below them.
-_UNSAID = ("mesh", "material", "loads", "solver", "certificate", "output", "friction_fixed_point")
+_UNSAID = ("mesh", "material", "loads", "solver", "certificate", "output")
 
 
 def title(key: str) -> str:
@@ -95,11 +134,16 @@ def title(key: str) -> str:
 
     The last number of the key of a vector becomes the name of an axis.
     """
+    if key in QUANTITIES:
+        return QUANTITIES[key].name
     if key in _TITLES:
         return _TITLES[key]
     above, _, last = key.rpartition(".")
-    if above in _TITLES and last.isdecimal() and int(last) < len(AXES):
-        return f"{_TITLES[above]}, {AXES[int(last)]}"
+    if last.isdecimal() and int(last) < len(AXES):
+        of = above.removesuffix("_at")
+        if of in QUANTITIES:
+            place = f", {QUANTITIES[of].at}" if of != above else ""
+            return f"{QUANTITIES[of].name}{place}, {AXES[int(last)]}"
     words = [part for part in key.split(".") if part not in _UNSAID] or [key]
     return " ".join(words).replace("_", " ")
 
@@ -115,7 +159,7 @@ def titles_in(keys: Sequence[str], data: Any) -> dict[str, str]:
 
 def _title_in(parts: list[str], data: Any) -> str:
     *above, last = parts
-    entry = _at(data, above)
+    entry = look_up(data, ".".join(above))
     if last.isdecimal() and isinstance(entry, list) and not any(isinstance(e, dict) for e in entry):
         axis = AXES[int(last)] if int(last) < len(AXES) else last
         return f"{_title_in(above, data)}, {axis}"
@@ -131,20 +175,10 @@ def _title_in(parts: list[str], data: Any) -> str:
 
 def _on(data: Any, place: list[str], index: str) -> str:
     """The boundary parts of an entry of a list, its number if it names none."""
-    on = _at(data, [*place, index, "on"])
+    on = look_up(data, ".".join([*place, index, "on"]))
     return ", ".join(map(str, on)) if isinstance(on, list) else str(on or index)
 
 
-def _at(data: Any, place: Sequence[str]) -> Any:
-    """The value at a place of a study file, None if there is none."""
-    for part in place:
-        if isinstance(data, list):
-            data = data[int(part)] if part.isdecimal() and int(part) < len(data) else None
-        else:
-            data = data.get(part) if isinstance(data, dict) else None
-    return data
-
-
 def words(name: str) -> str:
-    """The name of a value of a certificate, which may be dotted, or of a count of iterations."""
+    """The name of a value of a certificate, which may be dotted, or of a stage."""
     return _WORDS.get(name) or name.replace(".", ", ").replace("_", " ")

@@ -145,7 +145,7 @@ def _read(path: Path, what: str) -> Iterator[Path]:
 def _environment() -> dict[str, str]:
     """The environment of this process without the MPI launcher, with this package in the path."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHERS)}
-    home = str(Path(__file__).resolve().parents[2])
+    home = str(Path(__file__).resolve().parents[3])
     paths = [home, *map(os.path.abspath, kept.get("PYTHONPATH", home).split(os.pathsep))]
     return {**kept, "PYTHONPATH": os.pathsep.join(paths)}
 

@@ -49,7 +49,8 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
     data, parent = _bisected(mesh, marked)
     before = signed_measures(data.points, data.cells.nodes)
     if curved:
-        data = replace(data, points=rounded(curved, data.points, partial(_nodes_of, data)))
+        nodes_of = partial(_nodes_of, data)
+        data = replace(data, points=rounded(curved, data.points, nodes_of))
         after = signed_measures(data.points, data.cells.nodes)
         if np.any(after / before < 1.0 - _LARGEST_LOSS):
             raise NotRefined(
@@ -102,8 +103,7 @@ def _nodes_of(data: MeshData, name: str) -> BoolArray:
     """The nodes (m,) of a boundary part or a region; none if there is no such group."""
     mask = np.zeros(len(data.points), dtype=bool)
     for group in (data.facets, data.cells):
-        if name in group.names:
-            mask[group.nodes[group.groups == group.names[name]]] = True
+        mask[group.nodes[group.named(name)]] = True
     return mask
 
 
@@ -158,8 +158,8 @@ def curved_parts(data: MeshData) -> list[str]:
     """The names of the boundary parts with neighbouring facets at a small angle, sorted."""
     return [
         name
-        for name, group in sorted(data.facets.names.items())
-        if _bends(data, data.facets.take(data.facets.groups == group))
+        for name in sorted(data.facets.names)
+        if _bends(data, data.facets.take(data.facets.named(name)))
     ]
 
 

@@ -18,7 +18,7 @@ from contact_locking.plain_text import defect
 from contact_locking.results.names import CHECKPOINT
 
 # A change of the written files raises this number.
-FORMAT = 4
+FORMAT = 5
 # The folder of a checkpoint in the folder of a run, and the names in this folder.
 NAME, RECORD, FIELDS, MESH = CHECKPOINT, "record.json", "state.bp", "mesh"
 _AGAIN = "save it again with contact-locking run --checkpoint"

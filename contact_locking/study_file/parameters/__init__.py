@@ -119,6 +119,35 @@ class Parameters(Section):
         """The names of all parts of Gamma_C, each once."""
         return tuple(dict.fromkeys(name for contact in self.contacts for name in contact.on))
 
+    @property
+    def refined_names(self) -> tuple[str, ...]:
+        """The boundary parts of a builder that ``h_contact`` refines: Gamma_C, or what has it."""
+        own = self.mesh.geometry.facet_names
+        names = [
+            part
+            for name in self.contact_names
+            for part in (self.mesh.parts[name].on if name in self.mesh.parts else (name,))
+        ]
+        return tuple(dict.fromkeys(name for name in names if name in own))
+
+    def timed(self) -> Iterator[tuple[str, str]]:
+        """The key and the text of every expression that may depend on the time t."""
+        for place, text, variables in _expressions(self, ()):
+            if variables == TIME:
+                yield ".".join(map(str, place)), text
+
+    def idle_friction(self) -> Iterator[str]:
+        """A warning about each friction coefficient that has no contact to act on."""
+        for place, section in self._contact_sections():
+            key = ".".join(map(str, place))
+            given = section.resolved(key, self.friction)
+            where = given.friction_key("coefficient")
+            is_only_here = not self.contacts or where.startswith(key)
+            if not section.on and given.friction.coefficient != 0 and is_only_here:
+                yield f"{where}: has no effect, as {key}.on is empty, and there is no contact"
+        if not self._contact_sections() and self.friction.coefficient != 0:
+            yield "friction.coefficient: has no effect, as contact is empty"
+
     def limit(self) -> Parameters:
         """The variational inequality on the same mesh: n = .inf, and no regularisation."""
 
@@ -152,6 +181,12 @@ class Parameters(Section):
             )
         if self.solver.method == "newton":
             for contact in self.contacts:
+                if contact.friction.coefficient == math.inf:
+                    yield Fault(
+                        tuple(contact.friction_key("coefficient").split(".")),
+                        ".inf, no slip, cannot be solved by Newton's method; take solver.method: "
+                        "interior_point (or auto), or a finite coefficient",
+                    )
                 if contact.friction.regularisation == 0.0:
                     yield Fault(
                         tuple(contact.friction_key("regularisation").split(".")),
@@ -185,6 +220,13 @@ class Parameters(Section):
                 "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is no number "
                 "at a vertex on the axis; take gauss, or leave the key out",
             )
+        for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):
+            if force.value and force.value[0] != 0.0:
+                yield Fault(
+                    ("loads", "forces", index, "value", 0),
+                    "must be 0: the total force on a body of revolution acts along the axis; give "
+                    "what acts along the radius in loads.pressures or loads.tractions",
+                )
         yield from self._expression_faults()
         if self.study is not None:
             yield from below(("study",), self.study.key_faults(type(self)))
@@ -200,10 +242,10 @@ class Parameters(Section):
 
     def _name_faults(self) -> Iterator[Fault]:
         """Names that the builder does not give; names of a mesh file are checked with the mesh."""
-        cells, facets = self.mesh.geometry.cell_names, self.mesh.geometry.facet_names
+        cells, facets = self.mesh.geometry.cell_names, self.mesh.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
-        for kind in ("tractions", "pressures", "displacements", "supports"):
+        for kind in ("tractions", "pressures", "forces", "displacements", "supports"):
             for index, load in enumerate(getattr(self.loads, kind)):
                 for name in load.on:
                     place = ("loads", kind, index, "on")
@@ -233,7 +275,10 @@ class Parameters(Section):
                 )
 
     def _dimension_faults(self, dim: int) -> Iterator[Fault]:
-        sections: list[tuple[Place, LoadParameters | ContactSection | OutputParameters]] = [
+        sections: list[
+            tuple[Place, MeshParameters | LoadParameters | ContactSection | OutputParameters]
+        ] = [
+            (("mesh",), self.mesh),
             (("loads",), self.loads),
             (("output",), self.output),
             *self._contact_sections(),

@@ -51,6 +51,12 @@ def vector_faults(place: Place, vector: Any, dim: int) -> Iterator[Fault]:
         )
 
 
+def zero_faults(key: str, direction: tuple[float, ...] | None) -> Iterator[Fault]:
+    """The fault of a direction that is zero; None has no fault."""
+    if direction is not None and not any(direction):
+        yield Fault((key,), f"must not be the zero vector, as in {show(direction)}")
+
+
 class Section(BaseModel):
     """A mapping of the study file. Unknown keys are refused; an empty section has its defaults."""
 

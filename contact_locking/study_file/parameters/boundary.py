@@ -11,7 +11,7 @@ from pydantic import Field
 from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
 
 from .base import Fault, Place, Section, entry, vector_faults
-from .values import Along, Names, Text, TimedScalar
+from .values import Along, Names, Text, TimedScalar, TimeScalar
 
 # All tractions and pressures are compiled into one form, which takes seconds for 200 of them and
 # fails for some 2000.
@@ -34,6 +34,15 @@ class Pressure(Section):
         "pressure p along the normal: a positive p pushes on the body, a negative p pulls",
         "stress",
         scalar="t",
+    )
+
+
+class TotalForce(Section):
+    """int sigma nu = F on a part of the boundary, spread evenly: sigma nu = F / |part|."""
+
+    on: Names = entry(..., "name(s) of parts of the boundary, which share the force by their sizes")
+    value: tuple[TimeScalar, ...] = entry(
+        ..., "components of F; in 2D for a unit of thickness", "force", scalar="t"
     )
 
 
@@ -73,6 +82,9 @@ class LoadParameters(Section):
     pressures: Annotated[tuple[Pressure, ...], Field(max_length=_MOST_TRACTIONS)] = entry(
         (), "parts of Gamma_N with their pressure; several loads on one part add up"
     )
+    forces: Annotated[tuple[TotalForce, ...], Field(max_length=_MOST_TRACTIONS)] = entry(
+        (), "parts of Gamma_N with the total of their tractions, which are spread evenly"
+    )
     displacements: tuple[Displacement, ...] = entry((), "parts of Gamma_D with their u")
     supports: tuple[Support, ...] = entry(
         (), "parts of Gamma_D that are held along their normal or along a given direction"
@@ -80,10 +92,11 @@ class LoadParameters(Section):
 
     def _faults(self) -> Iterator[Fault]:
         yield from self._prescribed_twice()
-        count = len(self.tractions) + len(self.pressures)
+        count = len(self.tractions) + len(self.pressures) + len(self.forces)
         if count > _MOST_TRACTIONS:
-            message = f"{count} entries together with tractions; at most {_MOST_TRACTIONS}"
-            yield Fault(("pressures",), message)
+            kind = "pressures" if self.pressures else "forces"
+            message = f"{count} tractions, pressures and forces in all; at most {_MOST_TRACTIONS}"
+            yield Fault((kind,), message)
 
     def held(self) -> Iterator[tuple[Place, Displacement | Support]]:
         """The entries with prescribed displacements, with their places."""
@@ -111,6 +124,8 @@ class LoadParameters(Section):
         yield from vector_faults(("body_force",), self.body_force, dim)
         for index, traction in enumerate(self.tractions):
             yield from vector_faults(("tractions", index, "value"), traction.value, dim)
+        for index, force in enumerate(self.forces):
+            yield from vector_faults(("forces", index, "value"), force.value, dim)
         for index, displacement in enumerate(self.displacements):
             yield from vector_faults(("displacements", index, "value"), displacement.value, dim)
         for index, support in enumerate(self.supports):

@@ -10,15 +10,62 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError, model_serializer, model_validator
 
+from contact_locking.errors import InputError
+from contact_locking.expressions import POSITION, parse
 from contact_locking.meshes import BUILDERS
 from contact_locking.plain_text import nearest
 
-from .base import Fault, FaultsError, Section, entry, refuse_if
-from .values import Integer, Number, Switch, Text
+from .base import Fault, FaultsError, Section, below, entry, refuse_if, vector_faults, zero_faults
+from .values import Condition, Integer, Names, Number, NumberOrInfinite, Switch, Text
 from .wording import show, unknown_key, value_message
 
 #: The keys that are no parameters of builders.
-_SHARED = ("builder", "file", "axisymmetric")
+_SHARED = ("builder", "file", "axisymmetric", "parts")
+
+
+class Plane(Section):
+    """(x - point) . normal = 0."""
+
+    point: tuple[Number, ...] = entry(..., "a point of the plane", "length")
+    normal: tuple[Number, ...] = entry(..., "normal of the plane, of any length", "1")
+
+    def _faults(self) -> Iterator[Fault]:
+        return zero_faults("normal", self.normal)
+
+
+class BoundaryPart(Section):
+    """The facets of the boundary that lie in all the places that are given."""
+
+    on: Names = entry((), "boundary parts that contain the part; empty: the whole boundary")
+    plane: Plane | None = entry(None, "a plane that contains the facets", optional=True)
+    box: tuple[tuple[NumberOrInfinite, ...], tuple[NumberOrInfinite, ...]] | None = entry(
+        None, "a box that contains the facets, by its least and greatest coordinates", "length",
+        optional=True,
+    )  # fmt: skip
+    expression: Condition | None = entry(
+        None, "a condition on x, y, z that holds on the facets, such as x < 0.5 and y > 0",
+        optional=True,
+    )  # fmt: skip
+
+    def _faults(self) -> Iterator[Fault]:
+        if not (self.on or self.plane or self.box or self.expression):
+            yield Fault((), "needs a place: on, plane, box or expression")
+        if self.box is not None:
+            low, high = self.box
+            if any(a > b for a, b in zip(low, high, strict=False)):
+                yield Fault(("box",), "has the greatest coordinates before the least")
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        """The vectors that do not have ``dim`` components, and z in 2D."""
+        for name in ("point", "normal") if self.plane else ():
+            yield from vector_faults(("plane", name), getattr(self.plane, name), dim)
+        for index, corner in enumerate(self.box or ()):
+            yield from vector_faults(("box", index), corner, dim)
+        if self.expression is not None:
+            try:
+                parse(self.expression, POSITION[:dim], condition=True)
+            except InputError as error:
+                yield Fault(("expression",), f"{error} in {dim}D")
 
 
 class MeshParameters(Section):
@@ -35,6 +82,9 @@ class MeshParameters(Section):
         "the 2D mesh is the half section of a body of revolution, in the coordinates "
         "(r, z) = (x, y) with x >= 0",
     )
+    parts: dict[Text, BoundaryPart] = entry(
+        {}, "more parts of the boundary, by name; they may overlap", optional=True
+    )
     geometry: Any = entry(None, "the builder's parameters", hidden=True)
 
     @property
@@ -49,14 +99,14 @@ class MeshParameters(Section):
         if not isinstance(data, dict):
             return data
         own = {key: value for key, value in data.items() if key not in _SHARED}
-        revolution = {key: data[key] for key in ("axisymmetric",) if key in data}
+        shared = {key: data[key] for key in ("axisymmetric", "parts") if key in data}
         builder, file = data.get("builder"), data.get("file")
         if file is not None:
             refuse_if(
                 Fault((key,), "does not go with file; a mesh comes from a builder or from a file")
                 for key in (*(["builder"] if builder is not None else []), *own)
             )
-            return {"builder": None, "file": file, **revolution}
+            return {"builder": None, "file": file, **shared}
         if builder is None:
             builder = "block"
         if not isinstance(builder, str) or builder not in BUILDERS:
@@ -65,16 +115,45 @@ class MeshParameters(Section):
             message = f"unknown geometry {show(builder)}{guess}; there are {known}"
             refuse_if([Fault(("builder",), message)])
         geometry = _geometry(BUILDERS[builder], own)
-        if revolution.get("axisymmetric") is True:
+        if shared.get("axisymmetric") is True:
             refuse_if(_section_faults(builder, geometry))
-        return {"builder": builder, "geometry": geometry, **revolution}
+        return {"builder": builder, "geometry": geometry, **shared}
 
     @model_serializer
     def _flat(self) -> dict[str, Any]:
-        revolution = {"axisymmetric": True} if self.axisymmetric else {}
+        shared: dict[str, Any] = {"axisymmetric": True} if self.axisymmetric else {}
+        if self.parts:
+            shared["parts"] = {
+                name: part.model_dump(exclude_defaults=True) for name, part in self.parts.items()
+            }
         if self.file is not None:
-            return {"file": self.file, **revolution}
-        return {"builder": self.builder, **asdict(self.geometry), **revolution}
+            return {"file": self.file, **shared}
+        return {"builder": self.builder, **asdict(self.geometry), **shared}
+
+    @property
+    def facet_names(self) -> tuple[str, ...]:
+        """The boundary parts of a builder's mesh."""
+        return (*self.geometry.facet_names, *self.parts)
+
+    def _faults(self) -> Iterator[Fault]:
+        known = [] if self.geometry is None else list(self.geometry.facet_names)
+        for name, part in self.parts.items():
+            if not name.isprintable() or not name:
+                yield Fault(("parts",), "needs names that can be printed")
+            if self.geometry is not None:
+                if name in known:
+                    yield Fault(("parts", name), "is the name of a part of the builder")
+                for wanted in part.on:
+                    if wanted not in known:
+                        there = ", ".join(known)
+                        message = f"no part before this one is named '{wanted}'; there are {there}"
+                        yield Fault(("parts", name, "on"), message)
+                known.append(name)
+
+    def dimension_faults(self, dim: int) -> Iterator[Fault]:
+        """The parts whose places do not fit a body of ``dim`` dimensions."""
+        for name, part in self.parts.items():
+            yield from below(("parts", name), part.dimension_faults(dim))
 
 
 def _section_faults(builder: str, geometry: Any) -> Iterator[Fault]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from .base import Fault, Place, Section, below, entry, vector_faults
+from .base import Fault, Place, Section, below, entry, vector_faults, zero_faults
 from .values import (
     LIST,
     SECTION,
@@ -92,7 +92,7 @@ class HalfSpace(Section):
     )
 
     def _faults(self) -> Iterator[Fault]:
-        return _zero_faults("normal", self.normal)
+        return zero_faults("normal", self.normal)
 
 
 class Sphere(Section):
@@ -112,7 +112,7 @@ class Cylinder(Section):
     )
 
     def _faults(self) -> Iterator[Fault]:
-        return _zero_faults("axis", self.axis)
+        return zero_faults("axis", self.axis)
 
 
 class Surface(Section):
@@ -136,11 +136,6 @@ SurfaceOrFile = Annotated[
     Annotated[Surface, Tag(SECTION)] | Annotated[Text, Tag(TEXT)],
     Discriminator(lambda value: TEXT if isinstance(value, str) else SECTION),
 ]
-
-
-def _zero_faults(key: str, direction: tuple[float, ...] | None) -> Iterator[Fault]:
-    if direction is not None and not any(direction):
-        yield Fault((key,), f"must not be the zero vector, as in {show(direction)}")
 
 
 class Foundation(Section):

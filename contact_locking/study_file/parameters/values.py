@@ -76,6 +76,16 @@ def _negative(value: Any) -> float | str:
     return found
 
 
+def _number_or_infinite(value: Any) -> float:
+    """The number, also minus infinity."""
+    return value if value == -math.inf else _number(value, infinite=True)
+
+
+def _of_slip(value: Any) -> float | str:
+    """A number, plus infinity, or the text of an expression that is finite."""
+    return value if isinstance(value, float) and value == math.inf else _OF_SLIP(value)
+
+
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
         raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
@@ -107,6 +117,15 @@ def _names(value: Any) -> tuple[str, ...]:
     if twice := [name for name, number in Counter(names).items() if number > 1]:
         raise ValueError(f"names {', '.join(sorted(twice))} more than once")
     return tuple(names)
+
+
+def _condition(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"must be a condition such as 'x < 0.5 and y > 0', not {show(value)}")
+    try:
+        return parse(value, POSITION, condition=True).text
+    except InputError as error:
+        raise ValueError(str(error)) from None
 
 
 class _ScalarRule(NamedTuple):
@@ -169,6 +188,7 @@ _PoissonOrText = Annotated[
 
 # A bound stands before the BeforeValidator, so that it applies to the number that was read.
 Number = Annotated[float, BeforeValidator(_finite)]
+NumberOrInfinite = Annotated[float, BeforeValidator(_number_or_infinite)]
 Positive = Annotated[float, Field(gt=0), BeforeValidator(_finite), AfterValidator(_not_tiny)]
 NonNegative = Annotated[
     float, Field(ge=0), BeforeValidator(_finite), AfterValidator(_zero_or_not_tiny)
@@ -188,6 +208,7 @@ Names = Annotated[tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAME
 Along = Annotated[
     Literal["normal"] | tuple[float, ...], PlainValidator(_along), WithJsonSchema(_ALONG_SCHEMA)
 ]
+Condition = Annotated[str, BeforeValidator(_condition)]
 Scalar = Annotated[float | str, BeforeValidator(_IN_SPACE)]
 TimedScalar = Annotated[float | str, BeforeValidator(_IN_SPACE_AND_TIME)]
 TimeScalar = Annotated[float | str, BeforeValidator(_OF_TIME)]
@@ -195,4 +216,4 @@ PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
 PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
 NegativeScalarOrInfinite = Annotated[float | str, BeforeValidator(_negative)]
 PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]
-NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_OF_SLIP)]
+NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_of_slip)]

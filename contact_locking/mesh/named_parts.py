@@ -1,0 +1,104 @@
+"""Names for parts of the boundary, which may overlap: by marked facets, or by place."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import la
+from dolfinx import mesh as dmesh
+
+from contact_locking import _compat
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray
+from contact_locking.errors import InputError
+from contact_locking.mesh.domain import Domain
+from contact_locking.parallel import on_any_rank
+
+#: Which points (d, k) are at a place, as (k,).
+Test = Callable[[FloatArray], BoolArray]
+
+# The points of a facet are its centre and its corners, which are pulled towards the centre by this
+# share: a facet up to x = 1 is in x < 1.
+_PULLED = 1e-6
+
+
+@dataclass(frozen=True)
+class Place:
+    """The facets of the boundary that hold every test at their corners and their centre.
+
+    ``on`` names boundary parts that the facets belong to; empty for the whole boundary.
+    """
+
+    tests: Sequence[Test]
+    on: tuple[str, ...] = ()
+
+
+def with_parts(domain: Domain, places: Mapping[str, Place], key: str) -> Domain:
+    """The domain with more boundary parts, each of which may name those before it; collective.
+
+    Raises InputError, with the name behind ``key``, for a part without facets and for a name that
+    the mesh has already.
+    """
+    mesh, dim = domain.mesh, domain.dim
+    marks = {name: marked(mesh, domain.facets((name,))) for name in domain.facet_names}
+    mesh.topology.create_connectivity(dim - 1, dim)
+    outside = marked(mesh, np.asarray(dmesh.exterior_facet_indices(mesh.topology)))
+    every = np.flatnonzero(outside).astype(np.int32)
+    corners = mesh.geometry.x[_compat.entities_to_geometry(mesh, dim - 1, every), :dim]
+    centres = corners.mean(axis=1, keepdims=True)
+    pulled = corners + _PULLED * (centres - corners)
+    points = np.concatenate([pulled, centres], axis=1)
+    for name, place in places.items():
+        own = f"{key}.{name}"
+        if name in marks:
+            raise InputError(f"{domain.origin} has a boundary part with this name already", own)
+        found = np.ones(len(every), dtype=bool)
+        for test in place.tests:
+            flat = test(points.reshape(-1, dim).T)
+            found &= flat.reshape(len(every), -1).all(axis=1)
+        marks[name] = np.zeros_like(outside)
+        marks[name][every] = found
+        if place.on:
+            domain.require_names(place.on, marks, f"{own}.on")
+            marks[name] &= np.any([marks[part] for part in place.on], axis=0)
+        if not on_any_rank(mesh.comm, bool(marks[name].any())):
+            low, high = (domain.where(end) for end in domain.bounding_box())
+            raise InputError(
+                f"catches no facet of the boundary, which is between {low} and {high}", own
+            )
+    tags, names = tags_of(mesh, marks)
+    return dataclasses.replace(domain, facet_tags=tags, facet_names=names)
+
+
+def marked(mesh: dmesh.Mesh, facets: IndexArray) -> BoolArray:
+    """Which local facets, ghosts included, any rank has in ``facets``; collective."""
+    marks = la.vector(mesh.topology.index_map(mesh.topology.dim - 1))
+    marks.array[:] = 0.0
+    marks.array[facets] = 1.0
+    marks.scatter_reverse(la.InsertMode.add)
+    marks.scatter_forward()
+    return np.asarray(marks.array > 0.0)
+
+
+def tags_of(
+    mesh: dmesh.Mesh, marks: Mapping[str, BoolArray]
+) -> tuple[dmesh.MeshTags, dict[str, tuple[int, ...]]]:
+    """Tags of facets, and for each name of ``marks`` the values of its facets; collective.
+
+    Facets that several names share have a value of their own.
+    """
+    facets_of_rank = mesh.topology.index_map(mesh.topology.dim - 1)
+    count = facets_of_rank.size_local + facets_of_rank.num_ghosts
+    names, every = list(marks), np.array(list(marks.values())).reshape(len(marks), count)
+    facets = np.flatnonzero(every.any(axis=0)).astype(np.int32)
+    kinds = [tuple(bool(mark) for mark in column) for column in every[:, facets].T]
+    all_kinds = {kind for of_rank in mesh.comm.allgather(set(kinds)) for kind in of_rank}
+    number = {kind: value for value, kind in enumerate(sorted(all_kinds, reverse=True), start=1)}
+    values = np.array([number[kind] for kind in kinds], dtype=np.int32)
+    of_name = {
+        name: tuple(value for kind, value in number.items() if kind[place])
+        for place, name in enumerate(names)
+    }
+    return dmesh.meshtags(mesh, mesh.topology.dim - 1, facets, values), of_name

@@ -1,0 +1,280 @@
+"""The quantities of a solution, each with its name, meaning and unit, and how it is computed.
+
+The summary, history.csv, the terminal, reports, pictures and the reference of the documentation
+read this registry.  It needs no DOLFINx, so that reports are made without.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from contact_locking.arrays import AXES, FloatArray, moments
+from contact_locking.results.contact_points import OPEN, SLIP
+
+if TYPE_CHECKING:
+    from contact_locking.results.body_fields import BodyFields
+    from contact_locking.results.derived import ContactFields, Contacts
+
+Of = Literal["body", "contact", "certificate", "solver"]
+
+# A moment below this share of the moments that it is the sum of is rounding.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number or a vector of summary.json by its dotted key.
+
+    ``compute`` maps the fields that the quantity is ``of`` to its value; without it the solver or
+    the certificate computes the value.  With a preposition ``at`` the value has a place, which the
+    summary has under ``<key>_at``.  A ``share_of`` something is told in per cent, and a quantity
+    ``beside`` another only if that is known.  Pages fold a ``detail``; the terminal has none.
+
+    A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
+    ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
+    and iterations change in ``jumps``.
+    """
+
+    key: str
+    name: str
+    meaning: str
+    unit: str
+    compute: Callable[[Any], Any] | None = None
+    of: Of = "solver"
+    trend: Literal["settles", "vanishes", "jumps"] | None = "settles"
+    at: str = ""
+    share_of: str = ""
+    detail: bool = False
+    beside: str = ""
+
+
+def touches(fields: ContactFields) -> FloatArray:
+    """1 at the nodes (k,) where the body touches, 0 at the others."""
+    return (fields.state != OPEN).astype(float)
+
+
+#: The quantities by key, in the order in which readers meet them.
+QUANTITIES: dict[str, Quantity] = {}
+
+
+def quantity(of: Of, name: str, unit: str, **others: Any) -> Callable[[Any], Any]:
+    """Register a collective function: its name is the key, and its docstring the meaning.
+
+    It takes `BodyFields`, or the `Contacts` that the number is of: all for the summary, one for an
+    entry of ``contacts``.  With ``at`` it returns the value and its place, None without one.
+    """
+
+    def register(compute: Any) -> Any:
+        key, words = compute.__name__, " ".join((compute.__doc__ or "").split()).rstrip(".")
+        meaning = words[:1].lower() + words[1:]
+        QUANTITIES[key] = Quantity(key, name, meaning, unit, compute, of, **others)
+        return compute
+
+    return register
+
+
+@quantity("body", "largest displacement", "length", at="at")
+def displacement_max(body: BodyFields) -> Any:
+    """Largest |u| at the nodes."""
+    return body.peak(body.displacement)
+
+
+@quantity("body", "largest von Mises stress", "stress", at="at")
+def von_mises_max(body: BodyFields) -> Any:
+    """Largest von Mises stress, of the elastic and the locking stress together."""
+    return (None, None) if body.von_mises is None else body.peak(body.von_mises)
+
+
+@quantity("contact", "peak pressure", "stress", at="at")
+def pressure_max(contacts: Contacts) -> Any:
+    """Largest contact pressure −σ_ν."""
+    return contacts.peak(lambda fields: fields.pressure)
+
+
+@quantity("contact", "contact force", "force")
+def contact_force(contacts: Contacts) -> Any:
+    """Resultant of the contact pressure on the body."""
+    dim = contacts.domain.dim
+    return contacts.integral(lambda fields: -fields.pressure[:, None] * fields.normal, dim)
+
+
+@quantity("contact", "friction force", "force")
+def friction_force(contacts: Contacts) -> Any:
+    """Resultant of the friction on the body."""
+    return contacts.integral(lambda fields: fields.traction, contacts.domain.dim)
+
+
+@quantity("contact", "friction used", "1", trend="jumps", share_of="the friction bound")
+def friction_used(contacts: Contacts) -> Any:
+    """∫ |σ_τ| / ∫ G, the share that acts of what friction could hold: 1 if all of it is used."""
+
+    def rubs(fields: ContactFields) -> Any:
+        """1 where friction may act and has a bound."""
+        return 0.0 if fields.contact.friction.stands else fields.free
+
+    bound = contacts.integral(lambda fields: fields.bound * rubs(fields))
+    size = contacts.integral(lambda fields: np.linalg.norm(fields.traction, axis=1) * rubs(fields))
+    return size / bound if bound > 0.0 else None
+
+
+@quantity("contact", "contact moment", "force · length", at="about")
+def contact_moment(contacts: Contacts) -> Any:
+    """Moment of pressure and friction on the body, about the centre of where it touches."""
+    dim, area = contacts.domain.dim, contact_area(contacts)
+    if not area > 0.0 or contacts.domain.axisymmetric:
+        return np.zeros(3 if dim == 3 else ()), None
+    centre = contacts.integral(lambda f: touches(f)[:, None] * f.surface.points, dim) / area
+
+    def each(fields: ContactFields) -> FloatArray:
+        forces = fields.traction - fields.pressure[:, None] * fields.normal
+        return moments(fields.surface.points - centre, forces)
+
+    total = contacts.integral(each, 2 * dim - 3)
+    size = contacts.integral(lambda fields: np.linalg.norm(each(fields), axis=1))
+    total[np.abs(total) <= _ROUNDING * size] = 0.0
+    return total if dim == 3 else total[0], centre
+
+
+@quantity("contact", "contact area", "area", trend="jumps")
+def contact_area(contacts: Contacts) -> Any:
+    """Part of Γ_C where the body touches, a length in 2D."""
+    return contacts.integral(touches)
+
+
+@quantity("contact", "slip area", "area", trend="jumps", beside="friction_used")
+def slip_area(contacts: Contacts) -> Any:
+    """Part of Γ_C where the body slips, a length in 2D."""
+    return contacts.integral(lambda fields: (fields.state == SLIP).astype(float))
+
+
+@quantity("contact", "largest slip", "length", detail=True)
+def slip_max(contacts: Contacts) -> Any:
+    """Largest accumulated slip of the points that touch."""
+    return contacts.peak(lambda fields: fields.slip * touches(fields))[0]
+
+
+@quantity("contact", "largest slip of the step", "length", trend=None, detail=True)
+def slip_step_max(contacts: Contacts) -> Any:
+    """Largest slip of the last step, of the points that touch."""
+    return contacts.peak(lambda f: np.linalg.norm(f.increment, axis=1) * touches(f))[0]
+
+
+@quantity("contact", "penetration", "length", trend="vanishes", detail=True)
+def penetration_max(contacts: Contacts) -> Any:
+    """Largest [u_ν − g]⁺ at the nodes, held nodes included."""
+    return contacts.peak(lambda fields: fields.u_normal - fields.gap)[0]
+
+
+@quantity("contact", "penetration between nodes", "length", trend=None, detail=True)
+def penetration_between_nodes(contacts: Contacts) -> Any:
+    """How deep the foundation enters between the nodes, beyond the depth at the nodes."""
+    return max((fields.entry.depth for fields in contacts.fields), default=0.0)
+
+
+@quantity("body", "largest strain", "1")
+def strain_norm_max(body: BodyFields) -> Any:
+    """Largest |ε(u)| at the points where the element keeps the limit."""
+    return body.largest(body.strain_norm)
+
+
+@quantity("body", "largest strain anywhere", "1", trend=None, detail=True)
+def strain_norm_max_in_cells(body: BodyFields) -> Any:
+    """Largest |ε(u)| anywhere."""
+    return body.peaks[0]
+
+
+@quantity("body", "excess over the limit", "1", trend=None, detail=True)
+def overstrain_max(body: BodyFields) -> Any:
+    """Largest |ε(u)|/M − 1 anywhere, at least 0; the largest of all sets of strains."""
+    return max(body.peaks[1] - 1.0, 0.0)
+
+
+@quantity("body", "strain limit used", "1", trend="jumps", share_of="the limit")
+def limit_used(body: BodyFields) -> Any:
+    """Largest |ε(u)|/M anywhere, or the largest of all sets of strains."""
+    return body.peaks[1] if body.is_limited else None
+
+
+@quantity(
+    "body",
+    "locked",
+    "1",
+    trend="jumps",
+    share_of="the body is at its strain limit",
+    beside="limit_used",
+)
+def locked_fraction(body: BodyFields) -> Any:
+    """Share of the volume with |ε| ≥ M (1 − 1e-6), or where another set of strains is used up."""
+    return body.share(body.locked.x.array)
+
+
+@quantity("body", "work of the loads", "energy", detail=True)
+def compliance(body: BodyFields) -> Any:
+    """(f, u), the work of body force, tractions, pressures and forces."""
+    return body.system.compliance()
+
+
+@quantity("body", "elastic energy", "energy", detail=True)
+def elastic_energy(body: BodyFields) -> Any:
+    """½ a(u, u)."""
+    return body.system.energy()
+
+
+def _error(key: str, name: str, meaning: str) -> Quantity:
+    key, meaning = f"certificate.errors.{key}.relative", f"{meaning}, relative in the energy norm"
+    return Quantity(key, name, meaning, "1", of="certificate", trend="vanishes")
+
+
+_PROVED = "proved bound of the error of mesh and penalty, for the friction bound kept fixed"
+_TO_LIMIT = "distance to the solution for n = ∞"
+_ELSEWHERE = (
+    _error("mesh", "mesh error", "estimated error of the mesh"),
+    _error("penalty", "bound of the penalty's effect", f"bound of the {_TO_LIMIT}"),
+    _error("penalty_measured", "measured effect of the penalty", f"measured {_TO_LIMIT}"),
+    _error("guaranteed", "bound of the whole error", _PROVED),
+    Quantity("iterations.tangents", "tangents", "factorised or preconditioned", "1", trend="jumps"),
+    Quantity("wall_seconds", "time", "time of the whole solve", "s", trend="jumps"),
+)
+QUANTITIES |= {item.key: item for item in _ELSEWHERE}
+
+
+def computed(of: Of, fields: BodyFields | Contacts) -> dict[str, Any]:
+    """The quantities of the body or of some contacts, for summary.json; collective."""
+    found: dict[str, Any] = {}
+    for key, item in QUANTITIES.items():
+        if item.compute is not None and item.of == of:
+            value = item.compute(fields)
+            for name, part in zip((key, f"{key}_at"), value if item.at else (value,), strict=False):
+                found[name] = np.asarray(part).tolist()
+    return found
+
+
+def columns(found: Mapping[str, Any], ending: str = "") -> dict[str, float]:
+    """The columns of history.csv for the computed quantities of a summary or of a contact."""
+    keys = [key for key, item in QUANTITIES.items() if item.compute and key in found]
+    parts = [components(f"{key}{ending}", found[key]) for key in keys]
+    return {name: value for part in parts for name, value in part.items()}
+
+
+def components(name: str, value: Any) -> dict[str, float]:
+    """A column for a number, NaN for one that is not known, or one for each axis of a vector."""
+    if isinstance(value, list):
+        return {f"{name}_{axis}": part for axis, part in zip(AXES, value, strict=False)}
+    return {name: math.nan if value is None else value}
+
+
+def look_up(data: Any, dotted: str) -> Any:
+    """The value of mappings and lists, or of the row of a study, under a dotted key; or None."""
+    if isinstance(data, Mapping) and dotted in data:
+        return data[dotted]
+    for name in dotted.split("."):
+        if isinstance(data, list):
+            data = data[int(name)] if name.isdecimal() and int(name) < len(data) else None
+        else:
+            data = data.get(name) if isinstance(data, Mapping) else None
+    return data

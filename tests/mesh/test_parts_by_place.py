@@ -1,0 +1,159 @@
+"""Boundary parts by place: what they catch, what they may overlap, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from msh import write_msh
+from problems import block
+from small_meshes import BODY, SQUARE
+from xdmf import write_xdmf
+
+from contact_locking import InputError, assemble, from_mapping, save, solve
+from contact_locking.mesh.groups import groups
+from contact_locking.process import adaptivity
+from contact_locking.study.assembly import mesh_of
+from contact_locking.study_file.parameters import Parameters
+
+PARTS: dict[str, Any] = {
+    "roof": {"plane": {"point": [0.3, 1.0], "normal": [0.0, -2.0]}},
+    "corner": {"box": [[0.5, 0.0], [1.0, 0.5]]},
+    "pad": {"on": "bottom", "expression": "x < 0.5"},
+    "rest": {"on": ["bottom", "left"], "expression": "not (x < 0.5 and y < 1e-9)"},
+    "all of it": {"box": [[-float("inf")] * 2, [float("inf")] * 2]},
+}
+
+
+def placed(parts: dict[str, Any], **changes: Any) -> Parameters:
+    return block(h=0.125, mesh__structured=True, mesh__parts=parts, **changes)
+
+
+def test_a_part_has_the_facets_of_its_place(comm: MPI.Intracomm) -> None:
+    domain = mesh_of(placed(PARTS), comm)
+    found = {group.name: group for group in groups(domain)}
+    expected = {"roof": 8, "corner": 8, "pad": 4, "rest": 12, "all of it": 32, "bottom": 8}
+    assert {name: found[name].count for name in expected} == expected
+    assert found["roof"].normal == pytest.approx((0.0, 1.0))
+    assert found["corner"].measure == pytest.approx(1.0)
+
+
+def test_parts_in_space(comm: MPI.Intracomm) -> None:
+    parts = {
+        "roof": {"plane": {"point": [0, 0, 1], "normal": [0, 0, 1]}},
+        "edge": {"box": [[0, 0, 0.5], [1, 0, 1]]},
+        "round": {"expression": "(x - 0.5)**2 + (y - 0.5)**2 < 0.3", "on": "roof"},
+    }
+    domain = mesh_of(block(3, 0.25, mesh__structured=True, mesh__parts=parts), comm)
+    measures = {group.name: group.measure for group in groups(domain)}
+    assert (measures["roof"], measures["edge"]) == pytest.approx((1.0, 0.5))
+    assert 0.25 < measures["round"] < 1.0
+
+
+def test_loads_and_contact_on_parts_that_overlap_add_up(comm: MPI.Intracomm) -> None:
+    by_name = solve(block(h=0.125, mesh__structured=True), comm)
+    loads = {
+        "tractions": [
+            {"on": "roof", "value": [0.03, -0.02]},
+            {"on": ["top", "roof"], "value": [0.0, -0.03]},
+        ],
+        "displacements": [{"on": "wall", "value": [0, 0]}],
+    }
+    parts = {
+        "roof": {"plane": {"point": [0, 1], "normal": [0, 1]}},
+        "wall": {"box": [[0, 0], [0, 1]]},
+        "sole": {"expression": "y < 0.05", "on": "bottom"},
+    }
+    by_place = solve(placed(parts, loads=loads, contact__on="sole"), comm)
+    for key in ("contact_force", "friction_force", "compliance"):
+        assert by_place.summary[key] == pytest.approx(by_name.summary[key], rel=1e-9)
+
+
+def test_a_finer_mesh_keeps_the_parts_and_a_checkpoint_knows_them(
+    tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    folder = comm.bcast(tmp_path)
+    adapt = {"tolerance": 1e-9, "max_dofs": 900}
+    parts = {name: PARTS[name] for name in ("pad", "corner")}
+    given = placed(parts, contact__on="pad", adapt=adapt, penalty__n=float("inf"))
+    solution = adaptivity.solve(given, comm)
+    assert solution.domain.is_refined
+    measures = {group.name: group.measure for group in groups(solution.domain)}
+    assert (measures["pad"], measures["corner"]) == pytest.approx((0.5, 1.0))
+    save(solution, folder)
+    again = adaptivity.solve(given, comm, restart=folder)
+    assert again.summary["compliance"] == pytest.approx(solution.summary["compliance"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("part", "key", "words"),
+    [
+        ({}, "mesh.parts.new", "needs a place: on, plane, box or expression"),
+        (
+            {"box": [[1, 0], [0, 1]]},
+            "mesh.parts.new.box",
+            "has the greatest coordinates before",
+        ),
+        ({"box": [[0, 0, 0], [1, 1, 1]]}, "mesh.parts.new.box.0", "must have 2 components in 2D"),
+        ({"expression": "x + 1"}, "mesh.parts.new.expression", "expected a condition"),
+        ({"expression": "z < 1"}, "mesh.parts.new.expression", "unknown name 'z'"),
+        ({"expression": 1}, "mesh.parts.new.expression", "must be a condition such as"),
+        ({"on": "botom"}, "mesh.parts.new.on", "no part before this one is named 'botom'"),
+        (
+            {"plane": {"point": [0, 0], "normal": [0, 0]}},
+            "mesh.parts.new.plane.normal",
+            "must not be the zero vector",
+        ),
+    ],
+)
+def test_a_place_that_is_none_is_refused(part: Any, key: str, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        from_mapping({"mesh": {"parts": {"new": part}}})
+    text = str(caught.value)
+    assert text.startswith(f"{key}: ") and words in text
+
+
+def test_a_name_of_the_builder_is_taken() -> None:
+    with pytest.raises(InputError, match="is the name of a part of the builder"):
+        from_mapping({"mesh": {"parts": {"top": {"box": [[0, 0], [1, 1]]}}}})
+
+
+def test_a_part_without_facets_is_refused_with_the_place_of_the_boundary(
+    comm: MPI.Intracomm,
+) -> None:
+    given = placed({"new": {"plane": {"point": [0, 0.5], "normal": [0, 1]}}})
+    with pytest.raises(InputError, match="catches no facet of the boundary, which is between x"):
+        mesh_of(given, comm)
+
+
+def test_groups_of_a_file_may_overlap(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    folder = comm.bcast(tmp_path)
+    sides = {"bottom": [(1, 2)], "sole": [(2, 1)], "round": [(1, 2), (2, 3)], "left": [(4, 1)]}
+    measures = {"bottom": 1.0, "sole": 1.0, "round": 2.0, "left": 1.0}
+    if comm.rank == 0:
+        write_msh(folder / "square.msh", SQUARE, {**sides, "body": BODY["body"]})
+        write_xdmf(folder / "square.xdmf", SQUARE, {**sides, "body": BODY["body"]})
+    comm.Barrier()
+    for name in ("square.msh", "square.xdmf"):
+        given = from_mapping({"mesh": {"file": str(folder / name)}, "contact": {"on": "sole"}})
+        found = {group.name: group.measure for group in groups(mesh_of(given, comm))}
+        assert {name: found[name] for name in sides} == measures
+
+
+def test_h_contact_refines_the_part_that_contains_a_placed_contact(comm: MPI.Intracomm) -> None:
+    parts = {"pad": {"on": "right", "expression": "y < 0.5"}}
+    given = from_mapping(
+        {
+            "mesh": {"builder": "block", "h": 0.25, "h_contact": 0.05, "parts": parts},
+            "contact": {"on": "pad"},
+            "loads": {"displacements": [{"on": "left", "value": [0, 0]}]},
+        }
+    )
+    problem = assemble(given, comm)
+    surface = problem.contacts[0].surface
+    assert problem.domain.facet_diameter(problem.domain.facets(("pad",))) < 0.1
+    assert np.all(surface.points[:, 0] == pytest.approx(1.0))
+    problem.close()
