@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
-    lines = (f"not converged: {reason}", way_out, f"What was reached is in {directory}.")
+    lines = (f"not converged: {reason}", way_out, f"The state that it reached is in {directory}.")
     terminal.complain("error: " + "\n".join(line for line in lines if line))
     return NOT_CONVERGED
 

@@ -41,7 +41,7 @@ class Kernel(Protocol):
         """
 
     def warnings(self, surface: ContactSurface) -> list[str]:
-        """What is probably not intended; collective."""
+        """Warnings about data that the user probably did not intend; collective."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Coulomb:
 
 
 def default_radius(surface: ContactSurface) -> float:
-    """The radius of R where none is given; collective."""
+    """The default radius of R; collective."""
     size = surface.domain.facet_diameter(surface.facets)
     return max(_DEFAULT_RADIUS_SHARE * _extent(surface), _DEFAULT_RADIUS_FACETS * size)
 

@@ -67,13 +67,13 @@ def options() -> dict[str, Any]:
 
 
 class Kept:
-    """What has been compiled or evaluated for one problem, by names, for its next solve."""
+    """Compiled forms and evaluated data of one problem, by names, for its next solve."""
 
     def __init__(self) -> None:
         self._found: dict[Hashable, Any] = {}
 
     def __call__(self, name: Hashable, make: Callable[[], T]) -> T:
-        """What :func:`make` returned at the first call with the name; collective as it is."""
+        """The result of the first call of :func:`make` with the name; collective if that is."""
         if name not in self._found:
             self._found[name] = make()
         found: T = self._found[name]

@@ -1,4 +1,4 @@
-"""What the data of the user do between the points at which the problem uses them.
+"""Features of the user's data between the points at which the problem uses them.
 
 The problem takes an expression at nodes, at midpoints of cells, or at points of a quadrature rule.
 Here the expression is sampled at many more points inside of each cell or facet, so that narrow
@@ -111,7 +111,7 @@ class Entities:
 
     @property
     def name(self) -> str:
-        """What the entities are, in words."""
+        """The kind of the entities, in words."""
         return "cell" if self.dim == self.domain.dim else "facet"
 
     def chunks(self, shares: FloatArray) -> Iterator[tuple[slice, FloatArray]]:
@@ -157,7 +157,7 @@ def _features(
 ) -> list[str]:
     comm, dim = entities.domain.comm, entities.dim
     inner, _ = rule(dim, entities.halvings, 1)
-    # What a fit by an affine function leaves.
+    # The residual of a fit by an affine function.
     left = np.eye(len(inner)) - inner @ np.linalg.pinv(inner)
     used, _ = rule(dim, 0, 1) if entities.name == "cell" else (np.eye(dim + 1), None)
     count = len(entities.corners)

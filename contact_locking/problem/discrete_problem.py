@@ -28,7 +28,7 @@ from contact_locking.supports.conditions import Constraints
 
 @dataclass(frozen=True)
 class Body:
-    """The body and what acts on it beside contact.
+    """The body with its loads and supports, without contact.
 
     ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
     bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
@@ -52,7 +52,7 @@ class Body:
 
 
 class DiscreteProblem:
-    """The discrete problem; what it is made of stays, and the values of its data may change.
+    """The discrete problem: its parts stay, and the values of its data may change.
 
     ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
     solve for, and ``held`` tells how each part of the body is held.  ``follows_n`` says that the
@@ -128,12 +128,12 @@ class DiscreteProblem:
         return sum(part.sliding for part in self.held)
 
     def enter(self, states: Sequence[ContactState]) -> None:
-        """Begin a step with what friction remembers of each contact; collective."""
+        """Begin a step with the memory of friction at each contact; collective."""
         for contact, state in zip(self.contacts, states, strict=True):
             contact.enter(state)
 
     def at_rest(self) -> tuple[ContactState, ...]:
-        """What friction remembers before the first step."""
+        """The memory of friction before the first step."""
         return tuple(
             ContactState.at_rest(len(item.surface.nodes), self.domain.dim) for item in self.contacts
         )

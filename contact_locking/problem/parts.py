@@ -451,10 +451,11 @@ class _Motions:
         for motion in vectors[:, values <= 1e-12].T:
             if np.any(np.abs(motion[self.of_body :]) > 1e-6):
                 raise InputError(
-                    "body and tools can move together as one rigid body "
+                    "body and foundations can move together as one rigid body "
                     f"({self._words(scale * motion)}): the forces "
-                    "tell how hard the tools press, and nothing tells where; fix a component on a "
-                    "boundary part in loads.displacements, or leave out one foundation.force",
+                    "tell how hard the foundations press, and nothing tells where; fix a "
+                    "component on a boundary part in loads.displacements, or leave out one "
+                    "foundation.force",
                     self._tools[0].key,
                 )
 

@@ -2,122 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
-from mpi4py import MPI
-
-from contact_locking.arrays import FloatArray
-from contact_locking.parallel import maximum
-from contact_locking.problem.system import PenalisedSystem
+from contact_locking.process.admissibility_data import AdmissibilityData
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.task import SolverReport
 
-# Values that differ by less than this share of the largest are the same.
-_ROUNDING = 1e-12
-
-
-@dataclass(frozen=True)
-class Demand:
-    """All that decides what is admissible at a time, on this rank.
-
-    ``limits`` are the inverse limits of the strain: the time does not change them, but whoever
-    changes the problem between two steps may.  Tools that a force pushes ask for nothing, as they
-    may retreat.
-    """
-
-    comm: MPI.Intracomm
-    time: float
-    displacements: FloatArray
-    gaps: FloatArray
-    normals: FloatArray
-    limits: FloatArray
-
-    @classmethod
-    def of(cls, system: PenalisedSystem, time: float) -> Demand:
-        """The demand of the time that the system has been put to."""
-        contacts = [contact for contact in system.contacts if not contact.is_pushed]
-        return cls(
-            comm=system.comm,
-            time=time,
-            displacements=system.constraints.held_part(system.u.x.array),
-            gaps=np.concatenate([np.empty(0), *(contact.gaps for contact in contacts)]),
-            normals=np.concatenate([np.empty(0), *(item.normals.ravel() for item in contacts)]),
-            limits=np.concatenate([law.inverse_limit.x.array for law in system.data.sets]),
-        )
-
-    def repeats(self, other: Demand) -> bool:
-        """Whether the same is admissible as at another time; collective."""
-        return (
-            self._is_bounded_like(other)
-            and self._are_same(self.displacements, other.displacements)
-            and self._are_same(self.gaps, other.gaps)
-        )
-
-    def is_beyond(self, refused: Demand, reached: Demand) -> bool:
-        """Whether nothing is admissible, as nothing is at ``refused``; collective.
-
-        Something is at ``reached``.  If ``refused`` mixes the displacements and the gaps of
-        ``reached`` and of this demand, and all else is the same, then the mixture of what is
-        admissible at both would be admissible at ``refused``, because the limits are convex.
-        """
-        if not reached.time < refused.time <= self.time:
-            return False
-        share = (refused.time - reached.time) / (self.time - reached.time)
-
-        def is_mixed(ours: FloatArray, middle: FloatArray, theirs: FloatArray) -> bool:
-            return self._are_same(theirs + share * (ours - theirs), middle)
-
-        return (
-            self._is_bounded_like(reached)
-            and self._is_bounded_like(refused)
-            and is_mixed(self.displacements, refused.displacements, reached.displacements)
-            and is_mixed(self.gaps, refused.gaps, reached.gaps)
-        )
-
-    def _is_bounded_like(self, other: Demand) -> bool:
-        """Whether normals and limits are the same; collective."""
-        return self._are_same(self.normals, other.normals) and self._are_same(
-            self.limits, other.limits
-        )
-
-    def _are_same(self, ours: FloatArray, theirs: FloatArray) -> bool:
-        # Sets of strains and contacts may be added between two steps.
-        apart = np.abs(ours - theirs) if ours.shape == theirs.shape else np.array([np.inf])
-        size = maximum(self.comm, np.abs(np.concatenate([ours, theirs])))
-        return maximum(self.comm, apart) <= _ROUNDING * size
-
 
 class OutOfReach:
-    """Times with the proof that no displacement of the mesh keeps the limits and the gaps then.
+    """Times for which a proof shows that no displacement of the mesh keeps the limits and the gaps.
 
-    The proof knows nothing but the :class:`Demand` of the time.  So it holds whatever the steps
-    before were, and whatever friction remembers.
+    The proof uses only the :class:`AdmissibilityData` of the time.  So it does not depend on the
+    steps before, nor on the slip that friction remembers.
     """
 
     def __init__(self) -> None:
-        self._refused: list[Demand] = []
-        self._reached: Demand | None = None
+        self._refused: list[AdmissibilityData] = []
+        self._reached: AdmissibilityData | None = None
         # The first planned time among those refused.
         self._planned: tuple[float, SolverReport] | None = None
 
-    def add(self, demand: Demand, report: SolverReport, is_planned: bool) -> None:
-        """Note a time with the report of its solve, if this says that nothing is admissible."""
+    def add(self, data: AdmissibilityData, report: SolverReport, is_planned: bool) -> None:
+        """Note a time if the report of its solve says that no displacement is admissible."""
         if not report.is_infeasible:
             return
-        self._refused.append(demand)
+        self._refused.append(data)
         if is_planned and self._planned is None:
-            self._planned = demand.time, report
+            self._planned = data.time, report
 
-    def reach(self, demand: Demand) -> None:
+    def reach(self, data: AdmissibilityData) -> None:
         """Note a time at which a solution was found that is admissible."""
-        self._reached = demand
+        self._reached = data
 
-    def excludes(self, demand: Demand) -> bool:
-        """Whether nothing is admissible then, as the proofs for other times show; collective."""
+    def excludes(self, data: AdmissibilityData) -> bool:
+        """Whether the proofs for other times exclude all displacements; collective."""
         reached = self._reached
         return any(
-            demand.repeats(refused) or (reached is not None and demand.is_beyond(refused, reached))
+            data.repeats(refused) or (reached is not None and data.is_beyond(refused, reached))
             for refused in self._refused
         )
 

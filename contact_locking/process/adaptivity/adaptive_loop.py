@@ -82,7 +82,7 @@ def solve_adaptively(
         restart = None
         sequence.add(solution, measure)
         finer = _refined(solution, measure, sequence)
-        monitor.mesh(len(sequence.meshes), sequence.told())
+        monitor.mesh(len(sequence.meshes), sequence.in_words())
         if sequence.stopped and not sequence.is_reached:
             _warn(solution, monitor, sequence)
         seconds = time.perf_counter() - began

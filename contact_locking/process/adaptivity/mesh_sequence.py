@@ -1,4 +1,4 @@
-"""What the loop has done so far, and whether it goes on."""
+"""The meshes of the adaptive loop so far, and its end."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ _LEAST_FALL, _MESHES = 0.95, 4
 
 
 class MeshSequence:
-    """The meshes of the loop with their errors, and the reason why the loop ends.
+    """The meshes of the loop with their errors, and the reason for its end.
 
     ``meshes`` has an entry for each mesh, as in summary.json, and ``pictures`` has the meshes
     themselves on rank 0.  ``stopped`` is empty as long as the loop goes on.
@@ -136,7 +136,7 @@ class MeshSequence:
             "meshes": [dict(entry) for entry in self.meshes],
         }
 
-    def told(self) -> str:
+    def in_words(self) -> str:
         """The last mesh in words."""
         last = self.meshes[-1]
         error = last[self.given.by]

@@ -1,4 +1,4 @@
-"""The folder of the steps that a run has solved so far, from which a killed run goes on."""
+"""The folder of the steps that a run has solved so far; a killed run continues from it."""
 
 from __future__ import annotations
 
