@@ -28,7 +28,7 @@ from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
-from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import Settings
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
 

@@ -20,7 +20,7 @@ from contact_locking.results.quantities import computed
 from contact_locking.results.solution import Differentiable, Solution
 from contact_locking.results.state import State
 from contact_locking.results.uncovered_boundary import uncovered_entry
-from contact_locking.solver.saved import SavedState
+from contact_locking.solver.task import SavedState
 
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."

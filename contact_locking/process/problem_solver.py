@@ -17,12 +17,8 @@ from contact_locking.problem.parts import loose_fields
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.lazy import LazyDerivatives
 from contact_locking.solver.linear.factorised import chosen
-from contact_locking.solver.saved import SavedState
-from contact_locking.solver.settings import Settings
-from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.strategy import solve as solve_system
-from contact_locking.solver.target import Target
-from contact_locking.solver.task import Task
+from contact_locking.solver.task import SavedState, Settings, SolverReport, Target, Task
 
 
 class ProblemSolver:

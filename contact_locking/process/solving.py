@@ -18,7 +18,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint, forecast
-from contact_locking.process.checkpoint.restart import Restart
+from contact_locking.process.checkpoint.restart import solved_already, told
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.loop import Steps
@@ -131,13 +131,10 @@ def _static(
     restart: str | Path | None,
 ) -> StudySolution:
     """The solution of a problem without steps; collective."""
-    restarted = None if restart is None else Restart(restart, problem)
+    saved = None if restart is None else checkpoint.read(restart, problem)
     solver = solver_of(problem, monitor, petsc_options)
-    report = None
-    if restarted is not None:
-        report = restarted.solved_already(solver.system, solver.target, solver.settings)
-    if report is None:
-        report = solver.solve(None if restarted is None else restarted.state)
+    report = saved and solved_already(saved, problem, solver)
+    report = report or solver.solve(None if saved is None else saved.state)
     monitor.message("computing fields and the certificate")
     state = solver.state(report)
     certificate = certify(state, extras_of(problem.parameters))
@@ -148,7 +145,7 @@ def _static(
         sensitivities = Sensitivities(problem)
         solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
-    solution.summary["restart"] = None if restarted is None else restarted.in_words(report)
+    solution.summary["restart"] = None if restart is None else told(restart, report)
     solver.close()
     problem.close()
     return solution

@@ -20,14 +20,14 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.families import Families, families_of
+from contact_locking.solver.interior_point.bound_step import MovingBound
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.locking_cones import LockingCones
 from contact_locking.solver.interior_point.lorentz import aligned, norm
-from contact_locking.solver.interior_point.moving_bound import MovingBound
+from contact_locking.solver.interior_point.method import Families, families_of
 from contact_locking.solver.last_iterate import LastIterate
-from contact_locking.solver.target import Target
+from contact_locking.solver.task import Target
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,7 @@ from contact_locking.sensitivity.derivatives import Derivatives
 from contact_locking.sensitivity.parameters import Entry, Frozen, Number, refresh
 from contact_locking.sensitivity.penalised_iterate import penalised_iterate
 from contact_locking.sensitivity.solved import require_settled
-from contact_locking.solver.settings import Settings
-from contact_locking.solver.solver_report import SolverReport
-from contact_locking.solver.target import Target
-from contact_locking.solver.task import Task
+from contact_locking.solver.task import Settings, SolverReport, Target, Task
 
 
 class LazyDerivatives:

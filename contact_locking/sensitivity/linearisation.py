@@ -25,7 +25,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.sensitivity.equations import Equations, Residual
-from contact_locking.solver.interior_point.bound_law import BoundLaw
+from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.family import Family, Reaction, Step
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning

@@ -12,10 +12,10 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.method import families_of
 from contact_locking.solver.last_iterate import LastIterate
-from contact_locking.solver.target import Target
+from contact_locking.solver.task import Target
 
 # The product over the density of the elastic energy.
 _PRODUCT = 1e-10

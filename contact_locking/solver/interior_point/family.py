@@ -321,3 +321,30 @@ class Reaction:
     def add_to(self, forces: PETSc.Vec) -> None:
         """Add the forces; collective."""
         self.family.add_forces(self.values, forces)
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A step of the displacement with the travels, and of every family that takes part."""
+
+    displacement: FloatArray
+    steps: Mapping[Family, Step]
+
+    def plus(self, other: Direction, share: float) -> Direction:
+        """The direction plus ``share`` times the other."""
+        return Direction(
+            self.displacement + share * other.displacement,
+            {family: step.plus(other.steps[family], share) for family, step in self.steps.items()},
+        )
+
+    def between(self, other: Direction, share: float) -> Direction:
+        """The direction plus ``share`` times what leads from it to the other."""
+        if share == 1.0:
+            return other
+        return Direction(
+            self.displacement + share * (other.displacement - self.displacement),
+            {
+                family: step.between(other.steps[family], share)
+                for family, step in self.steps.items()
+            },
+        )

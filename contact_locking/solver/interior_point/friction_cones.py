@@ -10,8 +10,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.family import Step
-from contact_locking.solver.interior_point.lorentz import Scaling, dot, inverse
-from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
+from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, dot, inverse
 from contact_locking.solver.multipliers import Multipliers
 
 # The products at the start are at most this multiple of those of contact: a coefficient of a
