@@ -147,7 +147,9 @@ class ContactProblem:
         report = solver.solve(None if begin is None else begin.state.saved)
         state = solver.state(report)
         judged = certify(state, extras or Extras()) if certificate else None
-        solution = solution_of(state, judged, solver.derivatives(report))
+        # Derivatives of a step need those of the memory that it began with.
+        derivatives = solver.derivatives(report) if after is None else None
+        solution = solution_of(state, judged, derivatives)
         solution.summary["warnings"] += solver.unused_options()
         return solution
 
