@@ -46,6 +46,29 @@ class BodyForms:
         """``(f, .)`` at the present time."""
         return self._nodal(self._external)
 
+    def eigenstrain_work(self, w: fem.Function) -> float:
+        """``-(A eps_0, eps(w))``, 0 without an eigenstrain."""
+        return 0.0 if self._data.eigenstrain is None else self._value(self._initial, w)
+
+    def eigenstrain_energy(self) -> float:
+        """``(A eps_0, eps_0)/2``, 0 without an eigenstrain."""
+        if self._data.eigenstrain is None:
+            return 0.0
+        return float(self._comm.allreduce(fem.assemble_scalar(self._eigen)))
+
+    @cached_property
+    def _initial(self) -> fem.Form:
+        data = self._data
+        assert data.eigenstrain is not None
+        density = ufl.inner(data.eigenstrain.stress, data.strain(self._w))
+        return compiled.form(density * data.element.elastic_dx(data.dx))
+
+    @cached_property
+    def _eigen(self) -> fem.Form:
+        data = self._data
+        assert data.eigenstrain is not None
+        return compiled.form(data.eigenstrain.energy * data.element.elastic_dx(data.dx))
+
     @cached_property
     def _square(self) -> fem.Form:
         data = self._data

@@ -98,6 +98,7 @@ class DiscreteProblem:
             limits=tuple(item.strain_set for item in self.limits.others),
             tools=tuple(PushedFoundation(item) for item in nodal if item.is_pushed),
             own_energy=body.own_energy,
+            eigenstrain=self.material.eigenstrain,
         )
         self.u = fem.Function(space, name="displacement")
         self.held: list[Held] = parts_held(
@@ -178,9 +179,9 @@ def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]
 
 def _loads(body: Body, material: Material) -> ufl.Form | None:
     """The loads, less the work of the stress of the body without strain."""
-    if material.initial is None:
+    if material.eigenstrain is None:
         return body.loads
     element = body.element
     strain = element.strain(ufl.TestFunction(body.space))
-    work = -ufl.inner(material.initial, strain) * element.elastic_dx(body.domain.dx())
+    work = -ufl.inner(material.eigenstrain.stress, strain) * element.elastic_dx(body.domain.dx())
     return work if body.loads is None else body.loads + work

@@ -18,6 +18,7 @@ from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.friction import friction_energy, friction_traction
 from contact_locking.laws.signorini import contact_energy, contact_pressure
+from contact_locking.problem.eigenstrain import Eigenstrain
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 
 
@@ -32,7 +33,8 @@ class ProblemData:
     penalty parameters.  ``element`` is the element of the displacements.  ``limits`` are the sets
     of strains beside the ball.  ``tools`` are the foundations that a force pushes.  ``own_energy``
     is for a law that this package does not have: it maps u to a convex and differentiable
-    functional J(u), whose derivative is added to (25).
+    functional J(u), whose derivative is added to (25).  The work of an ``eigenstrain`` is a part of
+    ``loads``.
     """
 
     elasticity: Callable[[Expr, Expr], ufl.Form]
@@ -48,6 +50,7 @@ class ProblemData:
     limits: tuple[StrainSet, ...] = ()
     tools: tuple[PushedFoundation, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
+    eigenstrain: Eigenstrain | None = None
 
     def strain(self, u: Expr) -> Expr:
         """``eps(u)`` of the body."""

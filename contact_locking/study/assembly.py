@@ -43,7 +43,6 @@ class StudyProblem(DiscreteProblem):
         self.parameters = parameters
         told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
         parameters.check_dimension(domain.dim)
-        given = MaterialOfStudy(domain, parameters.material)
         space = element.displacement_space(domain.mesh)
         _check_parts(domain, parameters)
         self.probes = locate(domain, parameters.output.probes)
@@ -51,6 +50,7 @@ class StudyProblem(DiscreteProblem):
         times = (0.0,) if steps is None else steps.planned
         tables = read_tables(domain.comm, parameters.tables or {})
         self.clock = clock = Clock(domain.mesh, times[0], tables, times)
+        given = MaterialOfStudy(domain, parameters.material, clock)
         constraints = constrain(
             domain,
             space,
@@ -82,11 +82,12 @@ class StudyProblem(DiscreteProblem):
         self.warnings = [*told, *self.warnings]
 
     def advance(self, time: float) -> None:
-        """Put loads, prescribed displacements, gaps and forces of tools to a time; collective.
+        """Put the data that depend on the time to a time; collective.
 
         Raises InputError for a value that is not finite, and for a force that turns.
         """
         self.clock.set(time)
+        self.material.advance()
         self.warnings += self.loads.advance()
         self.place()
 

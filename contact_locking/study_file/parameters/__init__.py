@@ -24,6 +24,7 @@ from .contact_sections import (
     OneOrSeveral,
     Smoothing,
 )
+from .eigenstrain import Eigenstrain
 from .material import Elasticity, MaterialParameters, Region, StrainLimit
 from .mesh import MeshParameters
 from .numerics import (
@@ -48,6 +49,7 @@ __all__ = [
     "ContactParameters",
     "ContactSection",
     "DiscretisationParameters",
+    "Eigenstrain",
     "Elasticity",
     "Foundation",
     "FrictionParameters",
@@ -221,6 +223,9 @@ class Parameters(Section):
         cells, facets = self.mesh.geometry.cell_names, self.mesh.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
+        for place, eigenstrain in self.material.eigenstrains:
+            for name in eigenstrain.on or ():
+                yield from _unknown_name(("material", *place, "on"), name, cells, "the body")
         for kind in ("tractions", "pressures", "forces", "displacements", "supports"):
             for index, load in enumerate(getattr(self.loads, kind)):
                 for name in load.on:
