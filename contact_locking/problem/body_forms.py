@@ -24,14 +24,16 @@ class BodyForms:
     def __init__(self, space: fem.FunctionSpace, data: forms.ProblemData) -> None:
         v, self._data = ufl.TestFunction(space), data
         self._w, self._forces = fem.Function(space), fem.Function(space)
-        self._energy = compiled.form(0.5 * forms.elastic_form(self._w, self._w, data))
+        # Cells and facets have forms of their own, as those of `JointForm`.
+        parts = [data.elasticity, *(item.form for item in data.springs)]
+        self._energies = [compiled.form(0.5 * part(self._w, self._w)) for part in parts]
         self._elastic = JointForm(forms.elastic_form(self._w, v, data))
         self._external = JointForm(forms.external_work(v, data))
         self._comm = space.mesh.comm
 
     def energy(self, w: fem.Function) -> float:
         """``a(w, w)/2``."""
-        return self._value(self._energy, w)
+        return sum(self._value(energy, w) for energy in self._energies)
 
     def strain_norm(self, w: fem.Function) -> float:
         """``|w|_V = |eps(w)|`` in L2 (10)."""

@@ -22,6 +22,7 @@ from contact_locking.problem.elasticity import Elasticity, Material
 from contact_locking.problem.limits import Limit, LimitsOnMesh
 from contact_locking.problem.parts import Held, parts_held, require_parts_held
 from contact_locking.problem.points import Points
+from contact_locking.problem.springs import Springs
 from contact_locking.supports.conditions import Constraints
 
 
@@ -32,8 +33,9 @@ class Body:
     ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
     bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
     u to a convex and differentiable functional.  ``regions`` are cells whose stress may jump
-    against that of all others.  ``displacements`` and ``supports`` name the boundary parts with
-    prescribed displacements and with supports, for messages.
+    against that of all others.  ``springs`` act on the boundary.  ``displacements`` and
+    ``supports`` name the boundary parts with prescribed displacements and with supports, for
+    messages.
     """
 
     domain: Domain
@@ -46,6 +48,7 @@ class Body:
     limits: Sequence[Limit] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
     regions: Sequence[IndexArray] = ()
+    springs: Sequence[Springs] = ()
     displacements: Sequence[str] = ()
     supports: Sequence[str] = ()
 
@@ -99,6 +102,7 @@ class DiscreteProblem:
             tools=tuple(PushedFoundation(item) for item in nodal if item.is_pushed),
             own_energy=body.own_energy,
             eigenstrain=self.material.eigenstrain,
+            springs=tuple(body.springs),
         )
         self.u = fem.Function(space, name="displacement")
         self.held: list[Held] = parts_held(
@@ -122,6 +126,11 @@ class DiscreteProblem:
     def sliding(self) -> int:
         """The number of rigid motions that friction alone stops."""
         return sum(part.sliding for part in self.held)
+
+    @property
+    def sprung(self) -> int:
+        """The number of rigid motions that springs stop and no displacement condition does."""
+        return sum(part.sprung for part in self.held)
 
     def enter(self, states: Sequence[ContactState]) -> None:
         """Begin a step with what friction remembers of each contact; collective."""

@@ -26,6 +26,7 @@ from contact_locking.study.loads import build_loads
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.places import with_placed_parts
 from contact_locking.study.probe_points import locate
+from contact_locking.study.springs import springs_of
 from contact_locking.study_file.parameters import LoadParameters, Parameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
@@ -59,6 +60,7 @@ class StudyProblem(DiscreteProblem):
         )
         contacts = [contact_of(domain, item, clock, times) for item in parameters.contacts]
         self.loads = build_loads(domain, parameters.loads, element, clock)
+        springs, of_springs = springs_of(domain, parameters.loads.springs)
         v = ufl.TestFunction(space)
         body = Body(
             domain=domain,
@@ -69,13 +71,14 @@ class StudyProblem(DiscreteProblem):
             loads=self.loads.work(v),
             limits=given.limits,
             regions=given.regions,
+            springs=springs,
             displacements=[name for item in parameters.loads.displacements for name in item.on],
             supports=[name for item in parameters.loads.supports for name in item.on],
         )
         penalty = parameters.penalty
         super().__init__(body, contacts, penalty.n, penalty.epsilon)
         self.require_held()
-        told += given.warnings()
+        told += given.warnings() + of_springs
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)
         told += self.loads.warnings(self.material.stiffness)
@@ -174,6 +177,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         *((load.on, f"loads.tractions.{i}.on") for i, load in enumerate(loads.tractions)),
         *((load.on, f"loads.pressures.{i}.on") for i, load in enumerate(loads.pressures)),
         *((load.on, f"loads.forces.{i}.on") for i, load in enumerate(loads.forces)),
+        *((item.on, f"loads.springs.{i}.on") for i, item in enumerate(loads.springs)),
     ):
         require_surface(domain, on, key)
     for place, condition in parameters.loads.held():

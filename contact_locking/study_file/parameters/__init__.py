@@ -16,7 +16,7 @@ from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
 from .base import Fault, Place, Section, below, entry, marks
-from .boundary import LoadParameters, TableParameters, name_faults
+from .boundary import LoadParameters, Spring, TableParameters, name_faults
 from .contact_sections import (
     ContactParameters,
     ContactSection,
@@ -62,6 +62,7 @@ __all__ = [
     "Region",
     "Smoothing",
     "SolverParameters",
+    "Spring",
     "StepParameters",
     "StrainLimit",
     "StudyParameters",
@@ -226,7 +227,7 @@ class Parameters(Section):
         for place, eigenstrain in self.material.eigenstrains:
             for name in eigenstrain.on or ():
                 yield from _unknown_name(("material", *place, "on"), name, cells, "the body")
-        for kind in ("tractions", "pressures", "forces", "displacements", "supports"):
+        for kind in ("tractions", "pressures", "forces", "displacements", "supports", "springs"):
             for index, load in enumerate(getattr(self.loads, kind)):
                 for name in load.on:
                     place = ("loads", kind, index, "on")
