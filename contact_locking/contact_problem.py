@@ -47,10 +47,10 @@ class ContactProblem:
     facets whose values have the ``names`` that contacts and supports may use.  ``space`` is the
     space of displacements, P1 or P2 on triangles or tetrahedra, where neither ``a`` nor ``L`` is a
     form.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
-    ``energy`` maps u to a convex and differentiable functional J(u) that is added.  ``limit_at``
-    tells where quadratic displacements keep K: at the "vertices" of each cell or at the "gauss"
-    points.  ``axisymmetric`` says that the mesh is the half section (r, z) of a body of revolution;
-    ``a`` is then an :class:`Elasticity`.
+    ``energy`` maps u to a convex and differentiable functional J(u), which adds to the energy.
+    ``limit_at`` chooses the points where quadratic displacements keep K: the "vertices" of each
+    cell or the "gauss" points.  ``axisymmetric`` says that the mesh is the half section (r, z) of a
+    body of revolution; ``a`` is then an :class:`Elasticity`.
 
     The problem is made once.  Each solve reads the present values of the constants and functions
     in the data.  The constructor is collective, as all methods are, and raises InputError for data
@@ -116,7 +116,7 @@ class ContactProblem:
 
     @property
     def displacement(self) -> fem.Function:
-        """The displacement of the last solve; each solution has one of its own."""
+        """The displacement of the last solve; each solution has its own copy."""
         return self._discrete.u
 
     @property
@@ -133,9 +133,9 @@ class ContactProblem:
         """The solution for the present data.
 
         ``after`` is the solution of the step before: friction remembers it, and the solver starts
-        from it.  Without it the problem is static.  ``start`` is a solution that the solver alone
-        starts from, if that helps.  Without ``certificate`` the summary has no certificate, which
-        saves its solves; ``extras`` are parts of a certificate that are made on demand.  A solve
+        from it.  Without it the problem is static.  ``start`` is a solution from which only the
+        solver starts, if that helps.  Without ``certificate`` the summary has no certificate, which
+        saves its solves; ``extras`` are parts of a certificate that are made on request.  A solve
         that does not converge returns its last state, with ``converged`` False and the reason in
         the summary.  Raises InputError for present data that cannot be used.
         """

@@ -80,7 +80,7 @@ class NoRendering(ContactLockingError):
 
 
 def interrupt_behind(error: BaseException) -> BaseException | None:
-    """What interrupted the process, such as Ctrl-C, if ``error`` stands in its place; else None.
+    """The interruption of the process, such as Ctrl-C, behind ``error``; None if there is none.
 
     A library that calls back, such as PETSc, raises an error of its own where a callback is
     interrupted.
@@ -96,14 +96,14 @@ def interrupt_behind(error: BaseException) -> BaseException | None:
 
 
 def raise_interrupt(error: BaseException) -> None:
-    """Raise again what interrupted the process if ``error`` stands in its place."""
+    """Raise the interruption again if ``error`` stands in its place."""
     interrupt = interrupt_behind(error)
     if interrupt is not None:
         raise interrupt from None
 
 
 def raise_callback_error(error: Exception) -> None:
-    """Raise again what a callback raised, if the ``error`` of a library stands in its place.
+    """Raise the exception of a callback again if the ``error`` of a library stands in its place.
 
     The caller judges failures of the numerical method itself, which are not raised here.
     """

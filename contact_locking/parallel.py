@@ -71,8 +71,8 @@ def maximum(comm: MPI.Intracomm, values: FloatArray | float, least: float = 0.0)
 def peak(comm: MPI.Intracomm, values: FloatArray, places: FloatArray) -> tuple[float, Any]:
     """The largest of values (k,) >= 0 and its place (d,), None if all are zero; collective.
 
-    Of values that may be unequal by rounding the first place in lexicographic order counts, and
-    rounding does not change the order.
+    If several values agree to rounding, the first place in lexicographic order counts; rounding
+    does not change the order.
     """
     largest = maximum(comm, values)
     near = places[values >= (1.0 - _ALIKE) * largest] if largest > 0.0 else places[:0]

@@ -61,7 +61,7 @@ def gigabytes(size: float) -> str:
 
 
 def defect(error: Exception) -> str:
-    """What an error about unreadable data says, in words."""
+    """The message of an error about unreadable data."""
     return f"without {error}" if isinstance(error, KeyError) else str(error) or "unreadable"
 
 

@@ -200,6 +200,8 @@ def _uniqueness(
     if state.problem.data.tools:
         why = "a force pushes a foundation, and the slip is relative to the unknown travel"
         return _verdict(UNKNOWN, why) | report
+    if any(bound.stands for bound in bounds):
+        return _verdict(UNKNOWN, "without slip there is no coefficient of friction") | report
     if not all(bound.is_coulomb for bound in bounds):
         return _verdict(UNKNOWN, "the friction bound is the user's own") | report
     if coefficient.exceeded:

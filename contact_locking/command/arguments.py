@@ -12,7 +12,7 @@ from contact_locking._version import __version__
 from contact_locking.command.terminal import is_root
 from contact_locking.errors import InputError
 
-_DESCRIPTION = "Frictional contact of locking materials: solves what a study file describes."
+_DESCRIPTION = "Frictional contact of locking materials: solves the problem of a study file."
 _EXIT_CODES = (
     "exit codes: 0 converged, 1 unexpected error, 2 bad input, 3 not converged, "
     "128 + N ended by signal N"
@@ -33,7 +33,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         words, petsc = words[:split], words[split + 1 :]
     arguments = parser().parse_args(one_setting_each(words))
     if petsc and arguments.command != "run":
-        raise InputError("options of PETSc, after --, go with run only")
+        raise InputError("only run takes options of PETSc after --")
     arguments.petsc = petsc_options(petsc)
     return arguments
 
@@ -80,7 +80,7 @@ def parser() -> argparse.ArgumentParser:
     )
     one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     one.add_argument("--progress", type=Path, help=argparse.SUPPRESS)  # for a study to look at
-    one = add_for_file("study", "Solve every case of a study; again to go on with it.")
+    one = add_for_file("study", "Solve every case of a study; repeat the command to continue it.")
     one.add_argument("--output", metavar="DIR", help="folder of the results")
     one.add_argument("--jobs", metavar="J", type=_positive, default=1, help="cases at a time")
     one.add_argument("--ranks", metavar="K", type=_positive, default=1, help="MPI ranks of each")
@@ -92,7 +92,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--pdf", action="store_true", help="also print the page, by Chromium")
     one = add("view", "Show the result of a run in a window, where there is a screen.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results of a run")
-    add_for_file("check", "Say what is wrong or what would run, and solve nothing.")
+    add_for_file("check", "Check a study file and list what would run, without a solve.")
     one = add_for_file("mesh", "Write the mesh of a study file as a Gmsh or XDMF file.")
     one.add_argument("-o", "--output", metavar="FILE", type=Path, required=True)
     one = add("schema", "Print every key with its default, unit and description.")

@@ -6,7 +6,9 @@ N ended the command, such as 130 after Ctrl-C.
 
 from __future__ import annotations
 
+import argparse
 import contextlib
+import functools
 import os
 import sys
 from collections.abc import Sequence
@@ -25,8 +27,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     ``argv`` are the words after the program's name, those it was started with by default.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    arguments = argparse.Namespace()
     try:
-        code = _run_command(words, program=argv is None)
+        arguments = parse(words)
+        code = _run_command(arguments, program=argv is None)
     except ContactLockingError as error:
         # All ranks have raised it.
         terminal.complain(f"error: {error}")
@@ -34,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # argparse, after --help and --version
         code = int(stop.code or 0)
     except KeyboardInterrupt as interrupt:
-        return _interrupted(interrupt)
+        return _interrupted(interrupt, arguments)
     except BrokenPipeError:
         # Nobody reads the output any more; let the interpreter flush it to nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -42,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         behind = interrupt_behind(error)
         if isinstance(behind, KeyboardInterrupt):
-            return _interrupted(behind)
+            return _interrupted(behind, arguments)
         text, hint = _unexpected(error)
         if "--debug" in words:
             return terminal.abort(UNEXPECTED, text, error)
@@ -51,32 +55,36 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def _run_command(words: list[str], program: bool = False) -> int:
+def _run_command(arguments: argparse.Namespace, program: bool = False) -> int:
     """Run a command; ``program`` says that the process was started for it alone."""
-    arguments = parse(words)
     arguments.program = program
-    with signals.stoppable(_end_ranks) if program else contextlib.nullcontext():
+    end_ranks = functools.partial(_end_ranks, arguments)
+    with signals.stoppable(end_ranks) if program else contextlib.nullcontext():
         code = commands.COMMANDS[arguments.command](arguments)
     sys.stdout.flush()
     return code
 
 
-def _interrupted(interrupt: KeyboardInterrupt) -> int:
-    return terminal.abort(signals.exit_code(interrupt), str(interrupt) or "interrupted")
+def _interrupted(interrupt: KeyboardInterrupt, arguments: argparse.Namespace) -> int:
+    """Say that the command was interrupted, and what there is of its results."""
+    said = str(interrupt) or "interrupted"
+    if left := getattr(arguments, "left", lambda: "")():
+        said += f"\n{left}"
+    return terminal.abort(signals.exit_code(interrupt), said)
 
 
-def _end_ranks(interrupt: KeyboardInterrupt) -> None:
+def _end_ranks(arguments: argparse.Namespace, interrupt: KeyboardInterrupt) -> None:
     """End all ranks if there are several.
 
     A rank that cleaned up, or went on, would meet the other ranks in the wrong place: they would
     wait for each other without end, or add up numbers that do not belong together.
     """
     if terminal.world() is not None:
-        _interrupted(interrupt)
+        _interrupted(interrupt, arguments)
 
 
 def _unexpected(error: Exception) -> tuple[str, str]:
-    """In one line what went wrong, and in another what to do."""
+    """One line about the error, and another about the remedy."""
     if isinstance(error, OSError) and error.strerror:
         place = error.filename or "a file of its own, perhaps in the cache of compiled forms"
         hint = (

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from contact_locking.monitor import Monitor
     from contact_locking.study_file import StudyFile
+    from contact_locking.study_file.parameters import Parameters
 
 CONVERGED, NOT_CONVERGED = 0, 3
 
@@ -60,6 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     parameters, restart = study.parameters, arguments.restart
     directory = parameters.output.directory
     speaks = comm.rank == 0 and not arguments.quiet
+    #: What an interrupt leaves of the run, in words.
+    arguments.left = lambda: _left_of_run(arguments, parameters)
     if restart is not None and not arguments.checkpoint:
         _keep_checkpoint(restart, Path(directory))
     with _explained(study), output_folder.reserved(directory, comm):
@@ -82,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
-    lines = (f"not converged: {reason}", way_out, f"What was reached is in {directory}.")
+    lines = (f"not converged: {reason}", way_out, f"The state that it reached is in {directory}.")
     terminal.complain("error: " + "\n".join(line for line in lines if line))
     return NOT_CONVERGED
 
@@ -240,6 +243,26 @@ def _keep_checkpoint(restart: Path, results: Path) -> None:
             f"the results would replace the checkpoint in {results} that the run starts from: "
             "add --checkpoint to save the new state there, or give another folder by --output"
         )
+
+
+def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
+    """Which steps of an interrupted run are saved, and how to go on; not collective."""
+    from contact_locking import study_file
+    from contact_locking.process.checkpoint import saved_steps
+
+    directory = Path(parameters.output.directory)
+    if parameters.steps is not None and arguments.restart is None:
+        number = 0
+        with contextlib.suppress(OSError):
+            number = saved_steps.last_number(directory, study_file.fingerprint(parameters))
+        if number > 0:
+            return f"{number} steps are saved in {directory}; the same command goes on from there"
+    if not arguments.checkpoint:
+        return ""
+    ended = "its solve has" if parameters.adapt is None else "the solves on all meshes have"
+    if parameters.steps is not None:
+        ended = "its first step has" if arguments.restart is None else "all its steps have"
+    return f"nothing is saved: a run saves its state when {ended} ended"
 
 
 def _checkpoints_work() -> bool:

@@ -1,4 +1,4 @@
-"""A contact as it is given: where, which foundation, and which friction."""
+"""The data of a contact: place, foundation and friction."""
 
 from __future__ import annotations
 
@@ -95,12 +95,13 @@ class Force:
 class Contact:
     """``u_nu <= gap``, ``sigma_nu <= 0``, ``(u_nu - gap) sigma_nu = 0`` (5) and friction (6).
 
-    ``on`` tells where the contact may be: names of boundary parts, local indices of exterior facets
-    (k,), or a pair of mesh tags and a value.  ``foundation`` is a :class:`Gap`, a rigid body with
-    the methods of :class:`~contact_locking.laws.foundation.Foundation`, or a foundation that has
-    been placed.  ``motion`` is where a rigid body has moved from rest, a function that each solve
-    calls, as :class:`Motion` is; without it the body rests.  ``force`` pushes the rigid body, which
-    then moves along its line until it is in equilibrium.  ``key`` names the contact in messages.
+    ``on`` is the possible place of contact: names of boundary parts, local indices of exterior
+    facets (k,), or a pair of mesh tags and a value.  ``foundation`` is a :class:`Gap`, an object
+    with the methods of :class:`~contact_locking.laws.foundation.Foundation`, or a foundation that
+    has been placed.  ``motion``, such as a :class:`Motion`, is a function that each solve calls for
+    the motion of the foundation from rest; without it the foundation rests.  ``force`` pushes the
+    foundation, which then moves along the line of the force until it is in equilibrium.  ``key``
+    names the contact in messages.
     """
 
     on: Where

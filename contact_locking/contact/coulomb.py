@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.friction_bound import FrictionBound
+from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.smoothing import (
     ConvolutionOperator,
     HelmholtzOperator,
@@ -39,7 +41,7 @@ class Kernel(Protocol):
         """
 
     def warnings(self, surface: ContactSurface) -> list[str]:
-        """What is probably not intended; collective."""
+        """Warnings about data that the user probably did not intend; collective."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,9 @@ class Helmholtz(Convolution):
 class Coulomb:
     """``|sigma_tau| <= mu(x, s) |R sigma_nu|`` (6), with s the accumulated slip.
 
-    ``coefficient`` is mu: a number, a function of points (k, d) and slips (k,), or a
-    :class:`~contact_locking.laws.friction_law.FrictionLaw`.  ``regularisation`` is the slip, a
+    ``coefficient`` is mu: a number, infinity for no slip where the body is pressed, a function of
+    points (k, d) and slips (k,), or a :class:`~contact_locking.laws.friction_law.FrictionLaw`.
+    ``regularisation`` is the slip, a
     length, at which friction reaches 71 % of its bound (22); 0 is Coulomb's law itself, and None
     stands for the compliance of the contact times Young's modulus.  A user's own friction bound is
     a subclass whose :meth:`on` returns another :class:`FrictionBound`.
@@ -119,17 +122,24 @@ class Coulomb:
         return FrictionLaw(self.coefficient)
 
     @property
+    def sticks(self) -> bool:
+        """Whether nothing slips where the body is pressed."""
+        return self.coefficient == math.inf
+
+    @property
     def is_zero(self) -> bool:
         """Whether there is no friction."""
         return isinstance(self.coefficient, float | int) and self.coefficient == 0.0
 
     def on(self, surface: ContactSurface, smoothing: Smoothing) -> FrictionBound:
         """The friction bound on a surface, with R there."""
+        if self.sticks:
+            return NoSlip(surface)
         return FrictionBound(surface, smoothing, self.law, self.is_zero)
 
 
 def default_radius(surface: ContactSurface) -> float:
-    """The radius of R where none is given; collective."""
+    """The default radius of R; collective."""
     size = surface.domain.facet_diameter(surface.facets)
     return max(_DEFAULT_RADIUS_SHARE * _extent(surface), _DEFAULT_RADIUS_FACETS * size)
 

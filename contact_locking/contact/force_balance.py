@@ -1,4 +1,4 @@
-"""The equilibrium of a tool by the penalty laws, for a displacement of the body."""
+"""The equilibrium of a pushed foundation by the penalty laws, for a displacement of the body."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.parallel import maximum
 
-# The forces of a tool balance to this share of its force, or as rounding lets them.
+# The forces balance to this share of the force, or as rounding permits.
 _TOLERANCE = 1e-14
 # Shorter ways than this share of the displacements are rounding.
 _ROUNDING = 1e-16
@@ -20,7 +20,7 @@ _MOST_STEPS = 100
 
 
 class Tools(Sequence[PushedFoundation]):
-    """The tools of a problem, with their travels and their equilibrium by the penalty laws."""
+    """The pushed foundations of a problem, with travels and equilibrium by the penalty laws."""
 
     def __init__(self, tools: Sequence[PushedFoundation], epsilon: fem.Constant) -> None:
         self._tools = tuple(tools)
@@ -36,7 +36,7 @@ class Tools(Sequence[PushedFoundation]):
 
     @property
     def travels(self) -> tuple[float, ...]:
-        """The travel of each tool; to set them is collective."""
+        """The travel of each foundation; to set them is collective."""
         return tuple(tool.travel for tool in self)
 
     @travels.setter
@@ -45,13 +45,13 @@ class Tools(Sequence[PushedFoundation]):
             tool.travel = value
 
     def settle(self, u: fem.Function) -> None:
-        """Put each tool to where the penalty laws hold its force; collective."""
+        """Move each foundation to where the penalty laws hold its force; collective."""
         for balance in self.balances:
             balance.settle(u)
 
 
 class ToolBalance:
-    """The travel q(u) at which pressure (25) and friction (22) hold the force of a tool.
+    """The travel q(u) at which pressure (25) and friction (22) hold the force of a foundation.
 
     The force of the foundation along d,
 
@@ -60,14 +60,14 @@ class ToolBalance:
     grows with q, so that ``g(q) = F`` has one solution.  With q(u) the potential of (25) less
     ``F q`` is a function of u alone.  It is convex, its gradient is the residual of (25) at q(u),
     and its second derivative is ``K - B B^T/c`` with the tangent K at a travel that stands still,
-    ``B = dg/du`` and ``c = dg/dq``.  Without a force the tool keeps a distance of ``length``.
+    ``B = dg/du`` and ``c = dg/dq``.  Without a force the foundation keeps a distance of ``length``.
     """
 
     def __init__(self, tool: PushedFoundation, epsilon: fem.Constant, length: float) -> None:
         self.tool, self._epsilon, self._length = tool, epsilon, length
 
     def settle(self, u: fem.Function) -> None:
-        """Put the tool to q(u); collective."""
+        """Move the foundation to q(u); collective."""
         tool = self.tool
         if not tool.pushes:
             return tool.touch(u, self._length)
@@ -103,7 +103,7 @@ class ToolBalance:
 
 
 class _State:
-    """What the laws see of a displacement at the nodes of a tool's contact; collective."""
+    """The arguments of the laws at the nodes of a pushed foundation's contact; collective."""
 
     def __init__(self, balance: ToolBalance, u: fem.Function) -> None:
         tool, contact = balance.tool, balance.tool.contact
@@ -129,7 +129,7 @@ class _State:
         )
 
     def reach(self, force: float) -> float:
-        """The way to where all nodes that the tool faces carry a force without friction."""
+        """The way until all nodes that the foundation faces carry a force without friction."""
         return self._farthest + force / (self._all or 1.0)
 
     def at(self, travel: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""A foundation at its place: a gap, or a rigid body that may move."""
+"""A foundation at its place: a gap, or a shape that may move."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ _TOO_DEEP = (
     "the foundation reach less deep into the body"
 )
 _INSIDE = (
-    "a part of Gamma_C lies inside the tool, and the shortest way out leads through the body; "
-    "either the tool is inside out, or it reaches too deep into the body"
+    "a part of Gamma_C lies inside the foundation, and the shortest way out leads through the "
+    "body; either the foundation is inside out, or it reaches too deep into the body"
 )
-#: How to turn a tool that is inside out.
+#: How to turn a foundation that is inside out.
 _TURN = {
-    "expression": "change the sign of expression, which is positive outside of the tool",
-    "polyline": "reverse the corners, as the tool is on the left of the way from one to the next",
+    "expression": "change the sign of expression, which is positive outside of the foundation",
+    "polyline": "reverse the corners: the foundation is on the left of the way from one to another",
     "surface": "turn the triangles with surface: {file: ..., turned: true}",
 }
 _TOO_FAR_IN = (
-    "a part of Gamma_C lies inside the tool, and no way out of it leads along the normal of the "
-    "body within the width of the body; let the tool reach less deep into the body"
+    "a part of Gamma_C lies inside the foundation, and no way out of it leads along the normal of "
+    "the body within the width of the body; let the foundation reach less deep into the body"
 )
-# The nearest side of a tool is no way out of it if the normal of the side has a smaller component
+# The nearest side of a foundation is no way out if the normal of the side has a smaller component
 # along that of the body: it is the side of an edge, or lies behind the body.
 _SIDEWAYS = 0.2
 # A gradient that is shorter, or longer by the inverse, is not that of a distance.
@@ -64,7 +64,7 @@ _TOUCH = 8.0 * float(np.finfo(float).eps)
 
 @runtime_checkable
 class PlacedFoundation(Protocol):
-    """What the body at one contact does not enter, at its present place.
+    """The foundation of one contact, at its present place.
 
     ``is_timed`` says that gap or normal may change from solve to solve, and ``moves`` that the
     foundation has a motion, which drags the body by friction.  ``is_distance`` says that its
@@ -115,7 +115,7 @@ class PlacedFoundation(Protocol):
         """
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """What is probably not intended, of the gap (k,) at the nodes at present; collective."""
+        """Warnings about the present gap (k,) at the nodes; collective."""
 
 
 class GivenGap:
@@ -186,9 +186,9 @@ def _name_of(body: Foundation) -> str:
 
 
 class RigidFoundation:
-    """A rigid body with a prescribed motion from rest, or at rest.
+    """A foundation with a shape, at rest or with a prescribed motion from rest.
 
-    ``motion`` tells where the body is at present, and ``is_timed`` that it may move, or change its
+    ``motion`` is its present motion, and ``is_timed`` says that it may move, or change its
     shape.  ``key`` is that of the foundation in messages.  The methods raise InputError for a body
     whose distance is not finite, and Misplaced for one that lies behind Gamma_C, or reaches into
     the body so that the way out of it leads through the body.
@@ -212,8 +212,8 @@ class RigidFoundation:
         # A body is judged once, at its first place, whether its orientation fits that of the
         # deformable body.
         self._is_oriented = False
-        #: What was not intended, probably, with the shape itself.
-        self.told: list[str] = []
+        #: Warnings about the shape itself.
+        self.shape_warnings: list[str] = []
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._evaluated(self.now.gap, x)
@@ -238,7 +238,7 @@ class RigidFoundation:
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         body, points, comm = self.now, surface.places.T, self._comm
         gap = self._evaluated(body.gap, points)
-        # A tool that is back where it touched would press by the rounding of the coordinates.
+        # A foundation that is back where it touched would press by the rounding of the coordinates.
         gap = np.where(np.abs(gap) <= _TOUCH * maximum(comm, np.abs(points)), 0.0, gap)
         normals = self._evaluated(body.contact_normal, points).T
         if not on_every_rank(comm, np.isfinite(gap) & np.isfinite(normals).all(axis=1)):
@@ -255,8 +255,8 @@ class RigidFoundation:
                 self._reverse()
                 return self.at_nodes(surface)
         turn, inside = _TURN.get(self._shape), gap < 0.0
-        # Only a part of Gamma_C need face the tool.  The rest, as the upper side of a ball, is
-        # outside of the tool and never gets there, but keeps the distance as well.
+        # Only a part of Gamma_C need face the foundation; the rest, as the top of a ball, is
+        # outside of the foundation and never gets there, but keeps the distance as well.
         if turn and _most(surface, facing < -_SIDEWAYS, inside):
             raise Misplaced(f"{_INSIDE}: {turn}", self._key)
         self._check_open_end(points, gap)
@@ -267,7 +267,7 @@ class RigidFoundation:
             )
         elif on_any_rank(comm, inside & (facing <= 0.0)):
             raise Misplaced(_TOO_DEEP, self._key)
-        # A tool with several sides may come from where nothing faces it yet.
+        # A foundation with several sides may come from where nothing faces it yet.
         if not turn and on_every_rank(comm, facing <= 0.0):
             raise Misplaced(
                 _BEHIND.format(on=self._key.removesuffix("foundation") + "on"), self._key
@@ -275,7 +275,7 @@ class RigidFoundation:
         return gap, normals
 
     def _is_reversed(self, surface: ContactSurface, gap: FloatArray, facing: FloatArray) -> bool:
-        """Whether a closed tool is a die by its orientation, but not around the body; collective.
+        """Whether a closed shape is a die by its orientation, but not around the body; collective.
 
         A die has a negative area or volume, and the body is in its hole.  A body that the die
         presses from all sides may have all nodes inside of the die, but then the die faces them.
@@ -294,7 +294,7 @@ class RigidFoundation:
     def _reverse(self) -> None:
         assert isinstance(self._body, TriangulatedSurface | Polyline)
         self._body = self._body.reversed()
-        self.told.append(
+        self.shape_warnings.append(
             f"{self._key}.{self._shape}: it is that of a die, whose hole is inside of the outline, "
             f"but the body is not in the hole; the other side was taken: {_TURN[self._shape]}"
         )
@@ -308,7 +308,7 @@ class RigidFoundation:
     ) -> tuple[FloatArray, FloatArray]:
         """The gap (k,) and the contact normal (k, d) along the normals of the body; collective.
 
-        ``points`` (d, k) are inside of the tool near a side of it that the body does not face, as
+        ``points`` (d, k) are inside, near a side of the foundation that the body does not face, as
         beside a sharp edge: the way out is that against the outward normals (k, d) of the body.
         """
         motion = self.motion()
@@ -334,14 +334,14 @@ class RigidFoundation:
         if not isinstance(self._body, TriangulatedSurface | Polyline):
             return np.empty((0, box.shape[1]))
         motion, middle = self.motion(), box.mean(axis=0)
-        # The box around the ball around the box, where the tool was at rest.
+        # The box around the ball around the box, where the foundation was at rest.
         reach = 0.5 * float(np.linalg.norm(box[1] - box[0]))
         at_rest = motion.origin(middle[:, None])[:, 0] + np.array([[-reach], [reach]])
         return motion.place(self._body.sharp_points(at_rest, spacing).T).T
 
     def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """What is probably not intended with the gap (k,) at the nodes at present; collective."""
-        found, comm = [*self.told], self._comm
+        """Warnings about the present gap (k,) at the nodes; collective."""
+        found, comm = [*self.shape_warnings], self._comm
         body = self._body
         if isinstance(body, LevelSet):
             low, high = self._slopes(body, surface)
@@ -354,7 +354,7 @@ class RigidFoundation:
         if on_any_rank(comm, self._at_open_end(surface.points.T)):
             found.append(
                 f"{self._key}.{self._shape}: a part of Gamma_C lies beyond the end of the open "
-                "tool, whose rim is nearest there; let the tool reach beyond the body"
+                "foundation, whose rim is nearest there; let the foundation reach beyond the body"
             )
         if isinstance(body, TriangulatedSurface | Polyline):
             found += about_the_size(surface.domain, body.extent, f"{self._key}.{self._shape}")
@@ -379,11 +379,11 @@ class RigidFoundation:
         return self._body.at_open_end(self.motion().origin(points))
 
     def _check_open_end(self, points: FloatArray, gap: FloatArray) -> None:
-        """Raise Misplaced for a node that is behind an open tool, beyond its end; collective."""
+        """Raise Misplaced for a node behind an open foundation, beyond its end; collective."""
         if on_any_rank(self._comm, self._at_open_end(points) & (gap < 0.0)):
             raise Misplaced(
-                "Gamma_C reaches around the end of the open tool, where it has no inside; close "
-                "the tool, or let it reach beyond the body",
+                "Gamma_C reaches around the end of the open foundation, where it has no inside; "
+                "close the foundation, or let it reach beyond the body",
                 f"{self._key}.{self._shape}",
             )
 

@@ -20,8 +20,11 @@ class FrictionBound:
     ``law`` maps points (k, d) and accumulated slips s (k,) to ``mu`` (k,): a
     :class:`~contact_locking.laws.friction_law.FrictionLaw`, or a function, for which the
     certificate samples mu* and L_mu.  ``smoothing`` is R.  ``frictionless`` says that mu is zero
-    everywhere. A user's own friction bound is a subclass with another :meth:`evaluate`.
+    everywhere, and ``stands`` that the bound does not move within a solve.  A user's own friction
+    bound is a subclass with another :meth:`evaluate`.
     """
+
+    stands = False
 
     def __init__(
         self,

@@ -25,7 +25,7 @@ from contact_locking.supports.conditions import Constraints
 class NodalContact:
     """Signorini's conditions (5) and Coulomb's law (6) at the nodes of one part of Gamma_C.
 
-    ``given`` is the contact as it was given, ``key`` its name in messages, and ``on`` are its
+    ``given`` holds the data of the contact, ``key`` its name in messages, and ``on`` are its
     boundary parts.  ``foundation`` is its foundation at its place.  ``normal`` and ``gap`` are
     functions with the normal and the limited value of the gap at the nodes.  ``friction`` computes
     the friction bound of pressures and slips; ``bound`` is the function with the friction bound
@@ -33,7 +33,7 @@ class NodalContact:
     ``free`` (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor
     friction acts at the other nodes.
 
-    ``state`` is what friction remembers of earlier steps, ``travel`` (d,) the displacement that a
+    ``state`` is the memory of friction from earlier steps, ``travel`` (d,) the displacement that a
     force gives to the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
     On a foundation that moves, the slip is relative to it: ``reference`` is
     ``(u_{k-1} + drag)_tau`` as a function, for the forms.
@@ -63,7 +63,7 @@ class NodalContact:
         self._sides: IntArray = surface.sides(normals)
         smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
         self.friction = given.friction.on(surface, smoothing)
-        own = given.friction.regularisation
+        own = 0.0 if self.friction.stands else given.friction.regularisation
         self.regularisation = fem.Constant(domain.mesh, slip if own is None else own)
         count, dim = len(surface.nodes), domain.dim
         self.normal = surface.vector_function(normals, "contact_normal")
@@ -80,16 +80,16 @@ class NodalContact:
             self._put(self._gaps, normals)
 
     def warnings(self) -> list[str]:
-        """What is probably not intended; collective."""
+        """Warnings about data that the user probably did not intend; collective."""
         kind = "gap" if isinstance(self.foundation, GivenGap) else "foundation"
         return [
             *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
             *self.foundation.warnings(self.surface, self._first_gap),
-            *self.given.friction.smoothing.warnings(self.surface),
+            *(() if self.friction.stands else self.given.friction.smoothing.warnings(self.surface)),
         ]
 
     def enter(self, state: ContactState) -> None:
-        """Begin a step with what friction remembers; collective."""
+        """Begin a step with the memory of friction; collective."""
         self.state = state
         self.move_foundation(self.travel)
 
@@ -203,7 +203,7 @@ class NodalContact:
         return self.state.slip + np.linalg.norm(self.increment(u), axis=1)
 
     def state_after(self, u: fem.Function, sticks: BoolArray) -> ContactState:
-        """What friction remembers if the step ends with the displacement u; collective.
+        """The memory of friction if the step ends with the displacement u; collective.
 
         At nodes that stick (k,) without regularisation the slip is zero but for the tolerance of
         the solver, which would add up over many steps: these nodes keep their place.

@@ -1,4 +1,4 @@
-"""The surfaces of tools that pictures draw, within a box around the body."""
+"""The surfaces of foundations that pictures draw, within a box around the body."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _GRID, _RINGS, _AROUND = 201, 24, 48
 
 
 def box_around(bounding_box: FloatArray, axisymmetric: bool) -> FloatArray:
-    """The box (2, d) within which tools are drawn; that of (r, z) ends at the axis."""
+    """The box (2, d) within which foundations are drawn; that of (r, z) ends at the axis."""
     margin = _BESIDE * float(np.ptp(bounding_box, axis=0).max())
     low, high = bounding_box[0] - margin, bounding_box[1] + margin
     if axisymmetric:

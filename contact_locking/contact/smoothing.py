@@ -44,7 +44,7 @@ class Smoothing(Protocol):
         """Whether R is known to have no negative entry, ``R w >= 0`` for ``w >= 0``; collective."""
 
     def destroy(self) -> None:
-        """Free what PETSc holds; collective."""
+        """Destroy the PETSc objects; collective."""
 
 
 class Identity:

@@ -1,4 +1,4 @@
-"""What friction remembers of one contact between two steps."""
+"""The memory of friction at one contact between two steps."""
 
 from __future__ import annotations
 

@@ -50,6 +50,10 @@ class Lookup:
         """The variables of the argument."""
         return _names(self.argument)
 
+    def is_over(self, name: str) -> bool:
+        """Whether the argument is the variable of this name alone."""
+        return self.argument == Name(name)
+
     def clamped(self, **variables: Any) -> Any:
         """The values in NumPy, outside of the table that of its nearest point."""
         with np.errstate(all="ignore"):
@@ -136,13 +140,24 @@ class Expression:
             )
         return values if values.shape else float(values)
 
-    def unchecked(self, **variables: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """The values of :meth:`numpy`, infinite or NaN where the expression has none."""
+    def unchecked(
+        self, given: Mapping[Lookup, Any] | None = None, /, **variables: npt.ArrayLike
+    ) -> npt.NDArray[np.float64]:
+        """The values of :meth:`numpy`, infinite or NaN where the expression has none.
+
+        ``given`` are values to take in place of those of some tables.
+        """
         self._require(variables)
+        given = given or {}
         arrays = {name: np.asarray(value, dtype=float) for name, value in variables.items()}
         shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
         with np.errstate(all="ignore"):
-            value = _evaluate(self.root, NUMPY, arrays, _value)
+            value = _evaluate(
+                self.root,
+                NUMPY,
+                arrays,
+                lambda lookup, at: given[lookup] if lookup in given else _value(lookup, at),
+            )
         return np.array(np.broadcast_to(value, shape), dtype=float)
 
     def ufl(self, lookups: Mapping[Lookup, Any] | None = None, /, **variables: Any) -> Any:

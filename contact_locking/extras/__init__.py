@@ -1,1 +1,1 @@
-"""What is made of solutions and results, and what no solve needs: pictures and reports."""
+"""Pictures and reports, which are made from solutions and results; no solve needs them."""

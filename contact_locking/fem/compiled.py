@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-import re
+import io
+import os
 from collections.abc import Callable, Hashable, Iterator
+from pathlib import Path
 from typing import Any, TypeVar
 
 import dolfinx
 import ffcx
+import ufl
 from dolfinx import fem, jit
+from mpi4py import MPI
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import ContactLockingError
+from contact_locking.files.lock import wait_for_lock
 from contact_locking.mesh.domain import Domain
 
 T = TypeVar("T")
@@ -25,7 +29,8 @@ _TIMEOUT = 60
 
 def form(integrals: Any) -> fem.Form:
     """The compiled form of a UFL form; collective."""
-    with _explained():
+    (mesh, *_) = integrals.ufl_domains()
+    with _compiling(mesh.ufl_cargo().comm):
         return fem.form(integrals, jit_options=options())
 
 
@@ -39,7 +44,8 @@ def expression(value: Any, points: FloatArray, comm: Any = None) -> fem.Expressi
 
     ``comm`` are the ranks of an expression of numbers alone, which has no mesh.
     """
-    with _explained():
+    comm = comm or ufl.domain.extract_unique_domain(value).ufl_cargo().comm
+    with _compiling(comm):
         return fem.Expression(value, points, comm=comm, jit_options=options())
 
 
@@ -61,13 +67,13 @@ def options() -> dict[str, Any]:
 
 
 class Kept:
-    """What has been compiled or evaluated for one problem, by names, for its next solve."""
+    """Compiled forms and evaluated data of one problem, by names, for its next solve."""
 
     def __init__(self) -> None:
         self._found: dict[Hashable, Any] = {}
 
     def __call__(self, name: Hashable, make: Callable[[], T]) -> T:
-        """What :func:`make` returned at the first call with the name; collective as it is."""
+        """The result of the first call of :func:`make` with the name; collective if that is."""
         if name not in self._found:
             self._found[name] = make()
         found: T = self._found[name]
@@ -75,22 +81,48 @@ class Kept:
 
 
 @contextlib.contextmanager
-def _explained() -> Iterator[None]:
-    """Say what to do where a form that another process began to compile is not ready in time.
+def _compiling(comm: MPI.Intracomm) -> Iterator[None]:
+    """Let one process compile at a time, into a folder where no form is half there; collective.
 
-    FFCx writes the C file of a form before the compilation and a second file afterwards, for which
-    others wait.  A process that is killed in between leaves the C file alone.
+    FFCx creates the C file of a form before the compilation, and a second file afterwards for which
+    the other processes wait.  A process that ends in between, or a full disk, leaves one file
+    without the other, and the form is never ready.  So the lock file has a byte while a form is
+    compiled, and a process that finds one there removes the files without their partner.
     """
-    try:
+    # The first rank compiles.  The others must not wait for its lock with forms of their own while
+    # it waits for them.
+    comm.barrier()
+    folder = options()["cache_dir"]
+    with contextlib.ExitStack() as stack:
+        file = stack.enter_context(_lock(folder)) if comm.rank == 0 else None
+        if file is not None:
+            if file.read(1):
+                _remove_unfinished(folder)
+            else:
+                file.write(b"1")
         yield
-    except (TimeoutError, RuntimeError) as error:
-        # With several ranks DOLFINx raises RuntimeError, with the text on the first rank.
-        if "timed out" not in str(error):
-            raise
-        named = re.search(r"\S+\.c\b", str(error))
-        file = named[0] if named else f"the youngest .c file in {options()['cache_dir']}"
-        raise ContactLockingError(
-            f"another process began to compile a form, which is not ready after "
-            f"{options()['timeout']} s. Wait until that process is done; if it was interrupted, "
-            f"delete {file} and start again"
-        ) from error
+        if file is not None:
+            file.truncate(0)
+
+
+@contextlib.contextmanager
+def _lock(folder: Path) -> Iterator[io.FileIO | None]:
+    """The lock file of a folder, locked; None where there are no locks, or no leave to write."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = io.FileIO(os.open(folder / "compiling", os.O_RDWR | os.O_CREAT, 0o666), "r+")
+    except OSError:
+        yield None
+        return
+    with file:
+        yield file if wait_for_lock(file.fileno()) else None
+
+
+def _remove_unfinished(folder: Path) -> None:
+    """Remove C files that have no compiled module, and the signs of modules without a C file."""
+    sources = {path.with_suffix("") for path in folder.glob("*.c")}
+    modules = {path.with_suffix("").with_suffix("") for path in folder.glob("*.c.cached")}
+    for stem in sources - modules:
+        stem.with_suffix(".c").unlink(missing_ok=True)
+    for stem in modules - sources:
+        stem.with_suffix(".c.cached").unlink(missing_ok=True)

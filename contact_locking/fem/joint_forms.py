@@ -6,7 +6,7 @@ space, whose degrees of freedom are those of the displacement (`PointValues`).
 For each cell and facet of a form DOLFINx stores all coefficients of the form.  Cells and facets
 have forms of their own, so that no cell stores coefficients of Gamma_C.
 
-FFCx 0.9 takes what it finds at the only point of a quadrature rule for constant in the cell, and
+FFCx 0.9 treats values at the only point of a quadrature rule as constant in the cell, and
 uses that in the other rules of the same form, too.  So integrals that evaluate the coordinates in
 one point, as all of an axisymmetric body do with linear displacements, have forms of their own.
 The same of arguments loses a traction, in one point of a facet, beside the nodes of a contact

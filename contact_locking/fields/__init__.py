@@ -1,1 +1,1 @@
-"""Values that depend on place and time: the clock, tables, and what the sampling of data sees."""
+"""Values that depend on place and time: the clock, tables, and the sampling of data."""

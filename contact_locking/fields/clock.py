@@ -18,8 +18,9 @@ _TIMES = 8
 class Clock:
     """The time t: ``now`` for values at points, ``constant`` for the forms.
 
-    ``tables`` are the tables that expressions of loads, gaps and friction may use.  ``some_times``
-    are some of the ``planned`` times of the process, or the start, at which data are sampled.
+    ``tables`` are the tables that expressions of loads, gaps and friction may use.  ``planned`` are
+    the times of a process, which begins at 0 or at the first of them.  ``some_times`` are some of
+    these, or the present time of a static problem, at which data are sampled.
     """
 
     def __init__(
@@ -29,7 +30,9 @@ class Clock:
         tables: Mapping[str, Table] = NO_TABLES,
         planned: Sequence[float] = (),
     ) -> None:
-        self.tables = tables
+        self.tables, self.planned = tables, tuple(planned)
+        #: The time before the first step.
+        self.start = min(0.0, start)
         places = np.linspace(0, len(planned) - 1, min(len(planned), _TIMES))
         self.some_times = [planned[round(place)] for place in places] or [float(start)]
         self.constant = fem.Constant(mesh, float(start))

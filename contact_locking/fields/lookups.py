@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
 import dolfinx
+import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import AXES, FloatArray
@@ -27,14 +29,17 @@ class Lookups:
         degree: int,
         clock: Clock,
     ) -> None:
-        self._clock = clock
+        self._clock, self._degree = clock, degree
         #: The coefficients in UFL.
         self.coefficients: dict[Lookup, Any] = {}
         space: fem.FunctionSpace | None = None
+        #: The tables that are fields.
+        self.fields: list[Lookup] = []
         for lookup in (item for expression in expressions for item in expression.lookups):
             if lookup.names <= {TIME}:
                 self.coefficients[lookup] = fem.Constant(mesh, 0.0)
-            else:
+            elif lookup not in self.coefficients:
+                self.fields.append(lookup)
                 space = space or fem.functionspace(mesh, ("P", degree))
                 self.coefficients[lookup] = fem.Function(space)
         self.refresh()
@@ -49,8 +54,29 @@ class Lookups:
             if isinstance(coefficient, fem.Constant):
                 coefficient.value = lookup.clamped(**{TIME: self._clock.now})
             else:
-                coefficient.interpolate(partial(self._at, lookup))
+                coefficient.interpolate(partial(self._at, lookup, time=self._clock.now))
 
-    def _at(self, lookup: Lookup, x: FloatArray) -> FloatArray:
-        places: dict[str, Any] = dict(zip(AXES, x, strict=True))
-        return lookup.clamped(**places, **{TIME: self._clock.now}) + 0.0 * x[0]
+    def in_simplices(
+        self, corners: FloatArray, shares: FloatArray, time: float
+    ) -> dict[Lookup, FloatArray]:
+        """The values (m * q,) of the fields at points of m simplices with corners (m, c, d).
+
+        ``shares`` (q, c) are the barycentric coordinates of the points.
+        """
+        pairs = list(itertools.combinations(range(corners.shape[1]), 2))
+        first, second = np.array(pairs, dtype=int).T
+        nodes, basis = corners, shares
+        if self._degree > 1:
+            middles = 0.5 * (corners[:, first] + corners[:, second])
+            nodes = np.concatenate([corners, middles], axis=1)
+            products = 4.0 * shares[:, first] * shares[:, second]
+            basis = np.concatenate([shares * (2.0 * shares - 1.0), products], axis=1)
+        axes = np.moveaxis(nodes, 2, 0)
+        return {
+            lookup: np.einsum("qn,mn->mq", basis, self._at(lookup, axes, time)).reshape(-1)
+            for lookup in self.fields
+        }
+
+    def _at(self, lookup: Lookup, x: FloatArray, time: float) -> FloatArray:
+        places: dict[str, Any] = dict(zip(AXES, x, strict=False))
+        return lookup.clamped(**places, **{TIME: time}) + 0.0 * x[0]

@@ -15,7 +15,7 @@ from contact_locking.parallel import maximum
 _LARGE_STRAIN = 1.0
 # No body can bear loads of this multiple of its stiffness.
 _ABSURD = 1e30
-# A tool is not so many times as long or as short as the body, but in other units.
+# A foundation is not so many times as long or as short as the body, but in other units.
 _LARGE_RATIO = 200.0
 # A warning gives a larger excess as a multiple and a smaller excess in per cent.
 _MULTIPLE = 10.0
@@ -47,7 +47,7 @@ def about_the_gap(domain: Domain, gap: FloatArray, key: str) -> list[str]:
 
 
 def about_the_distance(domain: Domain, gap: FloatArray, key: str) -> list[str]:
-    """A warning about a tool that is farther away than the body is long; collective."""
+    """A warning about a foundation that is farther away than the body is long; collective."""
     nearest = -maximum(domain.comm, -gap, -np.inf)
     if nearest <= domain.extent():
         return []
@@ -58,7 +58,7 @@ def about_the_distance(domain: Domain, gap: FloatArray, key: str) -> list[str]:
 
 
 def about_the_size(domain: Domain, extent: float, key: str) -> list[str]:
-    """A warning about a tool with the wrong units, as m for mm; collective."""
+    """A warning about a foundation with the wrong units, as m for mm; collective."""
     ratio = extent / domain.extent()
     if 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
         return []
@@ -141,7 +141,7 @@ def about_an_entry(key: str, depth: float, share: float, place: Sequence[float])
     return [
         f"{key}: between the nodes near ({at}) the foundation enters the body by {depth:.3g}, "
         f"{100.0 * share:.0f} % of its indentation; the conditions of contact hold at the nodes "
-        "alone: refine the mesh there by mesh.h_contact or adapt, or take a rounder tool"
+        "alone: refine the mesh there by mesh.h_contact or adapt, or take a rounder foundation"
     ]
 
 

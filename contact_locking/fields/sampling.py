@@ -1,4 +1,4 @@
-"""What the data of the user do between the points at which the problem uses them.
+"""Features of the user's data between the points at which the problem uses them.
 
 The problem takes an expression at nodes, at midpoints of cells, or at points of a quadrature rule.
 Here the expression is sampled at many more points inside of each cell or facet, so that narrow
@@ -34,6 +34,8 @@ _MOST_HALVINGS = {1: 7, 2: 5, 3: 3}
 # Inside of an entity data may differ from an affine function by this share of their size, and the
 # mean over all entities may differ from that of the values in use.
 _BENDS, _MEAN = 0.2, 0.15
+# Data that change by less than this share of their size do so by rounding.
+_ROUNDING = 1e-12
 # A pole is looked for in so many entities, which are halved around the largest value so often.
 _SUSPECTS, _ZOOMS = 8, 30
 # Data that grow faster than with this power of the inverse distance have a pole; the powers of a
@@ -109,7 +111,7 @@ class Entities:
 
     @property
     def name(self) -> str:
-        """What the entities are, in words."""
+        """The kind of the entities, in words."""
         return "cell" if self.dim == self.domain.dim else "facet"
 
     def chunks(self, shares: FloatArray) -> Iterator[tuple[slice, FloatArray]]:
@@ -155,7 +157,7 @@ def _features(
 ) -> list[str]:
     comm, dim = entities.domain.comm, entities.dim
     inner, _ = rule(dim, entities.halvings, 1)
-    # What a fit by an affine function leaves.
+    # The residual of a fit by an affine function.
     left = np.eye(len(inner)) - inner @ np.linalg.pinv(inner)
     used, _ = rule(dim, 0, 1) if entities.name == "cell" else (np.eye(dim + 1), None)
     count = len(entities.corners)
@@ -181,6 +183,8 @@ def _features(
     most = maximum(comm, np.maximum(high, ends[1]), -np.inf)
     offset = least if relative_to == "range" else 0.0
     size = most - least if relative_to == "range" else max(abs(least), abs(most))
+    if relative_to == "range" and size <= _ROUNDING * max(abs(least), abs(most)):
+        return []
     share = bend / np.maximum(sizes if relative_to == "each" else size, 1e-300)
     suspects = np.argsort(-share, kind="stable")[:_SUSPECTS].astype(np.int32)
     suspects = suspects[share[suspects] > _BENDS]

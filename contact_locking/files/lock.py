@@ -113,6 +113,20 @@ def try_lock(descriptor: int) -> bool | None:
     return True
 
 
+def wait_for_lock(descriptor: int) -> bool:
+    """Lock an open file as soon as no other process holds it; False if there are no locks.
+
+    Raises OSError.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    except OSError as error:
+        if error.errno in _NO_LOCKS:
+            return False
+        raise
+    return True
+
+
 def _is_at(descriptor: int, path: Path) -> bool:
     """Whether an open file is the one at ``path``."""
     try:

@@ -17,7 +17,7 @@ from contact_locking.arrays import FloatArray
 
 
 class Foundation(Protocol):
-    """A rigid body; its methods take points as an array (d, k)."""
+    """The shape of a foundation; its methods take points as an array (d, k)."""
 
     def gap(self, x: FloatArray) -> FloatArray:
         """``phi(x)`` (k,): the signed distance, negative inside the foundation."""

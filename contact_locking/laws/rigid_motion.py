@@ -1,4 +1,4 @@
-"""Rigid motions of tools: ``X -> x = about + R (X - about) + translation``."""
+"""Rigid motions of foundations: ``X -> x = about + R (X - about) + translation``."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from contact_locking.laws.foundation import Foundation
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """``x = about + R (X - about) + translation`` for the points X of a tool at rest.
+    """``x = about + R (X - about) + translation`` for the points X of a foundation at rest.
 
     ``translation`` and ``about`` are (d,), and ``turn`` (d, d) is the rotation R.  The point
-    ``about`` of the tool moves by the translation alone.
+    ``about`` moves by the translation alone.
     """
 
     translation: FloatArray
@@ -28,17 +28,17 @@ class RigidMotion:
         return cls(np.zeros(dim), np.eye(dim), np.zeros(dim))
 
     def place(self, points: FloatArray) -> FloatArray:
-        """Where the points X (d, k) of the tool at rest are now."""
+        """The present places of the points X (d, k) of the foundation at rest."""
         about = self.about[:, None]
         return about + self.turn @ (points - about) + self.translation[:, None]
 
     def origin(self, places: FloatArray) -> FloatArray:
-        """The points X (d, k) of the tool at rest that are now at ``places`` (d, k)."""
+        """The points X (d, k) of the foundation at rest that are now at ``places`` (d, k)."""
         about = self.about[:, None]
         return about + self.turn.T @ (places - about - self.translation[:, None])
 
     def step_from(self, before: RigidMotion, places: FloatArray) -> FloatArray:
-        """How far (d, k) the points of the tool at ``places`` have moved since ``before``."""
+        """The way (d, k) of the points of the foundation at ``places`` since ``before``."""
         return self.place(before.origin(places)) - places
 
 

@@ -33,7 +33,7 @@ class TriangulatedSurface:
     def __init__(self, points: FloatArray, triangles: IntArray) -> None:
         self.points, self.triangles = points, triangles
         self._size = float(np.ptp(points, axis=0).max())
-        # The last points with what was found: gap and normal are asked for one after the other.
+        # The last points with their results: callers ask for gap and normal one after the other.
         self._last: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
     @property

@@ -235,8 +235,8 @@ def distributed(
         mesh, found = make()
         held.append((mesh, found))
         facts = {
-            "cell_names": mesh.cells.names,
-            "facet_names": {name: (tag,) for name, tag in found.facets.names.items()},
+            "cell_names": {name: tag for name, (tag,) in mesh.cells.names.items()},
+            "facet_names": found.facets.names,
             "unusable": found.unusable,
             "warnings": tuple(found.warnings),
             "part_names": found.part_names,

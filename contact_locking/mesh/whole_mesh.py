@@ -25,15 +25,14 @@ from contact_locking.mesh.file.diagnosis import Diagnosis
 class WholeMesh:
     """Points, cells and named facets, with what the mesh of a body knows beside them.
 
-    ``diagnosis`` has the part of each cell and the named facets.  For ``origin``,
-    ``smoothing_radii`` and ``facet_names`` see `Domain`.
+    ``diagnosis`` has the part of each cell and the named facets.  For ``origin`` and
+    ``smoothing_radii`` see `Domain`.
     """
 
     data: MeshData
     diagnosis: Diagnosis
     origin: str
     smoothing_radii: dict[str, float]
-    facet_names: dict[str, tuple[int, ...]]
 
     def save(self, folder: Path, stem: str) -> list[Path]:
         """Write ``STEM.npz`` and ``STEM.json``; returns the two paths."""
@@ -47,7 +46,6 @@ class WholeMesh:
             "warnings": found.warnings,
             "origin": self.origin,
             "smoothing_radii": self.smoothing_radii,
-            "facet_names": self.facet_names,
         }
         facts.write_text(json.dumps(words) + "\n", encoding="utf-8")
         return [arrays, facts]
@@ -65,8 +63,7 @@ class WholeMesh:
             list(words["warnings"]),
         )
         radii = {str(key): float(value) for key, value in words["smoothing_radii"].items()}
-        names = {str(name): tuple(map(int, tags)) for name, tags in words["facet_names"].items()}
-        return cls(data, found, str(words["origin"]), radii, names)
+        return cls(data, found, str(words["origin"]), radii)
 
 
 def gather_mesh(domain: Domain) -> WholeMesh | None:
@@ -94,10 +91,10 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
     points = np.empty((int(place.max()) + 1, dim))
     points[place] = coordinates
     order = np.lexsort(np.sort(all_corners, axis=1).T[::-1])
-    tags = {str(tag): tag for values in domain.facet_names.values() for tag in values}
-    named = simplices(all_corners[order], marks[order], tags)
+    named = simplices(all_corners[order], marks[order], domain.facet_names)
+    regions = {name: (tag,) for name, tag in domain.cell_names.items()}
     data = MeshData(
-        dim, points, np.arange(len(points)), simplices(all_cells, groups, domain.cell_names), named
+        dim, points, np.arange(len(points)), simplices(all_cells, groups, regions), named
     )
     found = Diagnosis(
         domain.part_names,
@@ -106,8 +103,7 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
         dict(domain.unusable),
         list(domain.warnings),
     )
-    radii, names = dict(domain.smoothing_radii), dict(domain.facet_names)
-    return WholeMesh(data, found, domain.origin, radii, names)
+    return WholeMesh(data, found, domain.origin, dict(domain.smoothing_radii))
 
 
 def gather_cells(domain: Domain, values: Any) -> FloatArray | None:
@@ -122,7 +118,7 @@ def gather_cells(domain: Domain, values: Any) -> FloatArray | None:
     return np.asarray(np.concatenate([local for _, local in parts])[np.argsort(places)])
 
 
-def simplices(nodes: Any, groups: Any, names: Mapping[str, int]) -> Simplices:
+def simplices(nodes: Any, groups: Any, names: Mapping[str, tuple[int, ...]]) -> Simplices:
     """Simplices numbered from 1, as in a mesh file."""
     count: IntArray = np.arange(1, len(nodes) + 1)
     return Simplices(
@@ -132,12 +128,10 @@ def simplices(nodes: Any, groups: Any, names: Mapping[str, int]) -> Simplices:
 
 def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
     """A refined mesh, distributed; only rank 0 has ``mesh``; collective."""
-    about = None if mesh is None else (mesh.origin, mesh.smoothing_radii, mesh.facet_names)
-    origin, radii, names = comm.bcast(about)
+    origin, radii = comm.bcast(None if mesh is None else (mesh.origin, mesh.smoothing_radii))
 
     def make() -> tuple[MeshData, Diagnosis]:
         assert mesh is not None
         return mesh.data, mesh.diagnosis
 
-    more = {"smoothing_radii": radii, "facet_names": names}
-    return distributed(make, comm, origin, is_refined=True, **more)
+    return distributed(make, comm, origin, is_refined=True, smoothing_radii=radii)

@@ -9,14 +9,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from dolfinx import io
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from contact_locking.arrays import IndexArray, IntArray
+from contact_locking.arrays import BoolArray, IndexArray, IntArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.mesh.distributed_cells import DistributedCells, box
 from contact_locking.mesh.distribution import simplicial_mesh
@@ -24,6 +23,7 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.xdmf_grids import Grid, Grids, data_file, read_grids
 from contact_locking.mesh.mesh_shares import MeshShare
+from contact_locking.mesh.named_parts import marked, tags_of
 from contact_locking.parallel import agree, on_root
 
 _KEY = "mesh.file"
@@ -32,19 +32,11 @@ _MOST_GROUPS = 1000
 
 
 @dataclass(frozen=True)
-class Tags:
-    """The local entities (k,) of groups, ascending, and the number (k,) of the group of each.
+class Regions:
+    """The number (k,) of the region of each local cell, and the numbers by name."""
 
-    ``names`` maps the names of the groups to these numbers.
-    """
-
-    entities: IndexArray
     numbers: IndexArray
     names: dict[str, int]
-
-    def on(self, mesh: dmesh.Mesh, dim: int) -> Any:
-        """The tags of DOLFINx."""
-        return dmesh.meshtags(mesh, dim, self.entities, self.numbers)
 
 
 def from_xdmf(path: Path, comm: MPI.Intracomm) -> Domain:
@@ -69,13 +61,15 @@ def _read(path: Path, grids: Grids, comm: MPI.Intracomm) -> Domain:
         count, parts = cells.parts
         regions = _regions(file, grids, cells, mesh)
         boundary, unusable, more = _boundary_parts(file, grids.boundary_parts, cells, mesh)
+    every = np.arange(len(regions.numbers), dtype=np.int32)
+    facet_tags, facet_names = tags_of(mesh, boundary)
     return Domain(
         mesh,
-        regions.on(mesh, grids.dim),
-        boundary.on(mesh, grids.dim - 1),
+        dmesh.meshtags(mesh, grids.dim, every, regions.numbers),
+        facet_tags,
         parts.astype(np.int32),
         regions.names,
-        {name: (tag,) for name, tag in boundary.names.items()},
+        facet_names,
         _part_names(cells, count, parts, regions),
         unusable,
         (*warnings, *more),
@@ -114,52 +108,45 @@ def _groups(file: io.XDMFFile, grid: Grid, mesh: dmesh.Mesh) -> list[tuple[str, 
     return [(str(value), tags.find(value), missing) for value in values]
 
 
-def _joined(groups: Sequence[tuple[str, IndexArray]], comm: MPI.Intracomm, what: str) -> Tags:
-    """Groups that share no entity as tags; collective."""
-    names: dict[str, int] = {}
-    for name, _ in groups:
-        if name in names:
-            raise InputError(f"it has two groups of {what} named {name!r}")
-        names[name] = len(names) + 1
-    entities = np.concatenate([np.empty(0, np.int32), *(found for _, found in groups)])
-    lengths = [len(found) for _, found in groups]
-    numbers = np.repeat(np.arange(1, len(groups) + 1, dtype=np.int32), lengths)
-    order = np.argsort(entities, kind="stable")
-    entities, numbers = entities[order].astype(np.int32), numbers[order]
-    twice = np.flatnonzero(entities[1:] == entities[:-1])
-    listed = list(names)
-    shared = [sorted((listed[numbers[i] - 1], listed[numbers[i + 1] - 1])) for i in twice[:1]]
-    for one, other in (pair for pairs in comm.allgather(shared) for pair in pairs):
-        raise InputError(f"groups {one!r} and {other!r} share {what}; let each have one name")
-    return Tags(entities, numbers, names)
-
-
-def _regions(file: io.XDMFFile, grids: Grids, cells: DistributedCells, mesh: dmesh.Mesh) -> Tags:
+def _regions(file: io.XDMFFile, grids: Grids, cells: DistributedCells, mesh: dmesh.Mesh) -> Regions:
     """The regions, one for each cell; collective."""
     count = len(cells.facets)
     if not grids.regions:
-        one = np.ones(count, dtype=np.int32)
-        return Tags(np.arange(count, dtype=np.int32), one, {grids.cells.name: 1})
+        return Regions(np.ones(count, dtype=np.int32), {grids.cells.name: 1})
     found = [group for grid in grids.regions for group in _groups(file, grid, mesh)]
-    tags = _joined([(name, entities) for name, entities, _ in found], mesh.comm, "cells")
+    _require_different([name for name, _, _ in found], "cells")
+    names = {name: number for number, (name, _, _) in enumerate(found, start=1)}
+    numbers = np.zeros(count, dtype=np.int32)
 
-    def require_all() -> None:
-        bare = np.ones(count, dtype=bool)
-        bare[tags.entities] = False
-        if bare.any():
+    def fill() -> None:
+        for name, entities, _ in found:
+            if len(both := numbers[entities][numbers[entities] > 0]):
+                one, other = sorted((name, list(names)[both[0] - 1]))
+                raise InputError(
+                    f"groups {one!r} and {other!r} share cells; let each region have one name"
+                )
+            numbers[entities] = names[name]
+        if not numbers.all():
+            bare = numbers == 0
             raise InputError(
                 "it has cells outside every group, such as "
                 f"{places.cell(cells.data, int(np.argmax(bare)))}; name them all"
             )
 
-    agree(mesh.comm, require_all)
-    return tags
+    agree(mesh.comm, fill)
+    return Regions(numbers, names)
+
+
+def _require_different(names: Sequence[str], kind: str) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"it has two groups of {kind} named {name!r}")
 
 
 def _boundary_parts(
     file: io.XDMFFile, grids: Sequence[Grid], cells: DistributedCells, mesh: dmesh.Mesh
-) -> tuple[Tags, dict[str, str], list[str]]:
-    """The boundary parts, why other groups bound nothing, and warnings; collective."""
+) -> tuple[dict[str, BoolArray], dict[str, str], list[str]]:
+    """The marked facets of parts, why other groups bound nothing, and warnings; collective."""
     unusable: dict[str, str] = {}
     warnings: list[str] = []
     kept = []
@@ -187,11 +174,12 @@ def _boundary_parts(
                     f"{places.FACET[cells.dim]}s have cells on both sides, and are left out"
                 )
             kept.append((name, facets[~inner]))
-    return _joined(kept, mesh.comm, what), unusable, warnings
+    _require_different([name for name, _ in kept], what)
+    return {name: marked(mesh, facets) for name, facets in kept}, unusable, warnings
 
 
 def _part_names(
-    cells: DistributedCells, count: int, parts: IntArray, regions: Tags
+    cells: DistributedCells, count: int, parts: IntArray, regions: Regions
 ) -> tuple[str, ...]:
     """The name of each part, from its regions and its extreme coordinates; collective."""
     if count == 1:

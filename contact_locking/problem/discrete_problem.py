@@ -11,6 +11,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import IndexArray
 from contact_locking.contact.contact import Contact
+from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.contact.state import ContactState
@@ -28,7 +29,7 @@ from contact_locking.supports.conditions import Constraints
 
 @dataclass(frozen=True)
 class Body:
-    """The body and what acts on it beside contact.
+    """The body with its loads and supports, without contact.
 
     ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
     bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
@@ -54,7 +55,7 @@ class Body:
 
 
 class DiscreteProblem:
-    """The discrete problem; what it is made of stays, and the values of its data may change.
+    """The discrete problem: its parts stay, and the values of its data may change.
 
     ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
     solve for, and ``held`` tells how each part of the body is held.  ``follows_n`` says that the
@@ -84,6 +85,10 @@ class DiscreteProblem:
             NodalContact(domain, space, body.constraints, item, element, limited, slip)
             for item in contacts
         )
+        for contact in nodal:
+            if isinstance(contact.friction, NoSlip):
+                others = [other.surface for other in nodal if other is not contact]
+                contact.friction = contact.friction.beside(others)
         self.warnings = [text for contact in nodal for text in contact.warnings()]
         slips = tuple(float(contact.regularisation.value) for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
@@ -133,12 +138,12 @@ class DiscreteProblem:
         return sum(part.sprung for part in self.held)
 
     def enter(self, states: Sequence[ContactState]) -> None:
-        """Begin a step with what friction remembers of each contact; collective."""
+        """Begin a step with the memory of friction at each contact; collective."""
         for contact, state in zip(self.contacts, states, strict=True):
             contact.enter(state)
 
     def at_rest(self) -> tuple[ContactState, ...]:
-        """What friction remembers before the first step."""
+        """The memory of friction before the first step."""
         return tuple(
             ContactState.at_rest(len(item.surface.nodes), self.domain.dim) for item in self.contacts
         )

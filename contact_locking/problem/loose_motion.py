@@ -56,7 +56,7 @@ class LooseMotion:
             moved, stands = (v.reshape(at_nodes)[contact.surface.blocks] for v in (motion, u))
             distance = max(distance, self._largest(moved))
             if contact.is_pushed:
-                # The tool follows the body, and gaps and slips are relative to its travel.
+                # The foundation follows the body, and gaps and slips are relative to its travel.
                 continue
             gaps, along = contact.gaps, contact.split_nodal(stands)[0]
             closed = np.isfinite(gaps) & (np.abs(along - gaps) <= _CLOSED * np.abs(gaps))

@@ -365,13 +365,15 @@ class _Motions:
             return np.asarray(comm.allreduce(sum((i.rub(motion) for i in self.at_contacts), none)))
 
         motion = driven_motion(some, normals, self.work, rub)
+        push, held = float(self.work @ motion), float(rub(motion) @ motion)
+        # No words for a motion of size zero, which nothing drives, or of the numbers of a solve
+        # that broke down.
+        if not push > held * (1.0 + _REACHED):
+            return None
         # A slide of length 1, or a turn by the angle 1.
         moved, turn = spin(self.free @ motion)
         words = self._words(motion)
         rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
-        push, held = float(self.work @ motion), float(rub(motion) @ motion)
-        if not push > held * (1.0 + _REACHED):
-            return None
         depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
         of_which = "the solver reached" + ", which another slip changes" * depends
         how = "lifts off" if len(normals) else "slides"
@@ -466,10 +468,11 @@ class _Motions:
         for motion in vectors[:, values <= 1e-12].T:
             if np.any(np.abs(motion[self.of_body :]) > 1e-6):
                 raise InputError(
-                    "body and tools can move together as one rigid body "
+                    "body and foundations can move together as one rigid body "
                     f"({self._words(scale * motion)}): the forces "
-                    "tell how hard the tools press, and nothing tells where; fix a component on a "
-                    "boundary part in loads.displacements, or leave out one foundation.force",
+                    "tell how hard the foundations press, and nothing tells where; fix a "
+                    "component on a boundary part in loads.displacements, or leave out one "
+                    "foundation.force",
                     self._tools[0].key,
                 )
 

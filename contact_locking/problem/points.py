@@ -58,7 +58,7 @@ class Points:
     def sampler(self, value: Value, key: str, shape: tuple[int, ...] = ()) -> Sampler:
         """A function that returns the present values (k, ...) of data at the points.
 
-        What it takes to evaluate them is compiled once.  The function raises InputError with the
+        Their evaluation is compiled once.  The function raises InputError with the
         key for a value that is not a number; both are collective.
         """
         count = len(self.all)

@@ -132,7 +132,7 @@ class PenalisedSystem:
         self.assemble_free(self._residual, f)
 
     def tangent(self, x: PETSc.Vec, matrix: PETSc.Mat) -> None:
-        """The tangent at ``x``, with a positive diagonal for what the conditions hold.
+        """The tangent at ``x``, with a positive diagonal for prescribed displacements.
 
         The matrix is declared symmetric positive definite each time, because PETSc forgets this
         property with new values, and MUMPS would then look for pivots.  Collective.

@@ -1,4 +1,4 @@
-"""What a step adds to the history of its process."""
+"""The row of history.csv for a step, and the totals of a process."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """An estimate of the memory of a solve, before anything is solved.
 
 Every rank takes memory for the libraries, every unknown for the fields and matrices, and the factor
-of the rows that are factorised takes most of the rest.  How much of the body will lock is not known
-before; docs/guides/large.md compares the estimate with measurements.
+of the rows that are factorised takes most of the rest.  The estimate
+cannot foresee how much of the body locks; docs/guides/large.md compares it with measurements.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def estimate(
 def _bounds_contrast(parameters: Parameters) -> bool:
     """Whether n keeps every cell so soft that multigrid does without projection.
 
-    Of a stiffness that is no number for Young's modulus nothing is known here.
+    If Young's modulus is no number, the stiffness is unknown here.
     """
     young = parameters.material.elasticity.young
     return isinstance(young, float) and parameters.penalty.n <= MODERATE_CONTRAST * young
@@ -127,7 +127,7 @@ def _warnings(expected: Estimate, comm: MPI.Intracomm) -> list[str]:
 
 
 def memory() -> float | None:
-    """The bytes of this machine, or of the container it is; None where nobody says."""
+    """The bytes of this machine or container; None if the system does not tell."""
     known = []
     # Not every system knows its pages; without a limit the file says "max", or there is none.
     with contextlib.suppress(ValueError, OSError):

@@ -29,14 +29,15 @@ _WAY_OUT_OF_COMPLAINTS = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
 _WAY_OUT_OF_ENTRY = (
-    "Refine the mesh where the foundation enters: mesh.h_contact, or adapt; or take a rounder tool."
+    "Refine the mesh where the foundation enters: mesh.h_contact, or adapt; or take a rounder "
+    "foundation."
 )
 
 
 def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution:
     """The fields, the contact points and the summary of a solved state; collective.
 
-    Without a certificate the summary says what the solver says.
+    Without a certificate the summary repeats the verdict of the solver.
     """
     problem, body = state.problem, state.body
     indicator = certificate.indicator if certificate else None
@@ -78,7 +79,7 @@ def state_of(state: SolvedState) -> State:
 
 
 def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
-    """What is probably not intended in a solution; collective."""
+    """Warnings about results that the user probably did not intend; collective."""
     problem, target, data, body = state.problem, state.target, state.problem.data, state.body
     depths = [(fields.u_normal - fields.gap, fields.free) for fields in state.contacts]
     entering = [maximum(state.comm, depth[free]) for depth, free in depths]
@@ -112,7 +113,7 @@ def _warnings(state: SolvedState, numbers: dict[str, Any]) -> list[str]:
 
 
 def _summary(state: SolvedState, certificate: Certificate | None) -> dict[str, Any]:
-    """summary.json, but for what only the caller knows; collective."""
+    """summary.json, without the entries that only the caller knows; collective."""
     problem, report, target = state.problem, state.report, state.target
     domain, data, u = problem.domain, problem.data, problem.u
     slide = None
@@ -171,7 +172,7 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
 def _judged(
     summary: dict[str, Any], state: SolvedState, certificate: Certificate
 ) -> dict[str, Any]:
-    """The summary with what the certificate finds."""
+    """The summary with the results of the certificate."""
     report, load = state.report, certificate.limit_load
     summary |= {
         "reactions": certificate.reactions,

@@ -25,7 +25,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
 from contact_locking.process.account import row_of, totals
-from contact_locking.process.demand import Demand
+from contact_locking.process.admissibility_data import AdmissibilityData
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.of_study import extras_of, of_study, solver_of
 from contact_locking.process.out_of_reach import OutOfReach
@@ -103,8 +103,8 @@ class Steps(Iterator[StudySolution]):
                 try:
                     self.problem.advance(at)
                     self._solver.begin()
-                    demand = Demand.of(self._solver.system, at)
-                    if self._out_of_reach.excludes(demand) and timeline.fail():
+                    data = AdmissibilityData.of(self._solver.system, at)
+                    if self._out_of_reach.excludes(data) and timeline.fail():
                         continue
                     report = self._solve_at(at, last)
                 except InputError as error:
@@ -116,7 +116,7 @@ class Steps(Iterator[StudySolution]):
                     text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
                     self._end(solution, f"{error.key}: {text}")
                     raise InputError(text, error.key) from error
-                self._out_of_reach.add(demand, report, at == timeline.planned)
+                self._out_of_reach.add(data, report, at == timeline.planned)
                 if not report.converged and self._halve(
                     f"the step to t = {at:.6g} did not converge ({report.reason})"
                 ):
@@ -153,7 +153,7 @@ class Steps(Iterator[StudySolution]):
         """End a step; collective."""
         # What penalties let exceed a limit or a gap is not admissible.
         if self.problem.penalty.is_strict:
-            self._out_of_reach.reach(Demand.of(self._solver.system, time))
+            self._out_of_reach.reach(AdmissibilityData.of(self._solver.system, time))
         self.problem.enter(state.contacts)
 
     def _solve_at(self, at: float, last: State | None) -> SolverReport:

@@ -1,4 +1,4 @@
-"""What a study file asks of the solver and the certificate, and adds to a solution."""
+"""Settings of solver and certificate from a study file, and its additions to a solution."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ def solver_of(
 
 
 def extras_of(parameters: Parameters) -> Extras:
-    """What a study file wants in the certificate."""
+    """The extra parts of the certificate that a study file requests."""
     wanted = parameters.certificate
     return Extras(wanted.constants, wanted.error_bound)
 
 
 def of_study(problem: StudyProblem, solution: Solution) -> StudySolution:
-    """A solution with what the study file adds: its title, its probes and itself; collective."""
+    """A solution with the title, the probes and the parameters of the study file; collective."""
     fields = (
         problem.u,
         solution.strain_norm,

@@ -2,41 +2,41 @@
 
 from __future__ import annotations
 
-from contact_locking.process.demand import Demand
+from contact_locking.process.admissibility_data import AdmissibilityData
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.solver_report import SolverReport
 
 
 class OutOfReach:
-    """Times with the proof that no displacement of the mesh keeps the limits and the gaps then.
+    """Times for which a proof shows that no displacement of the mesh keeps the limits and the gaps.
 
-    The proof knows nothing but the :class:`Demand` of the time.  So it holds whatever the steps
-    before were, and whatever friction remembers.
+    The proof uses only the :class:`AdmissibilityData` of the time.  So it does not depend on the
+    steps before, nor on the slip that friction remembers.
     """
 
     def __init__(self) -> None:
-        self._refused: list[Demand] = []
-        self._reached: Demand | None = None
+        self._refused: list[AdmissibilityData] = []
+        self._reached: AdmissibilityData | None = None
         # The first planned time among those refused.
         self._planned: tuple[float, SolverReport] | None = None
 
-    def add(self, demand: Demand, report: SolverReport, is_planned: bool) -> None:
-        """Note a time with the report of its solve, if this says that nothing is admissible."""
+    def add(self, data: AdmissibilityData, report: SolverReport, is_planned: bool) -> None:
+        """Note a time if the report of its solve says that no displacement is admissible."""
         if not report.is_infeasible:
             return
-        self._refused.append(demand)
+        self._refused.append(data)
         if is_planned and self._planned is None:
-            self._planned = demand.time, report
+            self._planned = data.time, report
 
-    def reach(self, demand: Demand) -> None:
+    def reach(self, data: AdmissibilityData) -> None:
         """Note a time at which a solution was found that is admissible."""
-        self._reached = demand
+        self._reached = data
 
-    def excludes(self, demand: Demand) -> bool:
-        """Whether nothing is admissible then, as the proofs for other times show; collective."""
+    def excludes(self, data: AdmissibilityData) -> bool:
+        """Whether the proofs for other times exclude all displacements; collective."""
         reached = self._reached
         return any(
-            demand.repeats(refused) or (reached is not None and demand.is_beyond(refused, reached))
+            data.repeats(refused) or (reached is not None and data.is_beyond(refused, reached))
             for refused in self._refused
         )
 

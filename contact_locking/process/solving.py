@@ -141,7 +141,7 @@ def _static(
     certificate = certify(state, extras_of(problem.parameters))
     solution = of_study(problem, solution_of(state, certificate))
     solution.summary["warnings"] += solver.unused_options()
-    solution.summary["restart"] = None if restarted is None else restarted.told(report)
+    solution.summary["restart"] = None if restarted is None else restarted.in_words(report)
     problem.close()
     return solution
 

@@ -118,7 +118,7 @@ class _Facets:
 
     @property
     def rounding(self) -> FloatArray:
-        """What the digits of points leave of depths that are distances, none of given gaps."""
+        """The rounding of depths that are distances, by the digits of points; 0 for gaps."""
         known = self._moved if self._contact.foundation.is_distance else np.zeros(1)
         return ROUNDING * np.abs(known).reshape(-1)
 
@@ -223,7 +223,7 @@ class _Facets:
         return found
 
     def _best(self, weights: FloatArray, facets: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Of points (m, q, d) of each of m facets the deepest (m, d), and its depth (m,)."""
+        """The deepest (m, d) of points (m, q, d) of m facets, and its depth (m,)."""
         at_corners = np.einsum("mqd,md->mq", weights, self._at_corners[facets])
         excess = self._depth(weights, facets) - at_corners
         best = np.argmax(excess, axis=1)

@@ -138,8 +138,8 @@ def on_gamma_c(contacts: Sequence[ContactFields], u: fem.Function) -> dict[str, 
     """The fields of all contacts as nodal functions, zero off Gamma_C; collective.
 
     At a node of several contacts the value is the mean, weighted by the nodal weights of the
-    contacts, so that the nodal forces add up; the state is the largest state.  Of control values
-    the field is the one with these control values: its integral is the force.
+    contacts, so that the nodal forces add up; the state is the largest state.  Control values give
+    the field that has these control values, so that its integral is the force.
     """
     vectors = u.function_space
     scalars = _compat.collapse(vectors.sub(0))[0]

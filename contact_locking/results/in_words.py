@@ -1,4 +1,4 @@
-"""The outcome of a run in words: what converged, is proved, is estimated, and is weak."""
+"""The outcome of a run in words: convergence, proofs, estimates, and the weakest number."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _UNIQUENESS = {
 class Weakness:
     """An error relative to the solution in the energy norm, and how the program knows the error.
 
-    ``words`` are a clause about the error, ``advice`` is what makes the error smaller.
+    ``words`` are a clause about the error, and ``advice`` says how to make it smaller.
     """
 
     share: float
@@ -93,10 +93,10 @@ def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
         is_known = summary.get(key) is not None and summary.get(quantity.beside or key) is not None
         is_there = quantity.of == "body" or (quantity.of == "contact" and summary["contacts"])
         if is_there and is_known and not quantity.detail:
-            yield quantity.name, told(quantity, summary[key], summary.get(f"{key}_at"))
+            yield quantity.name, value_in_words(quantity, summary[key], summary.get(f"{key}_at"))
 
 
-def told(quantity: Quantity, value: Any, place: Sequence[float] | None = None) -> str:
+def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None = None) -> str:
     """A value of a quantity in words, with its place if it has one."""
     if quantity.share_of:
         return f"{per_cent(value)} of {quantity.share_of}"
@@ -151,7 +151,7 @@ def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
     pushed = [(", ".join(entry["on"]), entry["tool"]) for entry in contacts if "tool" in entry]
     return [
         (
-            f"tool on {on}",
+            f"foundation on {on}",
             f"moved by {tool['travel']:.6g} along {_vector(tool['direction'])}, "
             f"pushed by {tool['force']:.6g}",
         )
@@ -164,8 +164,8 @@ def _reactions(summary: Mapping[str, Any]) -> str:
     reactions = summary["reactions"]
     forces = [summary["contact_force"], summary["friction_force"], *reactions.values()]
     largest = max((abs(value) for force in forces for value in force), default=0.0)
-    told = [f"{_vector(force, largest)} on {name}" for name, force in reactions.items()]
-    return ", ".join(told)
+    parts = [f"{_vector(force, largest)} on {name}" for name, force in reactions.items()]
+    return ", ".join(parts)
 
 
 def _criteria(criteria: Mapping[str, Mapping[str, Any]]) -> str:
@@ -189,15 +189,15 @@ def _proved(summary: Mapping[str, Any]) -> str:
     if broken:
         return f"violated: {', '.join(broken)}"
     held = sum(entry["holds"] is True for entry in bounds.values())
-    told = []
+    parts = []
     if (whole := _relative(summary, "guaranteed")) is not None:
-        told.append(_at_most("the whole error is", whole, "the whole error", under))
+        parts.append(_at_most("the whole error is", whole, "the whole error", under))
     if distance := _relative(summary, "penalty"):
         change = "the penalty changes the solution on this mesh by"
-        told.append(_at_most(change, distance, "what the penalty changes", under))
+        parts.append(_at_most(change, distance, "what the penalty changes", under))
     if held:
-        told.append(f"{count(held, 'bound')} of the theory, which the result keeps")
-    return "; ".join(told) or "no bound applies"
+        parts.append(f"{count(held, 'bound')} of the theory, which the result keeps")
+    return "; ".join(parts) or "no bound applies"
 
 
 def _at_most(change: str, bound: float, what: str, under: str) -> str:
@@ -209,10 +209,8 @@ def _at_most(change: str, bound: float, what: str, under: str) -> str:
 
 def _limit_load(entry: Mapping[str, Any] | None) -> str | None:
     """The limit load, if the study file asks for proofs and displacements move."""
-    if entry is None:
-        return None
-    if entry["load_factor"] is None:
-        return str(entry["reason"])
+    if entry is None or entry["load_factor"] is None:
+        return None if entry is None else str(entry["reason"])
     confirmed, excluded = entry["load_factor"]
     most = "any share" if excluded is None else f"more than {per_cent(excluded)}"
     shares = f"{per_cent(confirmed)} can be followed, {most} on no mesh"
@@ -221,11 +219,11 @@ def _limit_load(entry: Mapping[str, Any] | None) -> str | None:
 
 def _estimated(summary: Mapping[str, Any]) -> str:
     mesh, measured = _relative(summary, "mesh"), _relative(summary, "penalty_measured")
-    told = [] if mesh is None else [f"the error of the mesh is about {_roughly(mesh)}"]
+    parts = [] if mesh is None else [f"the error of the mesh is about {_roughly(mesh)}"]
     if measured is not None:
         change = f"the penalty changes the solution on this mesh by {per_cent(measured)}"
-        told.append(f"measured: {change}")
-    return "; ".join(told) or "no estimate applies"
+        parts.append(f"measured: {change}")
+    return "; ".join(parts) or "no estimate applies"
 
 
 def _roughly(share: float) -> str:

@@ -1,4 +1,4 @@
-"""The folder of a run is kept for one run at a time, and checked before a solve of hours."""
+"""Reserves the folder of a run for one run at a time, and checks it before a solve of hours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The state of a solution, as a value: all that the next solve may take from it."""
+"""The state of a solution as a value: everything that the next solve may take from it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from contact_locking.solver.saved import SavedState
 
 @dataclass(frozen=True)
 class State:
-    """Displacement, multipliers, travel of foundations, and what friction remembers.
+    """Displacement, multipliers, travel of foundations, and the memory of friction.
 
-    ``saved`` is where a solver may start, and ``contacts`` is what friction remembers of each
-    contact after the step that has ended with the solution.
+    A solver may start from ``saved``; ``contacts`` are the memories of friction at each contact
+    after the step that has ended with the solution.
     """
 
     saved: SavedState

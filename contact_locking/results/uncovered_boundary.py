@@ -1,4 +1,4 @@
-"""Where the boundary outside of Gamma_C enters a foundation, which nothing there keeps out."""
+"""Entries of the boundary outside of Gamma_C into a foundation; no contact keeps it out there."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def write(solution: Solution, path: Path, comm: MPI.Intracomm) -> None:
 def quadratic(space: fem.FunctionSpace) -> dolfinx.mesh.Mesh:
     """A mesh with the nodes of a space of degree 2 and the cells of its mesh; collective.
 
-    Each rank keeps its cells, and gives them numbers of its own.
+    Each rank keeps its cells, and numbers them anew.
     """
     mesh, index_map = space.mesh, space.dofmap.index_map
     dim = mesh.topology.dim

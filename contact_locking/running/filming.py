@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Filming(Protocol):
-    """What a run asks of its film."""
+    """The settings of a run for its film."""
 
     def add(self, solution: StudySolution) -> None:
         """Add a solved step; collective."""

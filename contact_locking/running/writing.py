@@ -18,7 +18,7 @@ from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import make_folders
 from contact_locking.process import checkpoint as checkpoints
 from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
-from contact_locking.results.heap import give_back
+from contact_locking.results.freed_memory import return_freed_memory
 from contact_locking.results.names import (
     ANIMATION,
     CONTACT,
@@ -105,7 +105,7 @@ def write(
     wanted = solution.parameters.output
     warnings: list[str] = []
     refused: list[str] = []
-    give_back()
+    return_freed_memory()
     on_root_of(comm, target, partial(require_own, target))
     with _staging(comm, target) as staging:
         if series is not None:

@@ -7,12 +7,12 @@ same fixed points but other contraction factors; for eps = 0 it is not defined.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.nodal_contact import joint_norm
+from contact_locking.contact.nodal_contact import NodalContact, joint_norm
 from contact_locking.errors import NotConverged
 from contact_locking.solver.task import Task
 
@@ -24,18 +24,20 @@ def fixed_point(
     task: Task,
     solve: Callable[[], None],
     evaluate: Callable[[], list[FloatArray]],
+    contacts: Sequence[NodalContact] | None = None,
 ) -> None:
     """Repeat ``g <- mu |R sigma_nu(u(g))|`` until g changes by ``friction_tolerance`` of itself.
 
-    ``solve`` solves for the displacement under the present bounds of ``task``, one for each part of
-    Gamma_C with friction, and ``evaluate`` gives those of a solution.  Changes count relative to
+    ``solve`` solves for the displacement under the present bounds of ``contacts``, by default all
+    with friction, and ``evaluate`` gives those of a solution.  Changes count relative to
     the norm of the bound over all parts, or to ``task.least_bound()`` if that is larger.
     Afterwards the forms hold a bound that agrees with the displacement to the tolerance, and
     ``report.contraction`` is the geometric mean of the ratios of successive changes.  Raises
     NotConverged after ``max_friction_updates``, or as soon as the last changes shrink too slowly to
     arrive by then.
     """
-    settings, report, rubbing = task.settings, task.report, task.system.rubbing
+    settings, report = task.settings, task.report
+    rubbing = task.system.rubbing if contacts is None else contacts
     changes: list[float] = []
     for _ in range(settings.max_friction_updates):
         solve()

@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 import numpy as np
 
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.no_slip import NoSlip
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
@@ -133,7 +134,8 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
 
     with contextlib.closing(_approaches(task, bool(nested), goes_on)) as solvers:
         for solver in solvers:
-            _solve_by(solver, () if solver.bound_moves else nested, task)
+            standing = [item for item in task.system.rubbing if item.friction.stands]
+            _solve_by(solver, standing if solver.bound_moves else nested, task)
             if report.reason:
                 if not solver.bound_moves:
                     told = _NOT_NESTED.format(reason=report.reason)
@@ -214,6 +216,10 @@ def _solve_by(solver: InteriorPoint, nested: Sequence[NodalContact], task: Task)
     system, report = task.system, task.report
     start = system.constraints.held_part(system.u.x.array)
     report.reason, report.multipliers = "", None
+    for contact in nested:
+        if isinstance(contact.friction, NoSlip):
+            # Nothing slips at first, also where the body turns out not to be pressed.
+            contact.bounds = contact.acting(contact.friction.on_all(task.target.young))
 
     def solve() -> None:
         system.u.x.array[:] = start
@@ -233,7 +239,7 @@ def _solve_by(solver: InteriorPoint, nested: Sequence[NodalContact], task: Task)
         if nested:
             for contact, values in zip(nested, wanted(), strict=True):
                 contact.bounds = values
-            fixed_point(task, solve, wanted)
+            fixed_point(task, solve, wanted, nested)
     except NotConverged as failure:
         report.multipliers = report.multipliers or solver.multipliers()
         report.reason, report.is_infeasible = str(failure), isinstance(failure, Infeasible)

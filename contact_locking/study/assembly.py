@@ -9,8 +9,11 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from contact_locking.arrays import AXES
 from contact_locking.errors import InputError
+from contact_locking.expressions import TIME, parse
 from contact_locking.fem.spaces import Element, element_of
+from contact_locking.fields.between_steps import unseen_peaks
 from contact_locking.fields.clock import Clock
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.table_files import read_tables
@@ -82,7 +85,12 @@ class StudyProblem(DiscreteProblem):
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)
         told += self.loads.warnings(self.material.stiffness)
-        self.warnings = [*told, *self.warnings]
+        told += parameters.idle_friction()
+        for key, text in parameters.timed():
+            expression = parse(text, (*AXES, TIME), tables=tables)
+            told += unseen_peaks(expression, key, clock, domain.bounding_box())
+        # Two contacts may have one section of friction.
+        self.warnings = list(dict.fromkeys([*told, *self.warnings]))
 
     def advance(self, time: float) -> None:
         """Put the data that depend on the time to a time; collective.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 
@@ -21,12 +22,14 @@ from contact_locking.laws.friction_law import FrictionLaw
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum
-from contact_locking.study.shapes import Site, build
+from contact_locking.study.shapes import Placement, build
 from contact_locking.study_file.parameters import ContactParameters, Foundation
 
 # A negative friction coefficient smaller than this share of the largest value is zero with
 # rounding.
 _COEFFICIENT_ROUNDING = 1e-12
+# A slip, as a share of the size of the body.
+_SOME_SLIP = 1e-3
 # A force below this share of the largest force is zero with rounding, as in sin(pi*t) at t = 1.
 _ROUNDING = 1e-12
 # The share of the largest force by which the force may leave its line.
@@ -42,7 +45,9 @@ def contact_of(
     that is zero at all times or changes its direction.
     """
     coefficient: float | FrictionLaw = 0.0
-    if given.friction.coefficient != 0:
+    if given.friction.coefficient == math.inf:
+        coefficient = math.inf
+    elif given.friction.coefficient != 0:
         coefficient = _friction_law(domain, given, clock)
     friction = Coulomb(coefficient, _kernel(domain, given), given.friction.regularisation)
     foundation = given.foundation
@@ -57,11 +62,18 @@ def contact_of(
 
 
 def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:
-    """What the nodes do not see of the friction coefficient; collective.  Raises for a pole."""
+    """Features of the friction coefficient between the nodes; collective.  Raises for a pole."""
+    if given.friction.coefficient == math.inf:
+        return []
     key = given.friction_key("coefficient")
     expression = parse(given.friction.coefficient, (*AXES, "s"), tables=clock.tables)
     facets = Entities.of(domain, domain.dim - 1, domain.facets(given.on))
-    return features(facets, expression, key, "refine the mesh there", s=0.0)
+    # Friction may begin with the slip; from the size of the body on the slip is as good as endless.
+    slips = [0.0, _SOME_SLIP * domain.extent(), domain.extent()]
+    for slip in slips if "s" in expression.names else slips[:1]:
+        if found := features(facets, expression, key, "refine the mesh there", s=slip):
+            return found
+    return []
 
 
 class GapOfStudy(GivenGap):
@@ -83,16 +95,16 @@ class GapOfStudy(GivenGap):
 def _foundation(
     domain: Domain, contact: ContactParameters, given: Foundation, clock: Clock
 ) -> RigidFoundation:
-    """The rigid body of a section; collective."""
+    """The foundation of a section; collective."""
     key, dim = f"{contact.key}.foundation", domain.dim
-    site = Site(dim, domain.comm, clock, key)
-    body = build(*given.shape, site)
+    placement = Placement(dim, domain.comm, clock, key)
+    body = build(*given.shape, placement)
     text = given.expression
     timed_shape = text is not None and is_timed(parse(text, (*AXES, TIME), tables=clock.tables))
     motion = partial(_motion, given, f"{key}.motion", dim, clock)
     is_moved = given.moved is not None or timed_shape
     found = RigidFoundation(domain.comm, dim, body, motion, key, is_moved)
-    found.told += site.warnings
+    found.shape_warnings += placement.warnings
     return found
 
 
@@ -154,14 +166,14 @@ class TimedForce:
         at = f" at t = {time:g}" if any(law.names for law in self._force) else ""
         if np.linalg.norm(force - size * self.direction) > _STRAIGHT * self.largest:
             raise InputError(
-                f"has another direction{at} than at first, and a tool moves along one line; keep "
-                "the ratio of the components",
+                f"has another direction{at} than at first, and a foundation moves along one line; "
+                "keep the ratio of the components",
                 self.key,
             )
         if size < -_ROUNDING * self.largest:
             raise InputError(
-                f"is turned round{at}: a tool pushes and cannot pull, and nothing would stop the "
-                "tool; a force of 0 lets the body go",
+                f"is turned round{at}: a foundation pushes and cannot pull, and nothing would stop "
+                "the foundation; a force of 0 lets the body go",
                 self.key,
             )
         if self._translation:
@@ -169,7 +181,7 @@ class TimedForce:
             if abs(moved @ self.direction) > _STRAIGHT * np.linalg.norm(moved):
                 raise InputError(
                     f"is along foundation.motion at t = {time:g}: the force decides how far the "
-                    "tool moves along it; leave out this component of the motion",
+                    "foundation moves along it; leave out this component of the motion",
                     self.key,
                 )
         return size if size > _ROUNDING * self.largest else 0.0

@@ -7,7 +7,7 @@ or facet, the rule divides the cell or facet into parts, so that the resultant i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -18,7 +18,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import AXES, FloatArray
 from contact_locking.errors import InputError, with_key
-from contact_locking.expressions import LARGEST, TIME, Expression, parse
+from contact_locking.expressions import LARGEST, TIME, Expression, Lookup, parse
 from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.clock import Clock, LargestSoFar, is_timed
@@ -35,6 +35,9 @@ _DEGREE, _HIGHER_DEGREE = 4, 6
 # A rule is good enough if the integrals over all cells or facets are right to this share of the
 # load.  A load of which the next share is uncertain is warned of, and the last share is refused.
 _ACCURATE, _UNCERTAIN, _LOST = 1e-3, 0.03, 0.3
+# Where values are resolved, each difference between two points is below this multiple of those to
+# both sides.
+_RESOLVED = 2.0
 # Integrals over so many cells or facets that differ most are looked at for poles.
 _SUSPECTS = 8
 _REFERENCE_MEASURE = {1: 1.0, 2: 0.5, 3: 1.0 / 6.0}
@@ -197,7 +200,7 @@ class _Load:
         comm, time = self._domain.comm, self._clock.now
         used = agree(comm, lambda: self._sample(self.halvings, _DEGREE, time, is_used=True))
         fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
-        share = self._apart(used, fine)
+        share = self._apart(used, fine, fine.jumps)
         tops = [top for pair in comm.allgather((used.top, fine.top)) for top in pair]
         largest, where = max(tops)
         if largest <= 0.0:
@@ -217,10 +220,11 @@ class _Load:
                 return np.asarray(np.linalg.norm(self._values(x, time), axis=1))
 
             agree(comm, lambda: refuse_poles(self._on, suspects, size, self._key))
+        nodes = " (its table counts at the nodes alone)" if self._lookups.fields else ""
         text = (
             f"changes too sharply for this mesh near {where}, where it reaches {largest:.3g}; its "
-            f"resultant is uncertain by about {100.0 * share:.2g} %: refine the mesh there, or "
-            "give a load that is wider"
+            f"resultant is uncertain by about {100.0 * share:.2g} %{nodes}: refine the mesh there, "
+            "or give a load that is wider"
         )
         if share > _LOST:
             raise InputError(text, self._key)
@@ -238,9 +242,9 @@ class _Load:
                 return halvings
         return most
 
-    def _apart(self, one: _Sample, fine: _Sample) -> float:
-        """How far integrals differ, as a share of ``int |g|``; collective."""
-        rest = np.linalg.norm(one.integrals - fine.integrals, axis=1).sum()
+    def _apart(self, one: _Sample, fine: _Sample, jumps: float = 0.0) -> float:
+        """How far integrals differ, and ``jumps``, as a share of ``int |g|``; collective."""
+        rest = np.linalg.norm(one.integrals - fine.integrals, axis=1).sum() + jumps
         left, whole = self._domain.comm.allreduce(np.array([rest, fine.size]))
         return float(left / whole) if whole > 0.0 else 0.0
 
@@ -248,38 +252,45 @@ class _Load:
         """The key of a component in the study file."""
         return f"{self._key}.{i}"
 
-    def _values(self, x: FloatArray, time: float, is_used: bool = False) -> FloatArray:
+    def _values(
+        self, x: FloatArray, time: float, used: Mapping[Lookup, FloatArray] | None = None
+    ) -> FloatArray:
         """The components (k, c) at points (k, d).
 
-        If the forms use the points, InputError is raised for a value that is no number; at other
-        points such a value is zero.
+        ``used`` are the values (k,) of tables in the forms, if the forms use the points.  Then
+        InputError is raised for a value that is no number; at other points such a value is zero.
         """
         places: dict[str, Any] = {**dict(zip(AXES, x.T, strict=False)), TIME: time}
         found = np.empty((len(x), len(self._components)))
         for i, component in enumerate(self._components):
-            if is_used:
-                key = self._component_key(i)
-                found[:, i] = with_key(key, partial(component.numpy, **places))
-            else:
-                found[:, i] = component.unchecked(**places)
+            if used is not None:
+                with_key(self._component_key(i), partial(component.numpy, **places))
+            found[:, i] = component.unchecked(used, **places)
         return np.where(np.abs(found) <= LARGEST, found, 0.0)
 
     def _sample(self, halvings: int, degree: int, time: float, is_used: bool = False) -> _Sample:
         points, weights = rule(self._on.dim, halvings, degree)
         integrals = np.zeros((len(self._on.corners), len(self._components)))
-        size, top = 0.0, (-1.0, "")
+        size, jumps, top = 0.0, 0.0, (-1.0, "")
+        order = np.argsort(points[:, 1])
         for chunk, x in self._on.chunks(points):
             places = x.reshape(-1, x.shape[2])
-            found = self._values(places, time, is_used)
+            used = None
+            if is_used:
+                used = self._lookups.in_simplices(self._on.corners[chunk], points, time)
+            found = self._values(places, time, used)
             sizes = np.linalg.norm(found, axis=1)
             by_entity = found.reshape(*x.shape[:2], -1)
             measures = self._on.sizes[chunk]
             integrals[chunk] = measures[:, None] * np.einsum("q,kqc->kc", weights, by_entity)
             size += float(measures @ (sizes.reshape(x.shape[:2]) @ weights))
+            if self._on.dim == 1:
+                along = by_entity[:, order]
+                jumps += float(measures @ _uncertain(along, points[order, 1]))
             largest = int(np.argmax(sizes))
             if sizes[largest] > top[0]:
                 top = (float(sizes[largest]), self._domain.where(places[largest]))
-        return _Sample(integrals, size, top)
+        return _Sample(integrals, size, top, jumps)
 
 
 class _Pressure(_Load):
@@ -311,9 +322,23 @@ class _Sample:
     """A load at the points of a rule, on the cells or facets (n,) of this rank.
 
     ``integrals`` (n, c) are those of the components, ``size`` is ``int |g|``, and ``top`` the
-    largest ``|g|`` with its place in words.
+    largest ``|g|`` with its place in words.  Jumps between two points of an edge make ``jumps`` of
+    the integrals uncertain.
     """
 
     integrals: FloatArray
     size: float
     top: tuple[float, str]
+    jumps: float
+
+
+def _uncertain(values: FloatArray, places: FloatArray) -> FloatArray:
+    """The uncertainty (k,) of integrals over edges by jumps between points (q,).
+
+    ``values`` (k, q, c) at a point and at the next differ by a jump as far as the differences on
+    both sides are smaller; a rule that resolves the values leaves no such difference.
+    """
+    steps = np.linalg.norm(np.diff(values, axis=1), axis=2)
+    beside = np.pad(steps, ((0, 0), (1, 1)))
+    jumps = np.maximum(steps - _RESOLVED * (beside[:, :-2] + beside[:, 2:]), 0.0)
+    return np.asarray(0.5 * jumps @ np.diff(places))

@@ -53,7 +53,7 @@ class Piece:
         return evaluate(points.domain.comm, self.value, places, self.key, infinite)
 
     def warnings(self, domain: Domain, infinite: bool = False) -> list[str]:
-        """What the points do not see of an expression; collective.  Raises for a pole."""
+        """Features of an expression between the points; collective.  Raises for a pole."""
         expression = parse(self.value, AXES, allow_infinite=infinite)
         if expression.is_constant:
             return []
@@ -65,11 +65,11 @@ class Piece:
 class Bounds:
     """Limits of the strain in pieces, of which the last counts, and infinity elsewhere.
 
-    Times ``sign`` each is positive; ``told`` says in words what has to be positive.
+    Each is positive times ``sign``; ``requirement`` names the positive number in messages.
     """
 
     pieces: Sequence[Piece]
-    told: str
+    requirement: str
     sign: float = 1.0
 
     def at(self, points: Points) -> FloatArray:
@@ -77,7 +77,7 @@ class Bounds:
         found = np.full(len(points.all), self.sign * math.inf)
         for piece in self.pieces:
             values = piece.at(points, infinite=True)
-            require_positive(points.domain, self.sign * values, piece.key, self.told)
+            require_positive(points.domain, self.sign * values, piece.key, self.requirement)
             found[points.of(piece.cells)] = values
         return found
 
@@ -123,7 +123,7 @@ class MaterialOfStudy:
         self.limits = self._limits()
 
     def warnings(self) -> list[str]:
-        """What the points of the strains do not see of the data; collective."""
+        """Features of the data between the points of the strains; collective."""
         found = [piece.warnings(self._domain, infinite) for piece, infinite in self._pieces]
         eigen = [] if self._eigenstrain is None else self._eigenstrain.warnings()
         return [*(text for texts in found for text in texts), *eigen]
@@ -208,8 +208,8 @@ class MaterialOfStudy:
             limits.append(Volume(self._bounds(upper, "the limit"), self._lower(lower)))
         return [*limits, *along]
 
-    def _bounds(self, pieces: Sequence[Piece], told: str) -> Bounds:
-        return Bounds(pieces, told)
+    def _bounds(self, pieces: Sequence[Piece], requirement: str) -> Bounds:
+        return Bounds(pieces, requirement)
 
     def _lower(self, pieces: Sequence[Piece]) -> Bounds:
         return Bounds(pieces, "minus the lower limit", -1.0)

@@ -44,7 +44,7 @@ class ProbePoints:
 def locate(domain: Domain, probes: Sequence[Probe]) -> ProbePoints:
     """The points of the probes in a mesh; collective.
 
-    Of several cells that contain a point, such as a node, the point belongs to the cell that comes
+    If several cells contain a point, such as a node, the point belongs to the cell that comes
     first in the whole mesh.  Raises InputError with the key for a point outside of the body.
     """
     listed = [

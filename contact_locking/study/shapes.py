@@ -26,8 +26,8 @@ from contact_locking.study_file.parameters import rigid_body
 
 
 @dataclass
-class Site:
-    """Where a foundation stands: the dimension, the ranks, the clock, and what there is to warn of.
+class Placement:
+    """The surroundings of a foundation: dimension, ranks, clock; and the warnings about it.
 
     ``key`` is the key of the foundation in the study file.
     """
@@ -39,42 +39,44 @@ class Site:
     warnings: list[str] = field(default_factory=list)
 
 
-def _half_space(given: rigid_body.HalfSpace, site: Site) -> Foundation:
+def _half_space(given: rigid_body.HalfSpace, placement: Placement) -> Foundation:
     return HalfSpace(given.point, given.normal)
 
 
-def _sphere(given: rigid_body.Sphere, site: Site) -> Foundation:
+def _sphere(given: rigid_body.Sphere, placement: Placement) -> Foundation:
     return Sphere(given.centre, given.radius)
 
 
-def _cylinder(given: rigid_body.Cylinder, site: Site) -> Foundation:
-    if site.dim == 2:
+def _cylinder(given: rigid_body.Cylinder, placement: Placement) -> Foundation:
+    if placement.dim == 2:
         return Sphere(given.centre, given.radius)
     return Cylinder(given.centre, given.radius, given.axis or (0.0, 1.0, 0.0))
 
 
-def _level_set(given: float | str, site: Site) -> Foundation:
-    axes = AXES[: site.dim]
-    expression = parse(given, (*axes, TIME), tables=site.clock.tables)
+def _level_set(given: float | str, placement: Placement) -> Foundation:
+    axes = AXES[: placement.dim]
+    expression = parse(given, (*axes, TIME), tables=placement.clock.tables)
 
     def function(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        variables = {**dict(zip(axes, x, strict=True)), TIME: site.clock.now}
+        variables = {**dict(zip(axes, x, strict=True)), TIME: placement.clock.now}
         return value_and_gradient(expression, axes, variables)
 
     return LevelSet(function)
 
 
-def _polyline(given: tuple[tuple[float, ...], ...] | str, site: Site) -> Foundation:
+def _polyline(given: tuple[tuple[float, ...], ...] | str, placement: Placement) -> Foundation:
     if isinstance(given, str):
         file = Path(given)
-        corners = on_root(site.comm, lambda: read_corners(file, rigid_body.MOST_CORNERS))
+        corners = on_root(placement.comm, lambda: read_corners(file, rigid_body.MOST_CORNERS))
     else:
         corners = np.array(given, dtype=float)
     kept = np.append(True, np.any(np.diff(corners, axis=0) != 0.0, axis=1))
     if kept.sum() < 2:
         raise InputError("has no segment: give at least two corners at different places")
     if not kept.all():
-        site.warnings.append(f"{site.key}.polyline: {(~kept).sum()} corners stand twice in a row")
+        placement.warnings.append(
+            f"{placement.key}.polyline: {(~kept).sum()} corners stand twice in a row"
+        )
     line = Polyline(corners[kept])
     if (crossing := line.crossing()) is not None:
         first, second = crossing
@@ -85,17 +87,17 @@ def _polyline(given: tuple[tuple[float, ...], ...] | str, site: Site) -> Foundat
     return line
 
 
-def _surface(given: rigid_body.Surface, site: Site) -> Foundation:
+def _surface(given: rigid_body.Surface, placement: Placement) -> Foundation:
     shift = given.shift or (0.0, 0.0, 0.0)
     found = on_root(
-        site.comm, lambda: read_surface(Path(given.file), given.scale, shift, given.turned)
+        placement.comm, lambda: read_surface(Path(given.file), given.scale, shift, given.turned)
     )
-    site.warnings += [f"{site.key}.surface: {text}" for text in found.warnings]
+    placement.warnings += [f"{placement.key}.surface: {text}" for text in found.warnings]
     return TriangulatedSurface(found.points, found.triangles)
 
 
-#: For each shape of a section ``foundation``: the foundation of its section or value at a site.
-FOUNDATIONS: dict[str, Callable[[Any, Site], Foundation]] = {
+#: For each shape of a section ``foundation``: the foundation of its section or value.
+FOUNDATIONS: dict[str, Callable[[Any, Placement], Foundation]] = {
     "half_space": _half_space,
     "sphere": _sphere,
     "cylinder": _cylinder,
@@ -105,10 +107,10 @@ FOUNDATIONS: dict[str, Callable[[Any, Site], Foundation]] = {
 }
 
 
-def build(shape: str, given: Any, site: Site) -> Foundation:
+def build(shape: str, given: Any, placement: Placement) -> Foundation:
     """The foundation of a shape; collective.  Raises InputError with the key of the shape."""
     try:
-        return FOUNDATIONS[shape](given, site)
+        return FOUNDATIONS[shape](given, placement)
     except InputError as error:
         # A file may be read as that of a mesh, so that its key is replaced.
-        raise InputError(str(error), f"{site.key}.{shape}") from error
+        raise InputError(str(error), f"{placement.key}.{shape}") from error

@@ -48,7 +48,7 @@ def problem_fingerprint(parameters: Parameters) -> str:
 def _normalised(
     data: dict[str, Any], parameters: Parameters, digest: Callable[[str], str]
 ) -> dict[str, Any]:
-    """The data with one form for what a study file may write in several ways."""
+    """The data in one form, where a study file may write them in several ways."""
     if parameters.discretisation.degree == 1:
         # There the limit is the same at vertices and at Gauss points.
         del data["discretisation"]["limit_at"]

@@ -124,7 +124,7 @@ class Constraints:
         u.x.scatter_forward()
 
     def free_part(self, values: FloatArray) -> FloatArray:
-        """Local or owned values of a displacement field without what the conditions prescribe."""
+        """Local or owned values of a displacement field without the prescribed part."""
         free = values * self._mask[: len(values)]
         self.supports.directions.project(free)
         return free
@@ -136,7 +136,7 @@ class Constraints:
             values[:] = self.free_part(np.asarray(values))
 
     def held_part(self, values: FloatArray) -> FloatArray:
-        """What the conditions prescribe of local or owned values of a displacement field."""
+        """The prescribed part of local or owned values of a displacement field."""
         held = values * (1.0 - self._mask[: len(values)])
         nodes = self.supports.directions.nodes
         nodes = nodes[nodes < len(values) // self.space.dofmap.index_map_bs]

@@ -141,6 +141,7 @@ def test_with_an_energy_of_the_users_own_its_convexity_is_assumed(gap: float, ve
     assert said(solve_assembled(problem))[0] == verdict
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_solve_that_fails_has_no_verdict() -> None:
     loads = {"displacements": [_LEFT, {"on": "right", "value": [0.1, None]}]}
     material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.01}

@@ -76,7 +76,7 @@ def test_a_run_that_does_not_converge_returns_3_and_saves_what_it_reached(
         assert errors.startswith("error: not converged: ")
         assert (
             "solver.max_iterations" in errors
-            and f"What was reached is in {folder / 'out'}." in errors
+            and f"The state that it reached is in {folder / 'out'}." in errors
         )
     else:
         assert errors == ""

@@ -40,7 +40,7 @@ def test_the_study_file_refuses_a_zero_force_and_another_number_of_components() 
 def test_a_body_that_only_tools_hold_is_refused(mu: float) -> None:
     below = {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
     two = [tool([0.0, -0.03], mu=mu), tool([0.0, 0.03], "bottom", mu=mu, **below)]
-    with pytest.raises(InputError, match="body and tools can move together"):
+    with pytest.raises(InputError, match="body and foundations can move together"):
         assemble(pressed(two, loads={}), MPI.COMM_WORLD)
 
 

@@ -110,7 +110,7 @@ def test_an_own_foundation_gives_what_the_same_shape_of_the_package_gives(
     expected = on(given, dim, comm)
     # The table is the one place that chooses the class of a foundation.
     (shape,) = given
-    monkeypatch.setitem(FOUNDATIONS, shape, lambda section, site: own)
+    monkeypatch.setitem(FOUNDATIONS, shape, lambda section, placement: own)
     found = on(given, dim, comm)
     assert expected.converged and found.converged, found.summary["reason"]
     assert expected.summary["contact_area"] > 0.0
@@ -127,7 +127,7 @@ def test_an_edge_of_an_own_foundation_carries_the_load(
 ) -> None:
     slope = np.array([0.1, 1.0]) / np.hypot(0.1, 1.0)
     wedge = Wedge((0.5, 0.002), ((slope[0], slope[1]), (-slope[0], slope[1])))
-    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, site: wedge)
+    monkeypatch.setitem(FOUNDATIONS, "half_space", lambda section, placement: wedge)
     solution = on({"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, 2, comm)
     assert solution.converged, solution.summary["reason"]
     points = solution.contact_points

@@ -100,6 +100,23 @@ def test_the_names_of_numbers_are_words_and_no_keys(own_run: Path) -> None:
 
 
 @quick
+def test_first_numbers_come_first_and_details_and_the_solver_are_folded(own_run: Path) -> None:
+    numbers = {"displacement_max": 0.5, "displacement_max_at": [1.0, 0.0], "compliance": 2.5}
+    change(own_run / "summary.json", **numbers, residual=1e-9)
+    text = page(own_run)
+    first = text.index('<span title="displacement_max">')
+    assert first < text.index('<span title="contact_force">')
+    value = re.search(r"<td>(.*)</td>", text[first:])
+    assert value is not None and re.sub("<[^>]*>", "", value[1]) == "0.5 length at (1, 0)"
+    folded = {
+        words for part in text.split("<details")[1:] for words in part.split("</details>")[:1]
+    }
+    for key in ("compliance", "residual", "iterations.tangents"):
+        assert any(f'title="{key}"' in words for words in folded), key
+    assert not any('title="displacement_max"' in words for words in folded)
+
+
+@quick
 def test_a_body_without_contact_has_a_report_too(tmp_path: Path) -> None:
     assert "no contact boundary" in page(run_folder(tmp_path, kind="without contact"))
 

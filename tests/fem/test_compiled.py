@@ -1,4 +1,4 @@
-"""Forms are compiled into a folder of this package's own, and an unfinished one is named."""
+"""Forms are compiled into a folder of this package's own, by one process at a time."""
 
 from __future__ import annotations
 
@@ -6,18 +6,12 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import dolfinx
 import ffcx
 import pytest
-import ufl
-from dolfinx import fem
-from dolfinx.mesh import create_unit_square
-from mpi4py import MPI
-
-from contact_locking.errors import ContactLockingError
-from contact_locking.fem import compiled
 
 pytestmark = pytest.mark.serial
 
@@ -71,18 +65,60 @@ def test_options_of_the_compiler_in_the_folder_of_a_study_are_ignored(tmp_path: 
     assert "fplugin" not in out
 
 
-def test_an_unfinished_form_of_another_process_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """FFCx waits for a form that another process compiles, which may have been killed."""
-    options = {"cache_dir": tmp_path, "timeout": 1}
-    monkeypatch.setattr(compiled, "options", lambda: options)
-    mesh = create_unit_square(MPI.COMM_SELF, 2, 2)
-    area = fem.Constant(mesh, 2.0) * ufl.dx
-    compiled.form(area)
-    (finished,) = tmp_path.glob("*.c.cached")
-    finished.unlink()
-    with pytest.raises(ContactLockingError, match=rf"if it was interrupted, delete \S*{tmp_path}"):
-        compiled.form(area)
-    finished.with_suffix("").unlink()
-    assert fem.assemble_scalar(compiled.form(area)) == pytest.approx(2.0)
+MANY = """
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import create_unit_square
+from mpi4py import MPI
+from contact_locking.fem import compiled
+mesh = create_unit_square(MPI.COMM_SELF, 2, 2)
+for power in range(2, 5):
+    print(fem.assemble_scalar(compiled.form(fem.Constant(mesh, 3.0) ** power * ufl.dx)))
+"""
+
+
+def started(folder: Path) -> subprocess.Popen[str]:
+    """A process that compiles three forms into an own cache in a folder."""
+    return subprocess.Popen(
+        [sys.executable, "-c", MANY],
+        env=os.environ | {"XDG_CONFIG_HOME": str(folder), "XDG_CACHE_HOME": str(folder)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_four_processes_compile_the_same_forms_at_once(tmp_path: Path) -> None:
+    """The first forms are half there: without the sign of the end, and without the source."""
+    assert started(tmp_path).wait() == 0
+    (folder,) = (tmp_path / "fenics").iterdir()
+    first, second, _ = sorted(folder.glob("*.c"))
+    first.unlink()
+    second.with_suffix(".c.cached").unlink()
+    (folder / "compiling").write_text("1")
+    processes = [started(tmp_path) for _ in range(4)]
+    for process in processes:
+        out, errors = process.communicate(timeout=100)
+        assert not errors and list(map(float, out.split())) == pytest.approx([9.0, 27.0, 81.0])
+    assert len(list(folder.glob("*.c.cached"))) == 3
+
+
+def test_a_process_that_is_killed_as_it_compiles_stops_no_other(tmp_path: Path) -> None:
+    killed = started(tmp_path)
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("fenics/*/*.c")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    killed.kill()
+    killed.communicate()
+    begun = time.monotonic()
+    out, errors = started(tmp_path).communicate(timeout=50)
+    assert not errors and len(out.split()) == 3 and time.monotonic() - begun < 40.0
+
+
+def test_a_cache_that_cannot_be_written_to_is_read(tmp_path: Path) -> None:
+    assert started(tmp_path).wait() == 0
+    (folder,) = (tmp_path / "fenics").iterdir()
+    (folder / "compiling").unlink()
+    (folder / "compiling").mkdir()
+    out, errors = started(tmp_path).communicate(timeout=100)
+    assert not errors and len(out.split()) == 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -102,6 +103,21 @@ def test_a_load_of_which_a_part_is_lost_is_warned_of_with_its_size() -> None:
     assert warning.startswith("loads.tractions.0.value: changes too sharply for this mesh near x =")
     assert "its resultant is uncertain by about" in warning and "%" in warning
     problem.close()
+
+
+@pytest.mark.parametrize("centre", [0.4032, 0.43, 0.6, 0.7773])
+def test_two_rules_that_agree_by_chance_hide_no_lost_load(centre: float) -> None:
+    """Both may see the same share of a band that is a few of their points wide."""
+    problem = _loaded(tractions=_down(f"1 if abs(x - {centre}) < 0.0046 else 0"))
+    off = abs(_weight(problem) / 0.0092 - 1.0)
+    assert off < 0.03 or "its resultant is uncertain" in problem.warnings[0]
+    problem.close()
+    thinner = f"1 if abs(x - {centre}) < 0.0023135 else 0"
+    try:
+        told = _loaded(tractions=_down(thinner)).warnings[0]
+    except InputError as error:
+        told = str(error)
+    assert "its resultant is uncertain by about" in told
 
 
 @pytest.mark.parametrize("load", ["exp(-((x - 0.43)/0.0003)**2)", "1 if abs(x-0.43)<2e-4 else 0"])
@@ -248,6 +264,129 @@ def test_data_that_the_mesh_sees_are_not_warned_of(changes: dict[str, Any]) -> N
     """Slopes, bends, and jumps at nodes and between cells."""
     problem = _block(**changes)
     assert problem.warnings == []
+    problem.close()
+
+
+def test_friction_in_a_spot_that_comes_with_the_slip_is_warned_of() -> None:
+    problem = _block(friction__coefficient="0.3*s/(s + 1e-3)*(1 if x < 0.43 else 0)")
+    (warning,) = problem.warnings
+    assert warning.startswith("friction.coefficient: changes from 0 to 0.15 inside a facet")
+    problem.close()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("floor", "share"), [(0.0, None), (0.02, 7.0), (0.4, 0.0)])
+def test_a_table_over_a_coordinate_with_a_peak_between_the_nodes_is_told(
+    floor: float, share: float | None, degree: int, comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    """In a load the table counts at the nodes, of which none sees the peak."""
+    folder = comm.bcast(tmp_path)
+    if comm.rank == 0:
+        rows = [(0, 0), (0.3, 0), (0.37, 0.02), (0.45, 0), (1, 0)]
+        text = "".join(f"{x},{floor + height}\n" for x, height in rows)
+        (folder / "load.csv").write_text("x,p\n" + text)
+    comm.barrier()
+    given = block(
+        h=0.25,
+        mesh__structured=True,
+        discretisation__degree=degree,
+        friction__smoothing__radius=0.6,
+        loads={"displacements": _HELD, "tractions": _down("p(x)")},
+        tables={"p": {"file": str(folder / "load.csv"), "over": "x", "column": "p"}},
+    )
+    if share is None:
+        with pytest.raises(InputError, match="its table counts at the nodes alone"):
+            assemble(given, comm)
+        return
+    problem = assemble(given, comm)
+    assert len(problem.warnings) == (share > 0.0)
+    assert all("its table counts at the nodes alone" in text for text in problem.warnings)
+    problem.close()
+
+
+_PULSE = "1 if abs(t - 0.6) < 0.02 else 0"
+
+
+@pytest.mark.parametrize(
+    ("loads", "contact", "key"),
+    [
+        ({"tractions": _down(_PULSE)}, {}, "loads.tractions.0.value.1"),
+        ({"pressures": [{"on": "top", "value": f"x*({_PULSE})"}]}, {}, "loads.pressures.0.value"),
+        ({}, {"gap": f"-0.01*({_PULSE})"}, "contact.gap"),
+    ],
+)
+def test_a_pulse_between_two_steps_is_warned_of(
+    loads: dict[str, Any], contact: dict[str, Any], key: str
+) -> None:
+    def warnings(times: list[float]) -> list[str]:
+        problem = _block(
+            loads={"displacements": _HELD} | loads,
+            contact={"on": "bottom"} | contact,
+            steps={"times": times},
+        )
+        problem.close()
+        return problem.warnings
+
+    (warning,) = warnings([0.25, 0.5, 0.75, 1.0])
+    assert warning.startswith(f"{key}: its mean is ") and "from 0.5 to 0.75; add the" in warning
+    assert warnings([0.25, 0.5, 0.6, 0.75, 1.0]) == []
+
+
+@pytest.mark.parametrize("law", ["sin(pi*t)", "t", "exp(-((x - t)/0.2)**2)", "cos(9*t)"])
+def test_data_that_the_steps_see_are_not_warned_of(law: str) -> None:
+    """Waves with some steps each, and loads that travel."""
+    problem = _block(
+        loads={"displacements": _HELD, "tractions": _down(law)}, steps={"to": 1, "count": 8}
+    )
+    assert problem.warnings == []
+    problem.close()
+
+
+def test_a_peak_of_a_table_over_the_time_is_found_in_its_rows(
+    comm: MPI.Intracomm, tmp_path: Path
+) -> None:
+    folder = comm.bcast(tmp_path)
+    if comm.rank == 0:
+        (folder / "load.csv").write_text("t,p\n0,0\n0.41,0.1\n0.4101,1\n0.4102,0.1\n1,0.1\n")
+    comm.barrier()
+    problem = _block(
+        loads={"displacements": _HELD, "tractions": _down("p(t)")},
+        tables={"p": {"file": str(folder / "load.csv"), "over": "t", "column": "p"}},
+        steps={"to": 1, "count": 4},
+    )
+    (warning,) = problem.warnings
+    assert "its mean is -1 at t = 0.4101, which no step sees" in warning
+    problem.close()
+
+
+@pytest.mark.parametrize(
+    ("contact", "friction", "told"),
+    [
+        ({"on": []}, 0.3, "friction.coefficient: has no effect, as contact.on is empty"),
+        ([], "0.1*x", "friction.coefficient: has no effect, as contact is empty"),
+        ([{"on": "bottom"}, {"on": []}], 0.3, ""),
+        ({"on": []}, 0, ""),
+        (
+            [{"on": "bottom"}, {"on": [], "friction": {"coefficient": 0.2}}],
+            0.3,
+            "contact.1.friction.coefficient: has no effect, as contact.1.on is empty",
+        ),
+    ],
+)
+def test_friction_without_contact_is_warned_of(contact: Any, friction: Any, told: str) -> None:
+    problem = _block(
+        contact=contact, friction__coefficient=friction, loads={"displacements": _HELD}
+    )
+    assert [text.startswith(told) for text in problem.warnings] == [True] * bool(told)
+    problem.close()
+
+
+def test_two_contacts_on_one_part_warn_of_their_radius_once() -> None:
+    problem = _block(
+        contact=[{"on": "bottom"}, {"on": "bottom", "gap": 1}], friction__smoothing__radius=0.01
+    )
+    (warning,) = problem.warnings
+    assert warning.startswith("friction.smoothing.radius: ")
     problem.close()
 
 

@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from msh import write_msh
 from problems import block
+from small_meshes import BODY, SQUARE
+from xdmf import write_xdmf
 
 from contact_locking import InputError, assemble, from_mapping, save, solve
 from contact_locking.mesh.groups import groups
@@ -124,6 +127,20 @@ def test_a_part_without_facets_is_refused_with_the_place_of_the_boundary(
     given = placed({"new": {"plane": {"point": [0, 0.5], "normal": [0, 1]}}})
     with pytest.raises(InputError, match="catches no facet of the boundary, which is between x"):
         mesh_of(given, comm)
+
+
+def test_groups_of_a_file_may_overlap(tmp_path: Path, comm: MPI.Intracomm) -> None:
+    folder = comm.bcast(tmp_path)
+    sides = {"bottom": [(1, 2)], "sole": [(2, 1)], "round": [(1, 2), (2, 3)], "left": [(4, 1)]}
+    measures = {"bottom": 1.0, "sole": 1.0, "round": 2.0, "left": 1.0}
+    if comm.rank == 0:
+        write_msh(folder / "square.msh", SQUARE, {**sides, "body": BODY["body"]})
+        write_xdmf(folder / "square.xdmf", SQUARE, {**sides, "body": BODY["body"]})
+    comm.Barrier()
+    for name in ("square.msh", "square.xdmf"):
+        given = from_mapping({"mesh": {"file": str(folder / name)}, "contact": {"on": "sole"}})
+        found = {group.name: group.measure for group in groups(mesh_of(given, comm))}
+        assert {name: found[name] for name in sides} == measures
 
 
 def test_h_contact_refines_the_part_that_contains_a_placed_contact(comm: MPI.Intracomm) -> None:

@@ -57,7 +57,6 @@ EXPECTED: dict[str, list[str]] = {
     "a hanging node": ["node 4 at (0.5, 0.5) hangs", "edge of triangle 0 (nodes 0 and 2)"],
     "a hanging node in space": ["node 5 at (0.25, 0.25, 0) hangs", "face of tetrahedron 0"],
     "a cell in no group": ["cells outside every group", "triangle 1 at (0.333333, 0.666667)"],
-    "a facet in two groups": ["groups 'bottom' and 'sole' share edges"],
     "a node above the plane": ["a surface in space"],
     "triangles that share no nodes at all": ["falls into 101 parts"],
 }

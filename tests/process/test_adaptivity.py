@@ -300,3 +300,27 @@ def test_section_counts_in_the_fingerprint_only_where_it_is_given() -> None:
 def test_adapted_meshes_and_steps_exclude_each_other() -> None:
     with pytest.raises(ValueError, match="does not go with steps"):
         adaptive(steps={"to": 1.0, "count": 2})
+
+
+@pytest.mark.parametrize("by", ["estimate", "bound"])
+def test_the_mesh_is_refined_where_a_tool_enters_between_the_nodes(by: str) -> None:
+    """On the first mesh the tool meets no node, and the body is at rest."""
+    data = {
+        "mesh": {"builder": "block", "size": [10, 3], "h": 1.0, "structured": True},
+        "material": {"elasticity": {"young": 5.0, "poisson": 0.3}},
+        "loads": {"displacements": [{"on": "bottom", "value": [0, 0]}]},
+        "contact": {
+            "on": "top",
+            "foundation": {"cylinder": {"centre": [5.5, 3.28], "radius": 0.3}},
+        },
+        "adapt": {"tolerance": 0.4, "by": by, "max_meshes": 20},
+        "certificate": {"error_bound": by == "bound"},
+    }
+    first, *_, last = solve_adaptively(Parameters.model_validate(data), MPI.COMM_WORLD)
+    assert not first.converged and first.summary["contact_force"] == pytest.approx([0, 0])
+    assert last.converged and last.summary["contact_force"][1] < -0.01
+    assert len(last.summary["adapt"]["meshes"]) > (3 if by == "estimate" else 1)
+    # There is no bound where the contact normal changes along a facet.
+    assert last.summary["adapt"]["reached"] == (by == "estimate")
+    (fields,) = last.contacts
+    assert max(fields.entry.share, fields.entry.missed) < 0.1

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from rings import floor, ring
 
 from contact_locking import Parameters, solve, solve_steps
-from contact_locking.process.demand import Demand
+from contact_locking.process.admissibility_data import AdmissibilityData
 from contact_locking.process.of_study import solver_of
 from contact_locking.process.out_of_reach import OutOfReach
 from contact_locking.process.problem_solver import ProblemSolver
@@ -28,14 +28,14 @@ def pushed(foundation: dict[str, Any] | None = None, **changes: Any) -> Paramete
     return ring([0.02, "-0.1*t"], foundation or floor(), **({"steps": STEPS} | changes))
 
 
-def demands(parameters: Parameters, times: list[float]) -> list[Demand]:
+def data_at(parameters: Parameters, times: list[float]) -> list[AdmissibilityData]:
     problem = assemble(parameters, MPI.COMM_WORLD)
     solver = solver_of(problem)
     found = []
     for time in times:
         problem.advance(time)
         solver.begin()
-        found.append(Demand.of(solver.system, time))
+        found.append(AdmissibilityData.of(solver.system, time))
     return found
 
 
@@ -100,7 +100,7 @@ def test_what_is_impossible_is_not_tried_in_other_ways() -> None:
 def test_only_a_straight_way_leads_from_one_proof_to_another(
     parameters: Parameters, is_straight: bool
 ) -> None:
-    reached, refused, beyond = demands(parameters, [0.1, 0.5, 0.8])
+    reached, refused, beyond = data_at(parameters, [0.1, 0.5, 0.8])
     assert beyond.is_beyond(refused, reached) == is_straight
     assert not reached.is_beyond(refused, reached)
     assert not refused.is_beyond(beyond, reached)
@@ -114,7 +114,7 @@ def test_only_a_straight_way_leads_from_one_proof_to_another(
 
 
 def test_what_was_asked_before_is_as_impossible_again() -> None:
-    there, elsewhere, back = demands(
+    there, elsewhere, back = data_at(
         ring([0.02, "-0.1*sin(t)"], floor(), steps={"times": [9.0]}), [0.4, 1.0, math.pi - 0.4]
     )
     assert back.repeats(there) and not elsewhere.repeats(there)
@@ -128,7 +128,7 @@ def test_what_was_asked_before_is_as_impossible_again() -> None:
 def test_penalised_contact_says_nothing_of_later_times(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its solution may be behind the foundation, and then is not admissible itself."""
     reached: list[float] = []
-    monkeypatch.setattr(OutOfReach, "reach", lambda _, demand: reached.append(demand.time))
+    monkeypatch.setattr(OutOfReach, "reach", lambda _, data: reached.append(data.time))
     steps = {"times": [0.1, 0.2]}
     list(solve_steps(pushed(steps=steps, penalty={"epsilon": 0.1})))
     assert reached == []

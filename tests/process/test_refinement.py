@@ -139,10 +139,8 @@ def _check_nodes(mesh: WholeMesh, curve: Curved) -> None:
     points, masks = mesh.data.points, []
     for name in curve.groups:
         mask = np.zeros(len(points), dtype=bool)
-        facets, cells = mesh.data.facets, mesh.data.cells
-        mask[facets.nodes[np.isin(facets.groups, mesh.facet_names.get(name, ()))]] = True
-        if name in cells.names:
-            mask[cells.nodes[cells.groups == cells.names[name]]] = True
+        for group in (mesh.data.facets, mesh.data.cells):
+            mask[group.nodes[group.named(name)]] = True
         masks.append(mask)
     nodes = np.all(masks, axis=0)
     distance = np.linalg.norm(points[nodes] - np.array(curve.centre), axis=1)

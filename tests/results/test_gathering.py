@@ -25,7 +25,7 @@ import contact_locking
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.mesh.whole_mesh import gather_mesh
 from contact_locking.process import checkpoint, solving
-from contact_locking.results.heap import give_back
+from contact_locking.results.freed_memory import return_freed_memory
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 
@@ -114,5 +114,5 @@ def test_freed_memory_goes_back_to_the_system() -> None:
     last = pieces.pop()
     del pieces
     full = resident()
-    give_back()
+    return_freed_memory()
     assert resident() < full - 40_000 and last.sum() == 8_000

@@ -57,9 +57,9 @@ def test_an_open_tool_is_warned_of_and_its_rim_must_not_be_behind_the_body(tmp_p
     assert "the surface is open, 4 edges have one triangle only" in open_
     small = top * [0.2, 0.2, 1.0]
     first, second = warned(written(tmp_path, small))
-    assert "open" in first and "lies beyond the end of the open tool" in second
+    assert "open" in first and "lies beyond the end of the open foundation" in second
     said = refusal(written(tmp_path, small + np.array([0.0, 0.0, 0.1])))
-    assert "reaches around the end of the open tool" in said
+    assert "reaches around the end of the open foundation" in said
 
 
 def test_a_closed_tool_that_is_inside_out_is_turned_with_a_warning(tmp_path: Path) -> None:

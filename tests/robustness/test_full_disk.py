@@ -231,7 +231,7 @@ def test_a_study_goes_on_from_wherever_the_disk_was_full(
     finished = len(list(disk.kept.glob("out/cases/*/summary.json")))
     if done.returncode == 1:
         assert "No space left on device" in done.stderr
-        assert "What is finished is kept; make room" in done.stderr
+        assert "Finished cases are kept; make room" in done.stderr
     else:
         assert done.returncode == (0 if finished == 2 else 3) and done.stderr == ""
         assert (disk.results / "table.csv").exists()

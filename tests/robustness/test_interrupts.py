@@ -173,3 +173,55 @@ def test_a_signal_to_one_rank_inside_its_linear_solver_ends_all_and_leaves_no_re
     assert done.returncode == 128 + end
     assert "converged" not in done.stdout
     assert [path.name for path in (tmp_path / "out").iterdir() if path.suffix] == []
+
+
+_SLIDING = f"""
+{SMALL_BLOCK}
+steps: {{to: 1, count: 400}}
+output: {{picture: false, fields: false}}
+"""
+
+
+def _interrupted_run(
+    folder: Path, study: str, *words: str, until: str
+) -> tuple[subprocess.Popen[str], str]:
+    """A run in its folder ``out`` that Ctrl-C stops at a line of its output, and the line."""
+    (folder / "study.yml").write_text(study)
+    command = ["run", str(folder / "study.yml"), "--output", str(folder / "out"), *words]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "contact_locking", *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert process.stdout is not None
+    line = next(line for line in process.stdout if line.startswith(until))
+    process.send_signal(signal.SIGINT)
+    return process, line
+
+
+@pytest.mark.parametrize("words", [(), ("--checkpoint",)])
+def test_ctrl_c_keeps_the_steps_and_says_how_to_go_on(
+    words: tuple[str, ...], tmp_path: Path
+) -> None:
+    process, _ = _interrupted_run(tmp_path, _SLIDING, *words, until="step 3")
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    first, second = errors.splitlines()
+    assert first == "interrupted"
+    saved = int(second.split()[0])
+    told = f"{saved} steps are saved in {tmp_path / 'out'}; the same command goes on from there"
+    assert saved >= 2 and second == told
+    again, line = _interrupted_run(tmp_path, _SLIDING, *words, until="going on from")
+    again.communicate(timeout=60)
+    assert line == f"going on from step {saved} of an earlier run\n"
+
+
+def test_ctrl_c_before_the_end_of_a_static_solve_says_that_nothing_is_saved(tmp_path: Path) -> None:
+    study = SMALL_BLOCK.replace("h: 0.25", "h: 0.01") + "solver: {linear: iterative}\n"
+    process, _ = _interrupted_run(tmp_path, study, "--checkpoint", until="  stage")
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130 and "interrupted" in errors
+    assert "nothing is saved: a run saves its state when its solve has ended" in errors
+    assert not list((tmp_path / "out").glob("checkpoint*"))

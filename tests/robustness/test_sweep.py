@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from sweep import judge, reference, run
+from sweep import judge, reference, run, unseen
 from sweep.case import Case, Study, Truth, clamp, study
 from sweep.discrete import Discrete, State, discretise, state_of
 from sweep.families import FAMILIES, case_of
@@ -50,6 +50,45 @@ def test_more_problems_of_each_family_are_right_also_in_other_units(family: str)
     for seed in range(1, 5):
         outcome = outcome_of(family, seed, checks=True)
         assert outcome.is_good, f"seed {seed}: {outcome.kind}: {outcome.reason}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", ["between_nodes", "narrow", "edges", "thin"])
+def test_what_a_mesh_may_miss_is_solved_right_or_told(family: str) -> None:
+    for seed in range(20):
+        outcome = outcome_of(family, seed)
+        assert outcome.is_good, f"seed {seed}: {outcome.kind}: {outcome.reason}"
+
+
+def _seen(case: Case, **changes: Any) -> str:
+    """What is missed without a word in a solution of the case whose fields are changed."""
+    problem = assemble(Parameters.model_validate(case.study), MPI.COMM_SELF)
+    discrete = discretise(problem.parameters, problem.domain, problem.u.function_space)
+    discrete = unseen.with_band(case.truth, discrete)
+    solution = solve_assembled(problem)
+    state = _with(state_of(solution, discrete), **changes)
+    solution.summary["warnings"] = []
+    found = judge.violations(solution.parameters, discrete, state)
+    return unseen.complaint(case.truth, discrete, state, solution, found)
+
+
+def test_what_is_missed_without_a_word_is_found() -> None:
+    """The solutions are right for the mesh, and the words of the program are taken away."""
+    held = {"displacements": [clamp(2, "bottom")]}
+    mesh = {"builder": "block", "dim": 2, "h": 0.5, "structured": True}
+    tool = {"cylinder": {"centre": [0.25, 1.05], "radius": 0.1}}
+    told = ("words",)
+    between = Case(study(mesh, held, gap=tool, on="top"), Truth(told=told))
+    assert "enters between the nodes by 1" in _seen(between)
+    pull = {"displacements": [clamp(2)], "tractions": [{"on": "top", "value": [0.01, 0.0]}]}
+    jump = "0.02 if x < 0.3 else 0.1"
+    assert "M goes from 0.02 to 0.1" in _seen(Case(study(mesh, pull, limit=jump), Truth(told=told)))
+    rough = study(mesh, pull, friction="0.5 if x < 0.3 else 0.1")
+    assert "mu goes from 0.1 to 0.5" in _seen(Case(rough, Truth(told=told)))
+    load = [{"on": "top", "value": [0.0, "-1 if abs(x - 0.3) < 0.1 else 0"]}]
+    narrow = study(mesh, {"displacements": [clamp(2)], "tractions": load})
+    assert _seen(Case(narrow, Truth(told=told, band=(0.3, 0.1, 1.0)))) == ""
+    assert "narrow load is off" in _seen(Case(narrow, Truth(told=told, band=(0.35, 0.1, 1.0))))
 
 
 @pytest.mark.parametrize("family", FAMILIES)

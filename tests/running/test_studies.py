@@ -13,6 +13,7 @@ from study_folder import STUDY, Folder, solved
 
 from contact_locking import meshes, study_file
 from contact_locking.command import cli, terminal
+from contact_locking.command.arguments import parse
 from contact_locking.errors import InputError
 from contact_locking.files.lock import locked
 from contact_locking.running import studies
@@ -258,4 +259,4 @@ def test_a_study_is_not_started_under_mpirun(
     folder.write("{vary: {penalty.n: [10]}}")
     monkeypatch.setattr(terminal, "world", object)
     with pytest.raises(InputError, match="without mpirun: --ranks K"):
-        cli._run_command(["study", str(folder.file)])
+        cli._run_command(parse(["study", str(folder.file)]))

@@ -79,10 +79,9 @@ def test_a_stiff_body_tilts_on_its_bed(comm: MPI.Intracomm) -> None:
 
 
 def test_a_stiffness_may_vary_and_must_be_positive(comm: MPI.Intracomm) -> None:
-    bed = {"on": "bottom", "stiffness": "0.4 + 0.2*x"}
+    bed: dict[str, Any] = {"on": "bottom", "stiffness": "0.4 + 0.2*x", "along": [0.0, 2.0]}
     sides = [{"on": ["left", "right"], "value": [0.0, None]}]
-    bed["along"] = [0.0, 2.0]
-    given = {"loads__springs": [bed], "material__elasticity__young": 1e7}
+    given: dict[str, Any] = {"loads__springs": [bed], "material__elasticity__young": 1e7}
     found = solved(pillar(**given, loads__displacements=sides), comm)
     assert found.summary["reactions"]["bottom"][1] == pytest.approx(PUSH, rel=1e-6)
     with pytest.raises(InputError, match="must be positive everywhere"):

@@ -132,11 +132,6 @@ REFUSED: dict[str, tuple[Points, Groups, list[str]]] = {
         ["cells outside every physical group", "triangle 5 at (0.333333, 0.666667)"],
     ),
     "no group of cells": (SQUARE, {**EDGES, "": [(1, 2, 3), (1, 3, 4)]}, ["no physical group"]),
-    "a facet in two groups": (
-        SQUARE,
-        {"bottom": [(1, 2)], "sole": [(2, 1)], "left": [(4, 1)], "body": BODY["body"]},
-        ["'bottom' and 'sole' share line 2 at (0.5, 0)"],
-    ),
     "a node above the plane": (
         [(0, 0, 0), (1, 0, 0), (1, 1, 0.5), (0, 1, 0)],
         BODY,

@@ -28,6 +28,8 @@ class Truth:
     a displacement that is large enough, rounding hides that forces do not balance.  ``unique`` says
     whether another displacement solves the problem; ``other`` is a translation to such a solution,
     or its opposite.  ``slip`` (d - 1,) is the slip along the axes at all nodes of Gamma_C.
+    ``told`` are words of the message of a refusal, or of a warning, that are right where the mesh
+    misses something, and ``band`` the place, half of the width and the size of a pressure on top.
     """
 
     admissible: bool | None = None
@@ -38,6 +40,13 @@ class Truth:
     unique: bool | None = None
     other: tuple[float, ...] | None = None
     slip: tuple[float, ...] | None = None
+    told: tuple[str, ...] = ()
+    band: tuple[float, float, float] | None = None
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """Parts of the messages of refusals that are right."""
+        return self.told if self.refused is None else (self.refused, *self.told)
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,37 @@ import zlib
 
 import numpy as np
 
-from . import frictions, held, materials, processes, rest, scales, shapes, sticking, supports
+from . import (
+    between,
+    frictions,
+    held,
+    materials,
+    processes,
+    rest,
+    scales,
+    shapes,
+    sticking,
+    supports,
+    thin,
+)
 from .case import FAMILIES, Case
 from .pairs import PAIRS, pairs
 
 __all__ = ["FAMILIES", "MODULES", "PAIRS", "case_of"]
 
-MODULES = (scales, rest, supports, held, frictions, materials, shapes, sticking, processes)
+MODULES = (
+    scales,
+    rest,
+    supports,
+    held,
+    frictions,
+    materials,
+    shapes,
+    sticking,
+    processes,
+    between,
+    thin,
+)
 
 
 def case_of(name: str, seed: int, linear: str = "auto") -> Case:

@@ -19,7 +19,7 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 
-from . import comparisons, judge, pair_judge, reference, stepwise
+from . import comparisons, judge, pair_judge, reference, stepwise, unseen
 from .case import Case, Study, Truth
 from .discrete import Discrete, discretise, state_of
 from .families import case_of
@@ -77,10 +77,9 @@ def outcome_of_case(case: Case, checks: bool = True, family: str = "", seed: int
     try:
         _solve(case, outcome, checks)
     except (InputError, ValidationError) as error:
-        wanted = case.truth.refused
         message = " ".join(str(error).split())
         # What the design asks for may be refused; the counts tell how often.
-        right = bool(case.row) or (wanted is not None and wanted in message)
+        right = bool(case.row) or any(words in message for words in case.truth.messages)
         outcome.kind = REFUSED if right else NOT_SOLVED
         outcome.reason = f"refused: {message}"
     except ContactLockingError as error:
@@ -104,6 +103,7 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
         outcome.study = at_the_verge(case, problem)
         problem = assemble(Parameters.model_validate(outcome.study), comm, problem.domain)
     discrete = discretise(problem.parameters, problem.domain, problem.u.function_space)
+    discrete = unseen.with_band(case.truth, discrete)
     start = time.perf_counter()
     solution = solve_assembled(problem)
     outcome.seconds = time.perf_counter() - start
@@ -203,13 +203,14 @@ def _judge(
         outcome.kind, outcome.reason = NOT_SOLVED, reason
         if reason.startswith("infeasible"):
             _judge_infeasible(truth, discrete, outcome)
-        elif truth.refused is not None and truth.refused in reason:
+        elif any(words in reason for words in truth.messages):
             outcome.kind = REFUSED
         return
     state = state_of(solution, discrete)
     found = judge.violations(solution.parameters, discrete, state)
     outcome.notes = {name: float(f"{value:.3g}") for name, value in found.items()}
-    wrong = [judge.complaint(found), *comparisons.against_truth(truth, discrete, state)]
+    missed = unseen.complaint(truth, discrete, state, solution, found)
+    wrong = [missed, judge.complaint(found), *comparisons.against_truth(truth, discrete, state)]
     wrong.append(comparisons.exported(solution))
     wrong.append(comparisons.about_other_solutions(truth, solution))
     wrong.append(comparisons.slip_of_truth(truth, discrete, state))

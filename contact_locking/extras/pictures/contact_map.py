@@ -48,7 +48,7 @@ def slipping(points: ContactPoints) -> IntArray:
 
 
 def slip_label(points: ContactPoints, shown: IntArray) -> str:
-    """What the arrows are, with the slip of the longest."""
+    """The meaning of the arrows, with the slip of the longest."""
     largest = np.linalg.norm(points.u_tangent[shown], axis=1).max()
     return f"slip, longest {largest:.2g} [length]"
 

@@ -162,7 +162,7 @@ def frames(bodies: Sequence[Snapshot], look: Look, titles: Sequence[str]) -> Ite
 
 
 def _window(bodies: Sequence[Snapshot], factor: float) -> tuple[FloatArray, FloatArray]:
-    """The corners of a window with all deformed bodies and what is beside them of their tools."""
+    """The corners of a window with all deformed bodies and the foundations near them."""
     places = np.concatenate([style.deformed(body, factor) for body in bodies])
     low, high = places.min(axis=0), places.max(axis=0)
     beside = _BESIDE * float((high - low).max())
@@ -192,7 +192,7 @@ def _body(fig: Figure, axes: Axes, body: Snapshot) -> None:
 def _deformed(
     fig: Figure, axes: Axes, body: Snapshot, factor: float, shade: style.Shade
 ) -> list[Patch | Line2D]:
-    """Draw the body, its locked zone and the foundation; returns what a legend explains."""
+    """Draw the body, its locked zone and the foundation; returns the entries of the legend."""
     x = style.deformed(body, factor)
     handles: list[Patch | Line2D] = []
     triangles: Any = x[body.cells]

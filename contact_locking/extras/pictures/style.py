@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 
 from contact_locking.extras.pictures.snapshot import Snapshot
 from contact_locking.results.contact_points import STATE_NAMES
-from contact_locking.results.in_words import told
+from contact_locking.results.in_words import value_in_words
 from contact_locking.results.quantities import QUANTITIES
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def head(figure: Figure, body: Snapshot) -> None:
     """Write the study's title and a line of numbers at the top of the figure."""
     numbers = f"{body.dofs:,} dofs".replace(",", "\u2009")
     if body.locked.any():
-        numbers += f"     {told(QUANTITIES['locked_fraction'], body.locked_fraction)}"
+        numbers += f"     {value_in_words(QUANTITIES['locked_fraction'], body.locked_fraction)}"
     if not body.converged:
         numbers += "     NOT CONVERGED"
     height = figure.get_figheight()

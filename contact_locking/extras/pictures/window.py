@@ -34,7 +34,7 @@ _MOST = 2.0
 
 
 @dataclass(frozen=True)
-class Sight:
+class WindowView:
     """One of the views of the window."""
 
     title: str
@@ -47,7 +47,7 @@ class Window:
 
     def __init__(self, body: Snapshot) -> None:
         self._body, self._factor = body, style.magnification(body)
-        self._sights, self._number = _sights(body), 0
+        self._views, self._number = _views(body), 0
         self.plotter: Any = pv.Plotter(
             window_size=_SIZE, title=body.title or "contact_locking", lighting="none"
         )
@@ -71,13 +71,13 @@ class Window:
     @property
     def title(self) -> str:
         """The title of the view in the window."""
-        return self._sights[self._number].title
+        return self._views[self._number].title
 
     def next(self) -> None:
         """Show the next view; the camera stays if it looks from the same side."""
-        before = self._sights[self._number].camera
-        self._number = (self._number + 1) % len(self._sights)
-        if self._sights[self._number].camera is not before:
+        before = self._views[self._number].camera
+        self._number = (self._number + 1) % len(self._views)
+        if self._views[self._number].camera is not before:
             self._look()
         self._draw()
 
@@ -87,7 +87,7 @@ class Window:
         self._draw()
 
     def _look(self) -> None:
-        seen = self._sights[self._number].camera
+        seen = self._views[self._number].camera
         look(self.plotter, seen)
         width, height = _SIZE
         self.plotter.camera.parallel_scale = _FREE * max(seen.height, seen.width * height / width)
@@ -97,7 +97,7 @@ class Window:
         for name in list(plotter.scalar_bars.keys()):
             plotter.remove_scalar_bar(name, render=False)
         plotter.clear_actors()
-        self._sights[self._number].draw(Scene(plotter, self._body, self._factor, _POINT))
+        self._views[self._number].draw(Scene(plotter, self._body, self._factor, _POINT))
         font = str(Path(matplotlib.get_data_path()) / _FONT)
         text = {"color": style.BLACK, "font_file": font, "render": False}
         plotter.add_text(self.title, position="upper_left", font_size=12, **text)
@@ -106,7 +106,7 @@ class Window:
         plotter.render()
 
 
-def _sights(body: Snapshot) -> list[Sight]:
+def _views(body: Snapshot) -> list[WindowView]:
     contacts = body.contact.parts()
     if body.dim == 3:
         seen = views(body)
@@ -124,15 +124,15 @@ def _sights(body: Snapshot) -> list[Sight]:
     strain = "|ε(u)| / M" if limited else "|ε(u)|"
     bar = {"scalar_bar_args": _BAR | _BAR_PLACE}
     names = {"scalar_bar_args": _BAR | _BAR_PLACE | {"n_labels": 0}}
-    found = [Sight(f"Deformed body, {strain}", lambda scene: scene.deformed_body(**bar), side)]
+    found = [WindowView(f"Deformed body, {strain}", lambda scene: scene.deformed_body(**bar), side)]
     if body.dim == 3:
-        found.append(Sight(f"Cut open, {strain}", lambda scene: scene.cut_open(**bar), side))
+        found.append(WindowView(f"Cut open, {strain}", lambda scene: scene.cut_open(**bar), side))
     if body.locked.any():
-        found.append(Sight("Cells at the strain limit, |ε(u)| ≥ M", Scene.locked_zone, side))
+        found.append(WindowView("Cells at the strain limit, |ε(u)| ≥ M", Scene.locked_zone, side))
     for name, towards in below:
         found += [
-            Sight(f"Contact pressure{name}", lambda scene: scene.pressure(**bar), towards),
-            Sight(f"Open, stick and slip{name}", lambda scene: scene.states(**names), towards),
+            WindowView(f"Contact pressure{name}", lambda scene: scene.pressure(**bar), towards),
+            WindowView(f"Open, stick and slip{name}", lambda scene: scene.states(**names), towards),
         ]
     return found
 

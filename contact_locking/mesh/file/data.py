@@ -16,20 +16,25 @@ class Simplices:
     """Simplices of one dimension with their physical groups.
 
     ``nodes`` (k, d + 1) are indices of points, ``numbers`` (k,) are the numbers of the elements in
-    the file, and ``groups`` (k,) are values of ``names``, or 0 for an element without a group.
+    the file, and ``groups`` (k,) are values of ``names``, or 0 for an element without a group.  A
+    name has several values where elements have several names.
     """
 
     nodes: IntArray
     numbers: IntArray
     groups: IntArray
-    names: dict[str, int]
+    names: dict[str, tuple[int, ...]]
 
     def __len__(self) -> int:
         return len(self.nodes)
 
     def name(self, group: int) -> str:
         """The name of a group."""
-        return next(name for name, value in self.names.items() if value == group)
+        return next(name for name, values in self.names.items() if group in values)
+
+    def named(self, name: str) -> BoolArray:
+        """Which simplices (k,) have a name; none if no group has the name."""
+        return np.isin(self.groups, self.names.get(name, ()))
 
     def take(self, which: BoolArray) -> Simplices:
         """The marked simplices; the names stay."""
@@ -69,7 +74,12 @@ class MeshData:
         with np.load(path, allow_pickle=False) as file:
             names = json.loads(file["names"].tobytes())
             cells, facets = (
-                Simplices(file[f"{k}_nodes"], file[f"{k}_numbers"], file[f"{k}_groups"], named)
+                Simplices(
+                    file[f"{k}_nodes"],
+                    file[f"{k}_numbers"],
+                    file[f"{k}_groups"],
+                    {name: tuple(values) for name, values in named.items()},
+                )
                 for k, named in zip(("cells", "facets"), names, strict=True)
             )
             return MeshData(int(file["dim"]), file["points"], file["numbers"], cells, facets)

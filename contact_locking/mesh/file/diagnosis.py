@@ -191,14 +191,17 @@ def _check_folds(mesh: MeshData, facets: Facets) -> None:
 def _named_facets(
     mesh: MeshData, facets: Facets, warnings: list[str]
 ) -> tuple[Simplices, dict[str, str]]:
-    """The named facets on the boundary, each once, and why every other group bounds nothing."""
+    """The named facets on the boundary, each once, and why every other group bounds nothing.
+
+    Facets with the same names have a group together.
+    """
     given = mesh.facets.take(mesh.facets.groups != 0)
     named = MeshData(mesh.dim, mesh.points, mesh.numbers, mesh.cells, given)
     found = facets.find(given.nodes)
     shared = np.where(found >= 0, facets.shared[found], 0)
     unusable: dict[str, str] = {}
-    for name, group in given.names.items():
-        own = given.groups == group
+    for name in given.names:
+        own = given.named(name)
         off, inner = own & (shared == 0), own & (shared == 2)
         if off.any():
             what = "edge" if mesh.dim == 2 else "face"
@@ -219,21 +222,18 @@ def _named_facets(
                 f"{places.facet(named, int(np.argmax(inner)))} has cells on both sides"
                 f"{places.more(int(inner.sum()))}; these facets are left out"
             )
-    boundary = shared == 1
-    order = np.flatnonzero(boundary)
+    usable = [name for name in given.names if name not in unusable]
+    has_name = np.array([given.named(name) for name in usable]).reshape(len(usable), -1)
+    order = np.flatnonzero((shared == 1) & has_name.any(axis=0))
     _, first, inverse = np.unique(found[order], return_index=True, return_inverse=True)
-    other = given.groups[order] != given.groups[order[first]][inverse]
-    if other.any():
-        index = int(order[np.argmax(other)])
-        names = sorted(
-            {given.name(int(g)) for g in given.groups[order][found[order] == found[index]]}
-        )
-        raise InputError(
-            f"physical groups {names[0]!r} and {names[1]!r} share {places.facet(named, index)}; "
-            "let each part of the boundary have one name"
-        )
-    kept = np.zeros(len(given), dtype=bool)
-    kept[order[first]] = True
-    usable = {name: group for name, group in given.names.items() if name not in unusable}
-    kept &= np.isin(given.groups, list(usable.values()))
-    return Simplices(given.nodes[kept], given.numbers[kept], given.groups[kept], usable), unusable
+    names_of = np.zeros((len(first), len(usable)), dtype=bool)
+    for column, has in enumerate(has_name[:, order]):
+        names_of[inverse[has], column] = True
+    together, group = np.unique(names_of, axis=0, return_inverse=True)
+    names = {
+        name: tuple(int(place) + 1 for place in np.flatnonzero(together[::-1, column]))
+        for column, name in enumerate(usable)
+    }
+    kept = order[first]
+    groups = len(together) - group.reshape(-1)
+    return Simplices(given.nodes[kept], given.numbers[kept], groups, names), unusable

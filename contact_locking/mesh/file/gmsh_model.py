@@ -69,8 +69,11 @@ def triangles(model: Any, origin: str) -> FloatArray:
 
 
 def _simplices(model: Any, dim: int, node_numbers: IntArray, origin: str) -> Simplices:
-    """The elements of one dimension: group after group, then the elements without a group."""
-    names: dict[str, int] = {}
+    """The elements of one dimension: group after group, then the elements without a group.
+
+    A facet is there once for each of its groups.
+    """
+    names: dict[str, tuple[int, ...]] = {}
     owner: dict[int, str] = {}
     nodes: list[IntArray] = [np.empty((0, dim + 1), dtype=np.int64)]
     numbers: list[IntArray] = [np.empty(0, dtype=np.int64)]
@@ -89,12 +92,12 @@ def _simplices(model: Any, dim: int, node_numbers: IntArray, origin: str) -> Sim
         name = _name(model, dim, tag, origin)
         if name in names:
             raise InputError(f"{origin} has two physical groups of dimension {dim} named {name!r}")
-        names[name] = int(tag)
+        names[name] = (int(tag),)
         for entity in map(int, model.getEntitiesForPhysicalGroup(dim, tag)):
-            if entity in owner:
+            if entity in owner and dim == model.getDimension():
                 raise InputError(
                     f"{origin}: physical groups {owner[entity]!r} and {name!r} share an entity; "
-                    "let each part of the mesh have one name"
+                    "let each region have one name"
                 )
             owner[entity] = name
             add(entity, int(tag))

@@ -2,7 +2,8 @@
 
 1. Solve on the mesh, the first time on the mesh of the study.
 2. Estimate the relative error, and stop if it is small enough or if a limit is reached.
-3. Mark the fewest cells that have a given share of the squared error.
+3. Mark the fewest cells that have a given share of the squared error, and those where a foundation
+   enters between the nodes.
 4. Refine the marked cells, and begin again.
 """
 
@@ -15,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray
@@ -26,7 +28,7 @@ from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint, solving
 from contact_locking.process.adaptivity import curvature
-from contact_locking.process.adaptivity.marking import marked_cells
+from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
 from contact_locking.process.adaptivity.measured_error import MEASURES, ErrorMeasure
 from contact_locking.process.adaptivity.mesh_sequence import MeshSequence
 from contact_locking.process.adaptivity.refinement import refined, singular_place
@@ -84,7 +86,7 @@ def solve_adaptively(
         restart = None
         sequence.add(solution, measure)
         finer = _refined(solution, measure, sequence)
-        monitor.mesh(len(sequence.meshes), sequence.told())
+        monitor.mesh(len(sequence.meshes), sequence.in_words())
         if sequence.stopped and not sequence.is_reached:
             _warn(solution, monitor, sequence)
         seconds = time.perf_counter() - began
@@ -107,7 +109,10 @@ def _refined(
     if sequence.stopped:
         return None
     squares = measure.squares(solution)
-    assert squares is not None
+    if squares is None:
+        # A mesh that misses a foundation may have no error.
+        index_map = domain.mesh.topology.index_map(domain.dim)
+        squares = np.zeros(index_map.size_local)
     found = gather_cells(domain, squares)
     radii = domain.smoothing_radii or {
         one.contact.key: default_radius(one.surface) for one in solution.contacts
@@ -117,13 +122,14 @@ def _refined(
         for one in solution.parameters.contacts
         if one.friction.coefficient != 0 and one.friction.smoothing.kernel != "none"
     ]
+    entered = entered_places(solution)
     held: list[WholeMesh] = []
 
     def work() -> None:
         assert mesh is not None and found is not None
-        if sequence.stagnates:
+        if sequence.stagnates and not entered:
             raise NotRefined(singular_place(mesh.data, smoothing))
-        marked = marked_cells(found, given.share)
+        marked = marked_cells(found, given.share) | cells_at(mesh.data, entered)
         sequence.pictures[-1] = sequence.pictures[-1].with_marks(mesh.data.cells.nodes, marked)
         held.append(replace(_finer(mesh, marked, solution.parameters), smoothing_radii=radii))
 

@@ -1,4 +1,4 @@
-"""Boundary parts of a mesh file that look curved, whose curve no one knows."""
+"""Boundary parts of a mesh file that look curved; the file does not describe their curves."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def curved_parts(data: MeshData) -> list[str]:
     """The names of the boundary parts with neighbouring facets at a small angle, sorted."""
     return [
         name
-        for name, group in sorted(data.facets.names.items())
-        if _bends(data, data.facets.take(data.facets.groups == group))
+        for name in sorted(data.facets.names)
+        if _bends(data, data.facets.take(data.facets.named(name)))
     ]
 
 

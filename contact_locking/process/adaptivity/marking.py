@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.certificate.laws import ENTRY
+from contact_locking.mesh.file.data import MeshData
+from contact_locking.results.solution import StudySolution
 
 # Contributions that differ by this share count as equal: where a problem is symmetric, its mesh
 # stays symmetric, and rounding, which depends on the number of ranks, does not decide.
 _TIE = 1e-6
+# A foundation that enters between the nodes by this share of its indentation asks for nodes there.
+_ENTERED = 0.1
+# A point of a cell has barycentric coordinates above this.
+_INSIDE = -1e-6
 
 
 def marked_cells(squares: FloatArray, share: float) -> BoolArray:
@@ -25,3 +32,32 @@ def marked_cells(squares: FloatArray, share: float) -> BoolArray:
     # The last of the sums may be less than the share of itself by rounding.
     last = min(int(np.searchsorted(sums, share * sums[-1])), len(sums) - 1)
     return np.asarray((squares >= (1.0 - _TIE) * squares[order[last]]) & (squares > 0.0))
+
+
+def entered_places(solution: StudySolution) -> list[tuple[float, ...]]:
+    """Where foundations enter between the nodes of Gamma_C, one place for each contact; collective.
+
+    They are the same on all ranks.
+    """
+    entries = [fields.entry for fields in solution.contacts]
+    return [item.place for item in entries if max(item.share, item.missed) > _ENTERED]
+
+
+def only_misses(solution: StudySolution) -> bool:
+    """Whether the solution meets every criterion but that on foundations between the nodes."""
+    criteria = solution.summary["certificate"]["criteria"]
+    return not criteria[ENTRY]["holds"] and all(
+        item["holds"] for name, item in criteria.items() if name != ENTRY
+    )
+
+
+def cells_at(data: MeshData, places: list[tuple[float, ...]]) -> BoolArray:
+    """The cells (k,) that have one of some places."""
+    corners = data.points[data.cells.nodes]
+    found = np.zeros(len(corners), dtype=bool)
+    inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    for place in places:
+        rest = np.einsum("kij,kj->ki", inverse, np.array(place) - corners[:, 0])
+        shares = np.column_stack([1.0 - rest.sum(axis=1), rest])
+        found |= shares.min(axis=1) > _INSIDE
+    return found

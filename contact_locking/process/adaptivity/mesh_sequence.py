@@ -1,10 +1,11 @@
-"""What the loop has done so far, and whether it goes on."""
+"""The meshes of the adaptive loop so far, and its end."""
 
 from __future__ import annotations
 
 import time
 from typing import Any
 
+from contact_locking.process.adaptivity.marking import entered_places, only_misses
 from contact_locking.process.adaptivity.measured_error import ErrorMeasure
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
@@ -15,7 +16,7 @@ _LEAST_FALL, _MESHES = 0.95, 4
 
 
 class MeshSequence:
-    """The meshes of the loop with their errors, and the reason why the loop ends.
+    """The meshes of the loop with their errors, and the reason for its end.
 
     ``meshes`` has an entry for each mesh, as in summary.json, and ``pictures`` has the meshes
     themselves on rank 0.  ``stopped`` is empty as long as the loop goes on.
@@ -46,7 +47,12 @@ class MeshSequence:
         )
         self._began = now
         error = measure.relative(solution)
-        if not solution.converged:
+        is_entered = bool(entered_places(solution))
+        if is_entered and (solution.converged or only_misses(solution)):
+            # What a foundation does between the nodes, no error on this mesh tells.
+            if len(self.meshes) >= self.given.max_meshes:
+                self.stop(f"adapt.max_meshes, {self.given.max_meshes}, is reached")
+        elif not solution.converged:
             self.stop("the solve on this mesh did not converge")
         elif error is None:
             # A body at rest has no relative error.
@@ -73,7 +79,7 @@ class MeshSequence:
             "meshes": [dict(entry) for entry in self.meshes],
         }
 
-    def told(self) -> str:
+    def in_words(self) -> str:
         """The last mesh in words."""
         last = self.meshes[-1]
         error = last[self.given.by]
@@ -87,7 +93,8 @@ class MeshSequence:
     def stagnates(self) -> bool:
         """Whether the error has hardly fallen over the last meshes."""
         errors = [entry[self.given.by] for entry in self.meshes[-_MESHES:]]
-        return len(errors) == _MESHES and errors[-1] > _LEAST_FALL * errors[0]
+        is_known = len(errors) == _MESHES and None not in errors
+        return is_known and errors[-1] > _LEAST_FALL * errors[0]
 
 
 def _is_at_rest(solution: StudySolution) -> bool:

@@ -8,7 +8,7 @@ again, and the mesh does not depend on the number of ranks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -48,7 +48,7 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
     data, parent = _bisected(mesh, marked)
     before = signed_measures(data.points, data.cells.nodes)
     if curved:
-        nodes_of = partial(_nodes_of, data, mesh.facet_names)
+        nodes_of = partial(_nodes_of, data)
         data = replace(data, points=rounded(curved, data.points, nodes_of))
         after = signed_measures(data.points, data.cells.nodes)
         if np.any(after / before < 1.0 - _LARGEST_LOSS):
@@ -61,7 +61,7 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
         raise NotRefined(f"the smallest cells, of {smallest:.1e}, are near the rounding")
     old = mesh.diagnosis
     found = Diagnosis(old.part_names, old.parts[parent], data.facets, old.unusable, old.warnings)
-    return WholeMesh(data, found, mesh.origin, mesh.smoothing_radii, mesh.facet_names)
+    return WholeMesh(data, found, mesh.origin, mesh.smoothing_radii)
 
 
 def _bisected(mesh: WholeMesh, marked: BoolArray) -> tuple[MeshData, IntArray]:
@@ -98,12 +98,11 @@ def _facets(fine: dmesh.Mesh, dim: int, tags: dmesh.MeshTags, old: Simplices) ->
     return simplices(nodes, tags.values, old.names)
 
 
-def _nodes_of(data: MeshData, facet_names: Mapping[str, Sequence[int]], name: str) -> BoolArray:
+def _nodes_of(data: MeshData, name: str) -> BoolArray:
     """The nodes (m,) of a boundary part or a region; none if there is no such group."""
     mask = np.zeros(len(data.points), dtype=bool)
-    mask[data.facets.nodes[np.isin(data.facets.groups, facet_names.get(name, ()))]] = True
-    if name in data.cells.names:
-        mask[data.cells.nodes[data.cells.groups == data.cells.names[name]]] = True
+    for group in (data.facets, data.cells):
+        mask[group.nodes[group.named(name)]] = True
     return mask
 
 

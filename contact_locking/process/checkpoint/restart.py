@@ -19,7 +19,7 @@ from contact_locking.study.assembly import StudyProblem
 
 
 class Restart:
-    """The saved state of a run's folder, for the problem to solve now; collective."""
+    """The saved state of a run's folder as the solution or the start of a problem; collective."""
 
     def __init__(self, directory: str | Path, problem: StudyProblem) -> None:
         self._directory, self._problem = directory, problem
@@ -59,7 +59,7 @@ class Restart:
         system.clear()
         return None
 
-    def told(self, report: SolverReport) -> str:
+    def in_words(self, report: SolverReport) -> str:
         """How the solve used the saved state, in words."""
         if not report.from_saved:
             return f"from nothing, as the state in {self._directory} is too far away"

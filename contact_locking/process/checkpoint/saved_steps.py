@@ -1,4 +1,4 @@
-"""The folder of the steps that a run has solved so far, from which a killed run goes on."""
+"""The folder of the steps that a run has solved so far; a killed run continues from it."""
 
 from __future__ import annotations
 
@@ -23,8 +23,31 @@ def name_of(number: int) -> str:
 def saved_steps(directory: Path) -> list[Path]:
     """The saved steps of a run in the order of their times; the saved state if there are none."""
     folder = directory / FOLDER
-    found = sorted(path.parent for path in folder.glob(f"[0-9]*/{RECORD}"))
+    found = [path.parent for path in _records(folder)]
     return found or [directory]
+
+
+def last_number(directory: Path, fingerprint: str) -> int:
+    """The number of the last step that a run with these parameters has saved, 0 if there is none.
+
+    Raises OSError.
+    """
+    folder = directory / FOLDER
+    records = _records(folder) if _is_of(folder, fingerprint) else []
+    return max((int(path.parent.name) for path in records), default=0)
+
+
+def _is_of(folder: Path, fingerprint: str) -> bool:
+    mark = folder / _RUN
+    return mark.is_file() and mark.read_text(encoding="utf-8") == _mark(fingerprint)
+
+
+def _mark(fingerprint: str) -> str:
+    return json.dumps({"version": __version__, "fingerprint": fingerprint}) + "\n"
+
+
+def _records(folder: Path) -> list[Path]:
+    return sorted(folder.glob(f"[0-9]*/{RECORD}"))
 
 
 def unfinished(directory: Path, fingerprint: str) -> list[Path]:
@@ -34,13 +57,12 @@ def unfinished(directory: Path, fingerprint: str) -> list[Path]:
     steps of these.  Raises OSError, and InputError if there is a folder of others in its place.
     """
     folder = directory / FOLDER
-    mark = json.dumps({"version": __version__, "fingerprint": fingerprint}) + "\n"
-    if (folder / _RUN).is_file() and (folder / _RUN).read_text(encoding="utf-8") == mark:
-        return [path.parent for path in sorted(folder.glob(f"[0-9]*/{RECORD}"))]
+    if _is_of(folder, fingerprint):
+        return [path.parent for path in _records(folder)]
     ownership.discard(folder)
     folder.mkdir(parents=True, exist_ok=True)
     ownership.require_own(folder.parent, [FOLDER], "output.directory")
-    ownership.write_text(folder / _RUN, mark)
+    ownership.write_text(folder / _RUN, _mark(fingerprint))
     return []
 
 

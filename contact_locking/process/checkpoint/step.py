@@ -1,4 +1,4 @@
-"""What a checkpoint of a step holds beside the state: time, history, and the memory of friction."""
+"""Time, history and memory of friction in the checkpoint of a step, beside the state."""
 
 from __future__ import annotations
 

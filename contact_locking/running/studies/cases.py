@@ -114,7 +114,7 @@ class Outcome:
 
     @property
     def reservation(self) -> str:
-        """What makes a converged result a rough one; otherwise empty."""
+        """The reason why a converged result is rough; otherwise empty."""
         weak = weakest(self.summary or {})
         return f", but rough: {weak.words}" if weak is not None and weak.is_rough else ""
 

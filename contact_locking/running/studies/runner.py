@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 INDEX = "index.txt"
 KEY = "output.directory"
 _TABLE_SECONDS = 2.0
-_GO_ON = "What is finished is kept; make room, and the same command does the others."
+_GO_ON = "Finished cases are kept; make room, and repeat the command for the others."
 
 
 @dataclass

@@ -188,10 +188,14 @@ class InteriorPoint:
         for family in tangent.families:
             family.start(tuning.start_level * elastic.energy(), least)
         for bound in bounds:
-            bound.start(self.bound_moves, least)
+            bound.start(self.bound_moves and not bound.stands, least)
         self._iterate = Iterate(tangent, tuning.band)
         self._iterate.soften(0.0)
-        self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
+        self._moving = [
+            bound
+            for bound in bounds
+            if self.bound_moves and bound.friction.takes_part and not bound.stands
+        ]
         self._search = Search(
             self._iterate, self._moving, tuning, task.settings, self.approach.foresees
         )

@@ -28,6 +28,11 @@ class MovingBound:
     friction: FrictionCones
     least: float
 
+    @property
+    def stands(self) -> bool:
+        """Whether the bound stays as it is within a solve."""
+        return self.contact.friction.stands
+
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
 

@@ -133,6 +133,24 @@ class Parameters(Section):
         ]
         return tuple(dict.fromkeys(name for name in names if name in own))
 
+    def timed(self) -> Iterator[tuple[str, str]]:
+        """The key and the text of every expression that may depend on the time t."""
+        for place, text, variables in _expressions(self, ()):
+            if variables == TIME:
+                yield ".".join(map(str, place)), text
+
+    def idle_friction(self) -> Iterator[str]:
+        """A warning about each friction coefficient that has no contact to act on."""
+        for place, section in self._contact_sections():
+            key = ".".join(map(str, place))
+            given = section.resolved(key, self.friction)
+            where = given.friction_key("coefficient")
+            is_only_here = not self.contacts or where.startswith(key)
+            if not section.on and given.friction.coefficient != 0 and is_only_here:
+                yield f"{where}: has no effect, as {key}.on is empty, and there is no contact"
+        if not self._contact_sections() and self.friction.coefficient != 0:
+            yield "friction.coefficient: has no effect, as contact is empty"
+
     def limit(self) -> Parameters:
         """The variational inequality on the same mesh: n = .inf, and no regularisation."""
 
@@ -166,6 +184,12 @@ class Parameters(Section):
             )
         if self.solver.method == "newton":
             for contact in self.contacts:
+                if contact.friction.coefficient == math.inf:
+                    yield Fault(
+                        tuple(contact.friction_key("coefficient").split(".")),
+                        ".inf, no slip, cannot be solved by Newton's method; take solver.method: "
+                        "interior_point (or auto), or a finite coefficient",
+                    )
                 if contact.friction.regularisation == 0.0:
                     yield Fault(
                         tuple(contact.friction_key("regularisation").split(".")),

@@ -42,7 +42,11 @@ class FrictionParameters(Section):
     """Coulomb's law (6): |sigma_tau| <= mu(|u_tau|) |R sigma_nu|."""
 
     coefficient: NonNegativeSlipScalar = entry(
-        0.0, "mu >= 0, a number or an expression of x, y, z and s = |u_tau|", "1", scalar="s"
+        0.0,
+        "mu >= 0, a number or an expression of x, y, z and s = |u_tau|; .inf: no slip where the "
+        "body is pressed",
+        "1",
+        scalar="s",
     )
     smoothing: Smoothing = entry(Smoothing(), "the mollifier R")
     regularisation: NonNegative | None = entry(

@@ -81,6 +81,11 @@ def _number_or_infinite(value: Any) -> float:
     return value if value == -math.inf else _number(value, infinite=True)
 
 
+def _of_slip(value: Any) -> float | str:
+    """A number, plus infinity, or the text of an expression that is finite."""
+    return value if isinstance(value, float) and value == math.inf else _OF_SLIP(value)
+
+
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
         raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
@@ -211,4 +216,4 @@ PositiveScalar = Annotated[_PositiveOrText, BeforeValidator(_IN_SPACE)]
 PositiveScalarOrInfinite = Annotated[_PositiveOrText, BeforeValidator(_OR_INFINITE)]
 NegativeScalarOrInfinite = Annotated[float | str, BeforeValidator(_negative)]
 PoissonScalar = Annotated[_PoissonOrText, BeforeValidator(_IN_SPACE)]
-NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_OF_SLIP)]
+NonNegativeSlipScalar = Annotated[_NonNegativeOrText, BeforeValidator(_of_slip)]

@@ -1,4 +1,4 @@
-"""What a time of a process asks of the body, whatever friction remembers."""
+"""The data of a process that decide which displacements are admissible at a time."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Demand:
-    """All that decides what is admissible at a time, on this rank.
+class AdmissibilityData:
+    """Prescribed displacements, gaps, contact normals and limits at a time, on this rank.
 
-    ``limits`` are the inverse limits of the strain: the time does not change them, but whoever
-    changes the problem between two steps may.  Tools that a force pushes ask for nothing, as they
-    may retreat.
+    ``limits`` are the inverse limits of the strain: the time does not change them, but a user who
+    changes the problem between two steps may.  Foundations that a force pushes do not count,
+    because they may retreat.  Friction decides nothing here.
     """
 
     comm: MPI.Intracomm
@@ -32,8 +32,8 @@ class Demand:
     limits: FloatArray
 
     @classmethod
-    def of(cls, system: PenalisedSystem, time: float) -> Demand:
-        """The demand of the time that the system has been put to."""
+    def of(cls, system: PenalisedSystem, time: float) -> AdmissibilityData:
+        """The data of the system, which has been set to the time."""
         contacts = [contact for contact in system.contacts if not contact.is_pushed]
         return cls(
             comm=system.comm,
@@ -44,20 +44,21 @@ class Demand:
             limits=np.concatenate([law.inverse_limit.x.array for law in system.data.sets]),
         )
 
-    def repeats(self, other: Demand) -> bool:
-        """Whether the same is admissible as at another time; collective."""
+    def repeats(self, other: AdmissibilityData) -> bool:
+        """Whether the same displacements are admissible as at another time; collective."""
         return (
             self._is_bounded_like(other)
             and self._are_same(self.displacements, other.displacements)
             and self._are_same(self.gaps, other.gaps)
         )
 
-    def is_beyond(self, refused: Demand, reached: Demand) -> bool:
-        """Whether nothing is admissible, as nothing is at ``refused``; collective.
+    def is_beyond(self, refused: AdmissibilityData, reached: AdmissibilityData) -> bool:
+        """Whether no displacement is admissible, because none is at ``refused``; collective.
 
-        Something is at ``reached``.  If ``refused`` mixes the displacements and the gaps of
-        ``reached`` and of this demand, and all else is the same, then the mixture of what is
-        admissible at both would be admissible at ``refused``, because the limits are convex.
+        Some displacement is admissible at ``reached``.  Let ``refused`` mix the displacements and
+        the gaps of ``reached`` and of these data, with all else the same.  If some displacement
+        were admissible here, its mixture with that at ``reached`` would be admissible at
+        ``refused``, because the limits are convex.
         """
         if not reached.time < refused.time <= self.time:
             return False
@@ -73,7 +74,7 @@ class Demand:
             and is_mixed(self.gaps, refused.gaps, reached.gaps)
         )
 
-    def _is_bounded_like(self, other: Demand) -> bool:
+    def _is_bounded_like(self, other: AdmissibilityData) -> bool:
         """Whether normals and limits are the same; collective."""
         return self._are_same(self.normals, other.normals) and self._are_same(
             self.limits, other.limits

@@ -1,0 +1,114 @@
+"""Contact without slip: what is pressed onto the foundation stays where it is."""
+
+from __future__ import annotations
+
+import math
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import with_changes
+
+from contact_locking import InputError, solve, solve_steps
+from contact_locking.results.contact_points import OPEN, SLIP, STICK
+from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
+
+_BLOCK: dict[str, Any] = {
+    "mesh": {"builder": "block", "size": [2, 1], "h": 0.25},
+    "material": {"elasticity": {"young": 1.0, "poisson": 0.49}},
+    "loads": {"displacements": [{"on": "top", "value": [0.004, -0.02]}]},
+    "contact": {"on": "bottom"},
+    "friction": {"coefficient": math.inf},
+}
+_CYLINDER: dict[str, Any] = {
+    "mesh": {"builder": "block", "size": [4, 1], "h": 0.2},
+    "loads": {"displacements": [{"on": "bottom", "value": ["0.2*t", 0]}]},
+    "contact": {"on": "top", "foundation": {"cylinder": {"centre": [2, 2.95], "radius": 2}}},
+    "friction": {"coefficient": math.inf},
+    "steps": {"to": 1, "count": 3},
+}
+
+
+def _holds(found: StudySolution) -> bool:
+    return all(item["holds"] for item in found.summary["certificate"]["criteria"].values())
+
+
+def _given(data: dict[str, Any], **changes: Any) -> Parameters:
+    return with_changes(deepcopy(data), **changes)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_block_that_is_pressed_everywhere_is_as_good_as_clamped(degree: int) -> None:
+    element = {"discretisation__degree": degree}
+    found = solve(_given(_BLOCK, **element))
+    assert found.converged and _holds(found)
+    assert found.summary["slip_area"] == 0.0 and found.summary["friction_used"] is None
+    held = [*_BLOCK["loads"]["displacements"], {"on": "bottom", "value": [0, 0]}]
+    clamped = solve(_given(_BLOCK, loads={"displacements": held}, contact=[], **element))
+    reaction = clamped.summary["reactions"]["bottom"]
+    summary = found.summary
+    force = np.add(summary["contact_force"], summary["friction_force"])
+    assert force == pytest.approx(reaction, rel=1e-6)
+
+
+def test_what_touches_sticks_and_what_leaves_is_free() -> None:
+    """The same as with a coefficient at which nothing slips either."""
+    found = list(solve_steps(_given(_CYLINDER)))
+    assert all(solution.converged for solution in found)
+    finite = {"coefficient": 100, "smoothing": {"kernel": "none"}}
+    other = list(solve_steps(_given(_CYLINDER, friction=finite)))
+    for one, two in zip(found, other, strict=True):
+        assert one.summary["slip_area"] == two.summary["slip_area"] == 0.0
+        difference = one.displacement.x.array - two.displacement.x.array
+        largest = MPI.COMM_WORLD.allreduce(np.abs(two.displacement.x.array).max(), MPI.MAX)
+        assert np.abs(difference).max() < 1e-6 * largest
+    points = found[-1].contact_points
+    if points is not None:
+        assert set(points.state) == {OPEN, STICK}
+        is_open = points.state == OPEN
+        sizes = np.linalg.norm(points.traction, axis=1)
+        assert sizes[is_open].max() < 1e-5 * points.pressure.max()
+
+
+def test_a_strip_that_is_lifted_at_one_end_stays_in_its_place() -> None:
+    """Nothing else holds it along the foundation."""
+    loads = {"body_force": [0, -1e-3], "displacements": [{"on": "right", "value": [None, 0.02]}]}
+    mesh = {"builder": "block", "size": [6, 1], "h": 0.25}
+    found = solve(_given(_BLOCK, loads=loads, mesh=mesh))
+    assert found.converged and found.summary["slip_area"] == 0.0
+    assert 0.0 < found.summary["contact_area"] < 6.0
+
+
+def test_a_rough_floor_beside_a_wall_with_friction() -> None:
+    """At the corner the wall's pressure and the floor's friction would hold each other up."""
+    contact = [{"on": "bottom"}, {"on": "left", "friction": {"coefficient": 0.3}}]
+    push = [{"on": "right", "value": [-0.02, 0]}]
+    held = [{"on": "top", "value": [0.002, -0.01]}]
+    loads = {"displacements": held, "tractions": push}
+    found = solve(_given(_BLOCK, loads=loads, contact=contact))
+    assert found.converged and _holds(found)
+    points = found.contact_points
+    if points is not None:
+        floor, wall = points.parts()
+        assert SLIP not in floor.state and SLIP in wall.state
+        assert wall.pressure.max() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"solver__method": "newton", "penalty__n": 1e3}, "take solver.method: interior_point"),
+        ({"friction__coefficient": "inf if x < 1 else 0.3"}, "unknown name 'inf'"),
+        ({"friction__coefficient": -math.inf}, "must be"),
+        ({"friction__coefficient": math.nan}, "must be a finite number"),
+    ],
+)
+def test_where_it_cannot_be_the_message_says_what_to_write(
+    changes: dict[str, Any], told: str
+) -> None:
+    with pytest.raises((InputError, ValueError)) as caught:
+        _given(_BLOCK, **changes)
+    assert told in str(caught.value)
