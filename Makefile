@@ -9,7 +9,7 @@ SEVERAL = -n $(WORKERS) --dist loadfile
 PARALLEL = env OMPI_MCA_mpi_yield_when_idle=1 timeout --kill-after=30 2700 mpirun -n $(RANKS)
 
 # The compiled C serves several ranks: these tests also run with MUMPS in its place.
-NATIVE = $(addprefix tests/solver/test_,substructuring.py one_substructure.py projection.py saddle_point.py)
+NATIVE = $(addprefix tests/solver/test_,substructuring.py one_substructure.py projection.py)
 
 # $(call optional,TOOL,COMMANDS): a Python of the user's own need not have the tool.
 optional = ./in-env sh -c 'if command -v $(1) >/dev/null; then $(2); \

@@ -19,9 +19,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from contact_locking.certificate.elliptic import elasticity, elliptic_problem
+from contact_locking.certificate.elliptic import Lifting, elasticity, elliptic_problem
 from contact_locking.certificate.guaranteed import guaranteed_error
-from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.monitor import Monitor
 from contact_locking.process.of_study import solver_of

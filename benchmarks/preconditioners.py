@@ -30,7 +30,7 @@ from scipy.sparse import diags
 from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, StiffPart
 from contact_locking.solver.linear.gmres import Preconditioner
 from contact_locking.solver.linear.storage import IN_BLOCKS
-from contact_locking.supports.near_nullspace import near_nullspace
+from contact_locking.supports.affine_part import near_nullspace
 
 PLACES = ("half", "scattered")
 DIRECTIONS = ("same", "random")

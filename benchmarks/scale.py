@@ -28,9 +28,8 @@ from mpi4py import MPI
 
 from contact_locking.process import solving
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
-from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid
+from contact_locking.solver.linear.filtered_multigrid import FilteredMultigrid, Projection
 from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
-from contact_locking.solver.linear.projection import Projection
 from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.
@@ -91,7 +90,7 @@ def preconditioner(multigrid: FilteredMultigrid) -> str:
     """What a tangent is solved with at present, and with how many rows to factorise."""
     if multigrid._projection is not None:
         projection: Projection = multigrid._projection
-        return f"projection, {projection.rows.getSize()[0]}"
+        return f"projection, {projection._rows.getSize()[0]}"
     if multigrid._filter is not None:
         return f"filter, {multigrid._filter._right.getSize()}"
     return "multigrid"

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from contact_locking.contact_problem import ContactProblem
     from contact_locking.errors import ContactLockingError, InputError, NotConverged
     from contact_locking.laws.foundation import Cylinder, HalfSpace, Sphere
-    from contact_locking.laws.friction_law import FrictionLaw
+    from contact_locking.laws.friction import FrictionLaw
     from contact_locking.laws.level_set import LevelSet
     from contact_locking.laws.polyline import Polyline
     from contact_locking.laws.triangulated import TriangulatedSurface
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from contact_locking.results.solution import Solution, StudySolution
     from contact_locking.results.state import State
     from contact_locking.running.writing import save, write
-    from contact_locking.solver.settings import Settings
+    from contact_locking.sensitivity.parameters import Number
+    from contact_locking.solver.task import Settings
     from contact_locking.study.assembly import assemble
     from contact_locking.study_file import from_mapping, load
     from contact_locking.study_file.parameters import Parameters
@@ -67,6 +68,7 @@ __all__ = [
     "Local",
     "Motion",
     "NotConverged",
+    "Number",
     "Parameters",
     "Polyline",
     "Settings",
@@ -104,7 +106,7 @@ _HOME = {
     "Extras": "certificate.verdict",
     "Force": "contact.contact",
     "FrictionBound": "contact.friction_bound",
-    "FrictionLaw": "laws.friction_law",
+    "FrictionLaw": "laws.friction",
     "Gap": "contact.contact",
     "HalfSpace": "laws.foundation",
     "Helmholtz": "contact.coulomb",
@@ -113,9 +115,10 @@ _HOME = {
     "Local": "contact.coulomb",
     "Motion": "contact.contact",
     "NotConverged": "errors",
+    "Number": "sensitivity.parameters",
     "Parameters": "study_file.parameters",
     "Polyline": "laws.polyline",
-    "Settings": "solver.settings",
+    "Settings": "solver.task",
     "Solution": "results.solution",
     "Sphere": "laws.foundation",
     "State": "results.state",

@@ -28,7 +28,7 @@ from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
-from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import Settings
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
 
@@ -147,12 +147,13 @@ class ContactProblem:
         report = solver.solve(None if begin is None else begin.state.saved)
         state = solver.state(report)
         judged = certify(state, extras or Extras()) if certificate else None
-        solution = solution_of(state, judged)
+        solution = solution_of(state, judged, solver.derivatives(report))
         solution.summary["warnings"] += solver.unused_options()
         return solution
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
+        self._solver.close()
         self._discrete.close()
 
 

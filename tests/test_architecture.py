@@ -34,6 +34,7 @@ LAYERS = (
     ("solver",),
     ("results",),
     ("certificate", "convergence"),
+    ("sensitivity",),
     ("extras",),
     ("process",),
     ("contact_problem", "running"),

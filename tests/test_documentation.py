@@ -17,7 +17,7 @@ import pytest
 from mpi4py import MPI
 
 from contact_locking import from_mapping, solve, solve_steps
-from contact_locking.command import arguments, cli
+from contact_locking.command import cli
 from contact_locking.mesh.xdmf_mesh import from_xdmf
 from contact_locking.results.summary import summary_text
 from contact_locking.study_file.schema import rows
@@ -49,7 +49,7 @@ def commands(page: str) -> Iterator[list[str]]:
     for line in re.findall(r"^    (.*\bcontact-locking .*)$", text, re.MULTILINE):
         words = re.split(r"\s{3,}|\s+[#>]", line.partition("contact-locking ")[2])[0]
         # Some line of a shell is no call of ours: apt-get, cd, docker.
-        if words.split()[0] in generated_reference.commands(arguments.parser()):
+        if words.split()[0] in generated_reference.commands(cli.parser()):
             yield shlex.split(words)
 
 
@@ -70,7 +70,7 @@ def test_links_between_pages_resolve(page: str) -> None:
 def test_commands_have_options_that_exist(page: str) -> None:
     for words in commands(page):
         ours = words[: words.index("--")] if "--" in words else words
-        arguments.parser().parse_args(arguments.one_setting_each(ours))
+        cli.parser().parse_args(cli.one_setting_each(ours))
         for word in ours:
             assert not word.startswith("demos/") or (ROOT / word).exists(), word
 
@@ -104,7 +104,7 @@ def test_every_key_of_the_schema_is_in_the_reference() -> None:
 
 def test_every_command_and_option_is_in_the_reference() -> None:
     page = generated_reference.fill((DOCS / "reference" / "command-line.md").read_text())
-    for name, parser in generated_reference.commands(arguments.parser()).items():
+    for name, parser in generated_reference.commands(cli.parser()).items():
         assert f"## contact-locking {name}\n" in page
         for option in re.findall(r"--\w+", parser.format_help()):
             assert option in page
@@ -121,6 +121,7 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
         "friction": {"coefficient": 0.3, "smoothing": {"radius": 0.5}},
         "penalty": {"n": 1e4},
         "certificate": {"limit": True, "error_bound": True},
+        "sensitivities": {"of": "compliance", "to": "friction.coefficient"},
     }
     adapted = solve(from_mapping(given | {"adapt": {"max_meshes": 1}}))
     (step,) = solve_steps(from_mapping(given | {"steps": {"times": [1.0]}}))

@@ -10,6 +10,7 @@ from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
 from contact_locking.certificate.elliptic import (
+    Lifting,
     NotApplicable,
     elasticity,
     elliptic_problem,
@@ -17,7 +18,6 @@ from contact_locking.certificate.elliptic import (
     require_still_foundations,
     springs,
 )
-from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem.compiled import integral
 from contact_locking.parallel import maximum, on_any_rank

@@ -34,17 +34,17 @@ ENTRY = "penetration_between_nodes"
 _ENTRY = 0.5
 
 
-def law_limit(state: SolvedState, margin: float = _MARGIN) -> float:
-    """The limit of defects relative to the work: the tolerance of the solver times ``margin``."""
-    return margin * max(state.settings.tolerance, _TOLERANCE)
+def law_limit(state: SolvedState) -> float:
+    """The limit of defects relative to the work: the tolerance of the solver with a margin."""
+    return _MARGIN * max(state.settings.tolerance, _TOLERANCE)
 
 
-def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Criterion]:
+def law_criteria(state: SolvedState) -> dict[str, Criterion]:
     """The criteria of all laws, relative to the work of the state; collective.
 
-    The limits are the tolerances of the solver times ``margin``.
+    The limits are the tolerances of the solver with a margin.
     """
-    law = law_limit(state, margin)
+    law = law_limit(state)
     products, violation, squares = locking(state)
     gap = products + squares
     found = {
@@ -65,7 +65,7 @@ def law_criteria(state: SolvedState, margin: float = _MARGIN) -> dict[str, Crite
         )
     rubbing = [fields for fields in state.contacts if not fields.contact.friction.frictionless]
     if rubbing:
-        found |= _friction_criteria(state, rubbing, law, margin)
+        found |= _friction_criteria(state, rubbing, law)
         gap += found["friction_complementarity"].value
     found["duality_gap"] = Criterion(float(gap), law, "duality gap")
     return found
@@ -90,10 +90,10 @@ def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
 
 
 def _friction_criteria(
-    state: SolvedState, rubbing: list[ContactFields], law: float, margin: float
+    state: SolvedState, rubbing: list[ContactFields], law: float
 ) -> dict[str, Criterion]:
     products, cones, signs = np.transpose([friction(state, fields) for fields in rubbing])
-    settled = margin * max(state.settings.friction_tolerance, _TOLERANCE)
+    settled = _MARGIN * max(state.settings.friction_tolerance, _TOLERANCE)
     change = bound_change(state, rubbing)
     constants = max(smoothing_constants(state, fields) for fields in rubbing)
     return {

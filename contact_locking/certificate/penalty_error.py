@@ -14,8 +14,7 @@ import numpy as np
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
-from contact_locking.certificate.lifting import Lifting
+from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import compiled
 from contact_locking.laws.convex import squared_norm

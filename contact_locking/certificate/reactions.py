@@ -19,7 +19,17 @@ _ALONG = 1e-6
 def reactions_by_part(
     domain: Domain, constraints: Constraints, reaction: FloatArray
 ) -> dict[str, FloatArray]:
-    """The resultant (d,) on the body of the reactions of each boundary part; collective.
+    """The resultant (d,) on the body of the reactions of each boundary part; collective."""
+    return {
+        name: np.asarray(domain.comm.allreduce(share.reshape(-1, domain.dim).sum(axis=0)))
+        for name, share in shares_by_part(domain, constraints, reaction).items()
+    }
+
+
+def shares_by_part(
+    domain: Domain, constraints: Constraints, reaction: FloatArray
+) -> dict[str, FloatArray]:
+    """The share (k,) of each boundary part in the reactions; linear, node by node; collective.
 
     ``reaction`` (k,) are the reactions at the owned dofs of displacements, zero at free dofs.  The
     reaction of a node is a sum of forces along the components and directions that the parts
@@ -49,12 +59,9 @@ def reactions_by_part(
     holders = np.zeros(len(reaction))
     for dofs in owned.values():
         holders[dofs] += 1.0
-    found = {}
-    for name, share in shares.items():
-        dofs = owned.get(name, np.empty(0, dtype=np.int32))
-        share[dofs] += rest[dofs] / holders[dofs]
-        found[name] = np.asarray(domain.comm.allreduce(share.reshape(-1, dim).sum(axis=0)))
-    return found
+    for name, dofs in owned.items():
+        shares[name][dofs] += rest[dofs] / holders[dofs]
+    return shares
 
 
 def are_held(

@@ -20,9 +20,7 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.derived import ContactFields, penalised
 from contact_locking.solver.multipliers import Multipliers
-from contact_locking.solver.settings import Settings
-from contact_locking.solver.solver_report import SolverReport
-from contact_locking.solver.target import Target
+from contact_locking.solver.task import Settings, SolverReport, Target
 
 
 @dataclass

@@ -12,11 +12,10 @@ from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
-from contact_locking.certificate.elliptic import NotApplicable
+from contact_locking.certificate.elliptic import Lifting, NotApplicable
 from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
 from contact_locking.certificate.laws import entry_criterion, law_criteria
-from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.penalty_error import penalty_error
 from contact_locking.certificate.solved_state import SolvedState
 
@@ -71,14 +70,9 @@ class Certificate:
         }
 
 
-def is_solved(state: SolvedState, sharply: bool) -> bool:
-    """Whether equilibrium and the laws hold as in a solution; collective.
-
-    With ``sharply`` the limits are the tolerances of the solver, without the margin of the
-    certificate.
-    """
-    laws = law_criteria(state, 1.0) if sharply else law_criteria(state)
-    found = equilibrium(state).criteria(state.settings.tolerance) | laws
+def is_solved(state: SolvedState) -> bool:
+    """Whether equilibrium and the laws hold as in a solution; collective."""
+    found = equilibrium(state).criteria(state.settings.tolerance) | law_criteria(state)
     return all(item.holds for item in found.values())
 
 

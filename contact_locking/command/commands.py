@@ -82,6 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
     if speaks:
         outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]
         print(terminal.columns(outcome))
+        if derived := in_words.sensitivities(solution.summary):
+            print(terminal.columns(derived))
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
@@ -177,12 +179,12 @@ def mesh(arguments: argparse.Namespace) -> int:
 
     if is_xdmf(arguments.output):
         comm = world_with_dolfinx(arguments)
-        from contact_locking.mesh import mesh_export
+        from contact_locking.mesh import xdmf_mesh
         from contact_locking.study import assembly
 
         with _explained(study):
             domain = assembly.mesh_of(study.parameters, comm)
-            mesh_export.export(domain, arguments.output)
+            xdmf_mesh.export(domain, arguments.output)
         for warning in domain.warnings:
             terminal.complain(f"warning: {domain.origin}: {warning}")
         if comm.rank == 0:

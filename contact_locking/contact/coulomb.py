@@ -18,7 +18,7 @@ from contact_locking.contact.smoothing import (
     Smoothing,
 )
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.laws.friction_law import Coefficient, FrictionLaw
+from contact_locking.laws.friction import Coefficient, FrictionLaw
 
 # The default radius of R is this share of the extent of Gamma_C.  It is at least twice the longest
 # facet: the kernel vanishes at the radius, and R has to reach the neighbours of each node.
@@ -99,7 +99,7 @@ class Coulomb:
     """``|sigma_tau| <= mu(x, s) |R sigma_nu|`` (6), with s the accumulated slip.
 
     ``coefficient`` is mu: a number, infinity for no slip where the body is pressed, a function of
-    points (k, d) and slips (k,), or a :class:`~contact_locking.laws.friction_law.FrictionLaw`.
+    points (k, d) and slips (k,), or a :class:`~contact_locking.laws.friction.FrictionLaw`.
     ``regularisation`` is the slip, a
     length, at which friction reaches 71 % of its bound (22); 0 is Coulomb's law itself, and None
     stands for the compliance of the contact times Young's modulus.  A user's own friction bound is

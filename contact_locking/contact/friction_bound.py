@@ -7,7 +7,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.smoothing import Smoothing
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.laws.friction_law import Coefficient, FrictionLaw
+from contact_locking.laws.friction import Coefficient, FrictionLaw
 from contact_locking.parallel import maximum
 
 # The central differences of mu take steps of this share of the slip.
@@ -18,7 +18,7 @@ class FrictionBound:
     """``G(p, s) = mu(x, s) |R p|`` (6): the bound of the friction traction at the nodes.
 
     ``law`` maps points (k, d) and accumulated slips s (k,) to ``mu`` (k,): a
-    :class:`~contact_locking.laws.friction_law.FrictionLaw`, or a function, for which the
+    :class:`~contact_locking.laws.friction.FrictionLaw`, or a function, for which the
     certificate samples mu* and L_mu.  ``smoothing`` is R.  ``frictionless`` says that mu is zero
     everywhere, and ``stands`` that the bound does not move within a solve.  A user's own friction
     bound is a subclass with another :meth:`evaluate`.

@@ -11,7 +11,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.friction_bound import FrictionBound
 from contact_locking.contact.smoothing import Identity
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.laws.friction_law import FrictionLaw
+from contact_locking.laws.friction import FrictionLaw
 from contact_locking.parallel import maximum
 
 # Where the pressure is below this share of the largest, the body is not pressed.

@@ -11,6 +11,7 @@ Messages count nodes and cells from 0, in the order of the file.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,14 +20,109 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.contiguity import check_boundary
 from contact_locking.mesh.file.data import MeshData, Simplices
-from contact_locking.mesh.file.diagnosis import MOST_PARTS, check_cells
-from contact_locking.mesh.file.topology import signed_measures
-from contact_locking.parallel import agree, on_root
+from contact_locking.mesh.file.diagnosis import MOST_PARTS, check_cells, check_coordinates
+from contact_locking.mesh.file.topology import components, keys, signed_measures
+from contact_locking.parallel import agree, maximum, on_any_rank, on_root
+
+# The largest z of a body in the plane, as a share of the largest coordinate.
+_FLAT = 1e-12
+
+
+@dataclass(frozen=True)
+class MeshShare:
+    """A rank's share of the points (m, dim or 3) and of the cells (k, dim + 1) of a mesh.
+
+    Points and cells are numbered from 0, rank after rank; cells name points of all ranks.  DOLFINx
+    needs numbers of nodes that are there, cells that occur once, and facets of two cells.
+    """
+
+    comm: MPI.Intracomm
+    dim: int
+    points: FloatArray
+    cells: IntArray
+
+    def check(self) -> None:
+        """Raise InputError, on all ranks, for arrays that are no mesh of a body; collective."""
+        comm, dim = self.comm, self.dim
+        if not comm.allreduce(len(self.cells)):
+            raise InputError("the mesh has no cells")
+        first, first_cell = (comm.exscan(len(rows)) or 0 for rows in (self.points, self.cells))
+        total = comm.allreduce(len(self.points))
+        agree(comm, lambda: self._check_numbers(first, first_cell, total))
+        if self.points.shape[1] > dim:
+            flat = _FLAT * maximum(comm, np.abs(self.points))
+            if on_any_rank(comm, np.abs(self.points[:, dim:]) > flat):
+                raise InputError("the mesh is a surface in space; a 2D body lies in z = 0")
+        corners = np.sort(self.cells, axis=1)
+        cells = self._in_charge_of(corners, total)
+        agree(comm, lambda: _require_once(cells, total, dim))
+        facets = np.concatenate([np.delete(corners, i, axis=1) for i in range(dim + 1)])
+        shared = self._in_charge_of(facets, total)
+        agree(comm, lambda: _require_two_cells(shared, total, dim))
+
+    def _check_numbers(self, first: int, first_cell: int, total: int) -> None:
+        """Raise InputError for a point that is not finite, and for a cell that is no simplex."""
+        points, cells, dim = self.points, self.cells, self.dim
+        if cells.shape[1:] != (dim + 1,) or points.shape[1:] not in ((dim,), (3,)):
+            raise InputError("the sizes of its arrays are not those of a mesh of simplices")
+        none = Simplices(np.empty((0, dim), int), np.empty(0, int), np.empty(0, int), {})
+        numbers = np.arange(first, first + len(points))
+        check_coordinates(MeshData(dim, points, numbers, none, none))
+        outside = ((cells < 0) | (cells >= total)).any(axis=1)
+        corners = np.sort(cells, axis=1)
+        twice = (corners[:, 1:] == corners[:, :-1]).any(axis=1)
+        for bad, what in (
+            (outside, f"names nodes that are none of its {total}"),
+            (twice, "has the same node twice"),
+        ):
+            if bad.any():
+                place = first_cell + int(np.argmax(bad))
+                many = places.more(int(bad.sum()))
+                raise InputError(f"{places.CELL[dim]} {place} {what}{many}")
+
+    def _in_charge_of(self, rows: IntArray, total: int) -> IntArray:
+        """The rows of all ranks whose first node this rank is in charge of; collective."""
+        size = self.comm.size
+        if size == 1:
+            return rows
+        rank = rows[:, 0] * size // total
+        order = np.argsort(rank, kind="stable")
+        ends = np.searchsorted(rank[order], np.arange(1, size))
+        return np.concatenate(self.comm.alltoall(np.split(rows[order], ends)))
+
+
+def _require_once(cells: IntArray, total: int, dim: int) -> None:
+    """Raise InputError for a cell that is there twice."""
+    _, first, number = np.unique(keys(cells, total), return_index=True, return_counts=True)
+    if np.any(number > 1):
+        nodes = _listed(cells[first[np.argmax(number > 1)]])
+        raise InputError(
+            f"a {places.CELL[dim]} is there twice: both have the nodes {nodes}"
+            f"{places.more(int(np.count_nonzero(number > 1)))}; remove the duplicates"
+        )
+
+
+def _require_two_cells(facets: IntArray, total: int, dim: int) -> None:
+    """Raise InputError for a facet of more than two cells."""
+    _, first, number = np.unique(keys(facets, total), return_index=True, return_counts=True)
+    if np.any(number > 2):
+        where = int(np.argmax(number > 2))
+        what, plural = ("edge", "triangles") if dim == 2 else ("face", "tetrahedra")
+        raise InputError(
+            f"{number[where]} {plural} share one {what} (nodes {_listed(facets[first[where]])})"
+            f"{places.more(int(np.count_nonzero(number > 2)))}; at most two can, as cells do not "
+            "overlap"
+        )
+
+
+def _listed(nodes: IntArray) -> str:
+    *most, last = map(str, nodes)
+    return f"{', '.join(most)} and {last}"
 
 
 class DistributedCells:
@@ -40,7 +136,7 @@ class DistributedCells:
 
     def __init__(self, mesh: dmesh.Mesh) -> None:
         topology, self.dim = mesh.topology, int(mesh.topology.dim)
-        self.comm = mesh.comm
+        self._mesh, self.comm = mesh, mesh.comm
         topology.create_connectivity(self.dim - 1, self.dim)
         topology.create_connectivity(self.dim, self.dim - 1)
         self._map = topology.index_map(self.dim - 1)
@@ -87,41 +183,13 @@ class DistributedCells:
 
         The parts are in the order of their first cells in the file.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        count = len(self.facets)
-        place = self.facets.reshape(-1)
-        cell = np.repeat(np.arange(count), self.dim + 1)
-        order = np.argsort(place, kind="stable")
-        twice = np.flatnonzero(np.diff(place[order]) == 0)
-        ends = cell[order[twice]], cell[order[twice + 1]]
-        graph = coo_array((np.ones(len(twice)), ends), (count, count))
-        own, labels = connected_components(graph, directed=False)
-        first = self.comm.exscan(own) or 0
-        numbers = (labels + first).astype(np.int64)
-        # Where another rank has the other cell of a facet, the sum tells the number of its part.
-        here = np.bincount(place, minlength=len(self.shared))
-        spread = np.repeat(numbers[:, None].astype(float), self.dim + 1, axis=1)
-        sums = self.summed(spread[:, :, None])[:, 0]
-        cut = ((self.shared == 2) & (here == 1))[place]
-        pairs = np.column_stack(
-            [numbers[cell[cut]], np.rint(sums[place[cut]]) - numbers[cell[cut]]]
-        )
-        pairs = np.concatenate(self.comm.allgather(np.unique(pairs.astype(np.int64), axis=0)))
-        total = self.comm.allreduce(own)
-        joint = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (total, total))
-        found, of_number = connected_components(joint, directed=False)
+        parts, found = connected_parts(self._mesh)
         if found > MOST_PARTS:
             raise InputError(
                 f"the body falls into {found} parts that share no edges or faces; at most "
                 f"{MOST_PARTS} are allowed"
             )
-        part = of_number[numbers]
-        least = np.full(found, np.iinfo(np.int64).max)
-        np.minimum.at(least, part, self.data.cells.numbers)
-        rank = np.argsort(np.argsort(np.min(self.comm.allgather(least), axis=0)))
-        return int(found), rank[part].astype(np.int64)
+        return found, parts[: len(self.facets)].astype(np.int64)
 
     def check(self) -> list[str]:
         """The warnings about the mesh; collective.  Raises InputError if it cannot be a body."""
@@ -206,3 +274,36 @@ def box(comm: MPI.Intracomm, points: FloatArray) -> tuple[FloatArray, FloatArray
     low = comm.allgather(points.min(axis=0, initial=np.inf))
     high = comm.allgather(points.max(axis=0, initial=-np.inf))
     return np.min(low, axis=0), np.max(high, axis=0)
+
+
+def connected_parts(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:
+    """The connected part (k,) of each local cell, and how many parts there are; collective.
+
+    Cells of one part are joined by facets.  The parts are numbered by the cells that come first in
+    the mesh that was given.
+    """
+    topology, comm, dim = mesh.topology, mesh.comm, mesh.topology.dim
+    cells, facets = topology.index_map(dim), topology.index_map(dim - 1)
+    joint = topology.connectivity(dim - 1, dim)
+    counts = np.diff(joint.offsets)
+    pairs = joint.array[np.repeat(counts == 2, counts)].reshape(-1, 2)
+    found, local = components(pairs, cells.size_local + cells.num_ghosts)
+    every = comm.allgather(found)
+    local = local + sum(every[: comm.rank])
+
+    def part_of(some: IntArray) -> IntArray:
+        return local[joint.array[joint.offsets[some]]]
+
+    # A facet that two ranks have joins their parts: one of them knows it as a ghost.
+    ghosts = np.arange(facets.size_local, facets.size_local + facets.num_ghosts)
+    theirs = np.column_stack([facets.ghosts, part_of(ghosts)])
+    shared = np.concatenate(comm.allgather(theirs))
+    own = shared[:, 0] - facets.local_range[0]
+    is_own = (own >= 0) & (own < facets.size_local)
+    edges = np.column_stack([part_of(own[is_own]), shared[is_own, 1]])
+    count, whole = components(np.concatenate(comm.allgather(edges)), sum(every))
+    numbers = whole[local]
+    first = np.full(count, np.iinfo(np.int64).max)
+    np.minimum.at(first, numbers, np.asarray(topology.original_cell_index, dtype=np.int64))
+    first = np.min(comm.allgather(first), axis=0)
+    return np.argsort(np.argsort(first))[numbers].astype(np.int32), count

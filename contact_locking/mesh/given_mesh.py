@@ -6,11 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 from dolfinx import mesh as dmesh
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from contact_locking.arrays import BoolArray, IndexArray, IntArray
+from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.distributed_cells import connected_parts
 from contact_locking.mesh.domain import Domain, Where
 from contact_locking.mesh.named_parts import marked, tags_of
 from contact_locking.parallel import agree, on_any_rank
@@ -69,7 +68,7 @@ class NamedFacets:
         cells = mesh.topology.index_map(dim)
         every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
         cell_tags = dmesh.meshtags(mesh, dim, every, np.zeros_like(every))
-        numbers, count = _connected(mesh)
+        numbers, count = connected_parts(mesh)
         part_names = tuple(f"part {i + 1} of the body" for i in range(count))
         return Domain(
             mesh,
@@ -104,43 +103,3 @@ class NamedFacets:
 
         agree(self._mesh.comm, check)
         self._places[name] = marks
-
-
-def _connected(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:
-    """The connected part (k,) of each local cell, and how many parts there are; collective.
-
-    Cells of one part are joined by facets.  The parts are numbered by the cells that come first in
-    the mesh that was given.
-    """
-    topology, comm, dim = mesh.topology, mesh.comm, mesh.topology.dim
-    cells, facets = topology.index_map(dim), topology.index_map(dim - 1)
-    joint = topology.connectivity(dim - 1, dim)
-    counts = np.diff(joint.offsets)
-    pairs = joint.array[np.repeat(counts == 2, counts)].reshape(-1, 2)
-    found, local = _components(pairs, cells.size_local + cells.num_ghosts)
-    every = comm.allgather(found)
-    local = local + sum(every[: comm.rank])
-
-    def part_of(some: IntArray) -> IntArray:
-        return local[joint.array[joint.offsets[some]]]
-
-    # A facet that two ranks have joins their parts: one of them knows it as a ghost.
-    ghosts = np.arange(facets.size_local, facets.size_local + facets.num_ghosts)
-    theirs = np.column_stack([facets.ghosts, part_of(ghosts)])
-    shared = np.concatenate(comm.allgather(theirs))
-    own = shared[:, 0] - facets.local_range[0]
-    is_own = (own >= 0) & (own < facets.size_local)
-    edges = np.column_stack([part_of(own[is_own]), shared[is_own, 1]])
-    count, whole = _components(np.concatenate(comm.allgather(edges)), sum(every))
-    numbers = whole[local]
-    first = np.full(count, np.iinfo(np.int64).max)
-    np.minimum.at(first, numbers, np.asarray(topology.original_cell_index, dtype=np.int64))
-    first = np.min(comm.allgather(first), axis=0)
-    return np.argsort(np.argsort(first))[numbers].astype(np.int32), count
-
-
-def _components(pairs: IntArray, size: int) -> tuple[int, IntArray]:
-    """The number of components of a graph with so many nodes, and that (size,) of each node."""
-    entries = np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])
-    count, numbers = connected_components(coo_matrix(entries, shape=(size, size)), directed=False)
-    return int(count), np.asarray(numbers, dtype=np.int64)

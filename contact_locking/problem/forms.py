@@ -16,8 +16,12 @@ from ufl.core.expr import Expr
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.pushed_foundation import PushedFoundation
 from contact_locking.fem.spaces import Element
-from contact_locking.laws.friction import friction_energy, friction_traction
-from contact_locking.laws.signorini import contact_energy, contact_pressure
+from contact_locking.laws.friction import (
+    contact_energy,
+    contact_pressure,
+    friction_energy,
+    friction_traction,
+)
 from contact_locking.problem.eigenstrain import Eigenstrain
 from contact_locking.problem.springs import Springs
 from contact_locking.problem.strain_sets import NormSet, StrainSet

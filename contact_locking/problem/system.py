@@ -22,9 +22,8 @@ from contact_locking.problem import forms
 from contact_locking.problem.body_forms import BodyForms
 from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.rounding import Rounding, largest_displacement
-from contact_locking.supports.affine_part import affine_part
+from contact_locking.supports.affine_part import affine_part, near_nullspace
 from contact_locking.supports.conditions import Constraints
-from contact_locking.supports.near_nullspace import near_nullspace
 
 
 class PenalisedSystem:

@@ -17,10 +17,10 @@ from contact_locking.results.body_fields import BodyFields
 from contact_locking.results.contact_points import STICK
 from contact_locking.results.derived import Contacts, gather_contacts, on_gamma_c
 from contact_locking.results.quantities import computed
-from contact_locking.results.solution import Solution
+from contact_locking.results.solution import Differentiable, Solution
 from contact_locking.results.state import State
 from contact_locking.results.uncovered_boundary import uncovered_entry
-from contact_locking.solver.saved import SavedState
+from contact_locking.solver.task import SavedState
 
 _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
@@ -34,7 +34,11 @@ _WAY_OUT_OF_ENTRY = (
 )
 
 
-def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution:
+def solution_of(
+    state: SolvedState,
+    certificate: Certificate | None,
+    differentiable: Differentiable | None = None,
+) -> Solution:
     """The fields, the contact points and the summary of a solved state; collective.
 
     Without a certificate the summary repeats the verdict of the solver.
@@ -57,6 +61,7 @@ def solution_of(state: SolvedState, certificate: Certificate | None) -> Solution
         contact_points=points,
         contact_facets=facets,
         summary=_summary(state, certificate),
+        differentiable=differentiable,
         state=state_of(state),
         **on_gamma_c(state.contacts, problem.u),
     )

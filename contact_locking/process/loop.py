@@ -24,19 +24,78 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.monitor import Monitor
-from contact_locking.process.account import row_of, totals
 from contact_locking.process.admissibility_data import AdmissibilityData
+from contact_locking.process.checkpoint.restart import restored_step
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.of_study import extras_of, of_study, solver_of
 from contact_locking.process.out_of_reach import OutOfReach
-from contact_locking.process.resume import restore
+from contact_locking.process.sensitivities import Sensitivities
 from contact_locking.process.timeline import Timeline
-from contact_locking.results.history import History
+from contact_locking.results.history import History, Row
 from contact_locking.results.probe_table import ProbeSample
+from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import StudySolution
 from contact_locking.results.state import State
-from contact_locking.solver.solver_report import SolverReport
+from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
+
+#: The columns that add up over the steps, each with the column of the step.
+SUMS = {
+    "work_total": "work",
+    "dissipated_total": "dissipated",
+    "numerical_total": "numerical",
+}
+
+
+def row_of(
+    solution: StudySolution, history: History, at: float, energy: EnergyBalance, seconds: float
+) -> Row:
+    """The row of history.csv for the next step."""
+    summary = solution.summary
+    row: dict[str, float] = {"step": len(history) + 1, "t": at} | columns(summary)
+    row |= components("reaction", summary["certificate"]["resultants"]["reactions"])
+    for name, force in summary["reactions"].items():
+        row |= components(f"reaction_{name}", force)
+    several = len(summary["contacts"]) > 1
+    for number, entry in enumerate(summary["contacts"], start=1):
+        ending = f"_{number}" if several else ""
+        row |= columns(entry, ending) if several else {}
+        for name in ("force", "travel") if "tool" in entry else ():
+            row[f"tool_{name}{ending}"] = entry["tool"][name]
+    row |= {
+        "stored": energy.stored,
+        "work": energy.work,
+        "dissipated": energy.dissipated,
+        "numerical": energy.numerical,
+        "energy_defect": energy.defect,
+    }
+    row |= {total: history.last(total) + row[one] for total, one in SUMS.items()}
+    criteria = summary["certificate"]["criteria"].values()
+    row |= {
+        "tangents": summary["iterations"]["tangents"],
+        "linear": summary["iterations"]["linear"],
+        "residual": summary["residual"],
+        "nearest_criterion": max(entry["value"] / entry["limit"] for entry in criteria),
+        "seconds": seconds,
+    }
+    return row
+
+
+def totals(history: History, halvings: int, planned: int) -> dict[str, Any]:
+    """The key ``steps`` of summary.json."""
+    return {
+        "solved": len(history),
+        "planned": planned,
+        "halvings": halvings,
+        "time": history.last("t"),
+        "tangents": int(sum(row["tangents"] for row in history)),
+        "seconds": sum(row["seconds"] for row in history),
+        "work": history.last("work_total"),
+        "stored": history.last("stored"),
+        "dissipated": history.last("dissipated_total"),
+        "numerical": history.last("numerical_total"),
+    }
+
 
 CRITERION = "energy_balance"
 
@@ -84,18 +143,18 @@ class Steps(Iterator[StudySolution]):
         solution: StudySolution | None = None
         last: State | None = None
         before: Moment | None = None
+        sensitivities = self._sensitivities()
         try:
             for path in self._saved:
-                restored = restore(path, self.problem, self._solver)
-                state, self._halved = restored.state, restored.step.halved
-                self.history = restored.step.history
-                solution = self._solution(state, restored.energy, restored.step.time)
+                state, step, energy = restored_step(path, self.problem, self._solver)
+                self._halved, self.history = step.halved, step.history
+                solution = self._solution(state, energy, step.time)
                 solution.summary["restart"] = f"the step was read from {path}"
                 self._tell(solution)
                 yield solution
-                timeline.skip_to(restored.step.time)
+                timeline.skip_to(step.time)
                 last, before = solution.state, Moment.of(state)
-                self._remember(last, restored.step.time)
+                self._remember(last, step.time)
             self._began, self._to_solve = time.perf_counter(), timeline.left
             while not timeline.is_over:
                 began = time.perf_counter()
@@ -135,6 +194,9 @@ class Steps(Iterator[StudySolution]):
                 ):
                     continue
                 solution, before = judged, after
+                if sensitivities is not None and solution.converged:
+                    made = self._solver.derivatives(report).made
+                    solution.summary |= sensitivities.of(made, state.contacts, at)
                 seconds = time.perf_counter() - began
                 self.history.rows.append(row_of(solution, self.history, at, energy, seconds))
                 self._tell(solution)
@@ -147,7 +209,21 @@ class Steps(Iterator[StudySolution]):
                 last = solution.state
                 self._remember(last, at)
         finally:
+            if sensitivities is not None:
+                sensitivities.close()
+            self._solver.close()
             self.problem.close()
+
+    def _sensitivities(self) -> Sensitivities | None:
+        """The derivatives that the study asks for, through all of its steps; collective."""
+        if self.problem.parameters.sensitivities is None:
+            return None
+        if self._saved:
+            raise InputError(
+                "take all steps of a process, as friction remembers each: start without --restart",
+                "sensitivities",
+            )
+        return Sensitivities(self.problem)
 
     def _remember(self, state: State, time: float) -> None:
         """End a step; collective."""
@@ -175,8 +251,10 @@ class Steps(Iterator[StudySolution]):
     def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> StudySolution:
         """The solution of a step with its certificate; collective."""
         certificate = certify(state, extras_of(self.problem.parameters))
+        derivatives = self._solver.derivatives(state.report)
         criteria = {**certificate.criteria, CRITERION: energy.criterion(state)}
-        found = solution_of(state, dataclasses.replace(certificate, criteria=criteria))
+        judged = dataclasses.replace(certificate, criteria=criteria)
+        found = solution_of(state, judged, derivatives)
         return dataclasses.replace(of_study(self.problem, found), time=at)
 
     def _end(self, last: StudySolution | None, reason: str) -> None:

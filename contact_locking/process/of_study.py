@@ -12,7 +12,7 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.probe_table import sample
 from contact_locking.results.solution import Solution, StudySolution
 from contact_locking.solver.linear.options import UserOptions, require_harmless, require_names
-from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import Settings
 from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.parameters import Parameters
 

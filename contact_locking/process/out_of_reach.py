@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contact_locking.process.admissibility_data import AdmissibilityData
 from contact_locking.results.solution import StudySolution
-from contact_locking.solver.solver_report import SolverReport
+from contact_locking.solver.task import SolverReport
 
 
 class OutOfReach:

@@ -15,13 +15,10 @@ from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.parts import loose_fields
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.sensitivity.lazy import LazyDerivatives
 from contact_locking.solver.linear.factorised import chosen
-from contact_locking.solver.saved import SavedState
-from contact_locking.solver.settings import Settings
-from contact_locking.solver.solver_report import SolverReport
 from contact_locking.solver.strategy import solve as solve_system
-from contact_locking.solver.target import Target
-from contact_locking.solver.task import Task
+from contact_locking.solver.task import SavedState, Settings, SolverReport, Target, Task
 
 
 class ProblemSolver:
@@ -36,6 +33,7 @@ class ProblemSolver:
         self, problem: DiscreteProblem, settings: Settings, monitor: Monitor | None = None
     ) -> None:
         self.problem, self._monitor = problem, monitor or Monitor()
+        self._derivatives: LazyDerivatives | None = None
         self._method = _method(problem, settings.method)
         self.settings = dataclasses.replace(settings, linear=_linear(problem, settings.linear))
         self.system = PenalisedSystem(
@@ -74,8 +72,25 @@ class ProblemSolver:
 
     def solve(self, saved: SavedState | None = None) -> SolverReport:
         """Solve at present, from a saved state if that helps; collective."""
+        self.close()
         task = Task(self.system, self.target, self.settings, self._monitor)
         return solve_system(self._method, task, saved)
+
+    def derivatives(self, report: SolverReport) -> LazyDerivatives:
+        """The derivatives of the solution of a report, until the next solve."""
+        if self._derivatives is not None and self._derivatives.report is report:
+            return self._derivatives
+        self.close()
+        self._derivatives = LazyDerivatives(
+            self.problem, self.system, lambda: self.target, self.settings, report
+        )
+        return self._derivatives
+
+    def close(self) -> None:
+        """Destroy the PETSc objects of derivatives; collective."""
+        if self._derivatives is not None:
+            self._derivatives.close()
+            self._derivatives = None
 
     def state(self, report: SolverReport) -> SolvedState:
         """The solved state with its stresses and tractions; collective."""

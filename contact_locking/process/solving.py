@@ -18,11 +18,12 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint, forecast
-from contact_locking.process.checkpoint.restart import Restart
+from contact_locking.process.checkpoint.restart import solved_already, told
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.loop import Steps
 from contact_locking.process.of_study import extras_of, of_study, require_usable_options, solver_of
+from contact_locking.process.sensitivities import Sensitivities, central_differences, value_of
 from contact_locking.results.solution import StudySolution
 from contact_locking.study import assembly
 from contact_locking.study.assembly import StudyProblem, assemble
@@ -87,6 +88,7 @@ def solve_steps(
             else:
                 reason = {"reason": "not measured for a process, whose past depends on n as well"}
                 solution.summary["certificate"]["errors"]["penalty_measured"] = reason
+        _check_derivatives(solution, monitor, petsc_options)
         solution.summary["version"] = __version__
         solution.summary["fingerprint"] = fingerprint
         solution.summary["wall_seconds"] = time.perf_counter() - start
@@ -129,19 +131,22 @@ def _static(
     restart: str | Path | None,
 ) -> StudySolution:
     """The solution of a problem without steps; collective."""
-    restarted = None if restart is None else Restart(restart, problem)
+    saved = None if restart is None else checkpoint.read(restart, problem)
     solver = solver_of(problem, monitor, petsc_options)
-    report = None
-    if restarted is not None:
-        report = restarted.solved_already(solver.system, solver.target, solver.settings)
-    if report is None:
-        report = solver.solve(None if restarted is None else restarted.state)
+    report = saved and solved_already(saved, problem, solver)
+    report = report or solver.solve(None if saved is None else saved.state)
     monitor.message("computing fields and the certificate")
     state = solver.state(report)
     certificate = certify(state, extras_of(problem.parameters))
-    solution = of_study(problem, solution_of(state, certificate))
+    solution = of_study(problem, solution_of(state, certificate, solver.derivatives(report)))
     solution.summary["warnings"] += solver.unused_options()
-    solution.summary["restart"] = None if restarted is None else restarted.in_words(report)
+    if problem.parameters.sensitivities is not None and solution.converged:
+        monitor.message("computing derivatives")
+        sensitivities = Sensitivities(problem)
+        solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
+        sensitivities.close()
+    solution.summary["restart"] = None if restart is None else told(restart, report)
+    solver.close()
     problem.close()
     return solution
 
@@ -153,6 +158,29 @@ def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[
     """
     require_usable_options(parameters)
     return forecast.completed(assembly.check(parameters, comm), parameters, comm)
+
+
+def _check_derivatives(
+    solution: StudySolution, monitor: Monitor, petsc_options: Mapping[str, Any] | None
+) -> None:
+    """Compare the derivatives of the summary with differences of solves, if asked; collective."""
+    parameters, found = solution.parameters, solution.summary.get("sensitivities")
+    given, steps = parameters.sensitivities, parameters.steps
+    is_last = steps is None or solution.time == steps.planned[-1]
+    if given is None or not given.check or found is None or not is_last:
+        return
+
+    def values(changed: Parameters) -> list[float] | None:
+        problem = assemble(changed, solution.domain.comm, solution.domain, solution.element)
+        other = solve_assembled(problem, Monitor(), petsc_options)
+        return [value_of(name, other) for name in given.of] if other.converged else None
+
+    for key in given.to:
+        monitor.message(f"solving twice around {key}, to check its derivatives")
+        differences = central_differences(parameters, key, solution.domain.extent(), values)
+        for number, name in enumerate(given.of):
+            rate = None if differences is None else differences[number]
+            found[name][key]["checked"] = rate
 
 
 def _measure_against_limit(

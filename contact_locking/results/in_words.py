@@ -104,6 +104,23 @@ def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None
     return words if place is None else f"{words} {quantity.at} {_vector(place)}"
 
 
+def sensitivities(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The table of derivatives, the numbers that matter most first; none without derivatives."""
+    found = summary.get("sensitivities")
+    if not found:
+        return []
+    rows: list[tuple[str, ...]] = []
+    for quantity, entries in found.items():
+        by_size = sorted(entries.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0))
+        for key, entry in by_size:
+            elasticity = entry["elasticity"]
+            share = "" if elasticity is None else f"{elasticity:+.3g} % for 1 %"
+            checked = entry.get("checked")
+            told = "" if checked is None else f"by solves {checked:.4g}"
+            rows.append((f"d {quantity}/d {key}", f"{entry['derivative']:.4g}", share, told))
+    return [*rows, ("derivatives", summary["share_at_change"]["in_words"], "", "")]
+
+
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
     if (mesh := _relative(summary, "mesh")) is not None:
         words = f"the error of the mesh is about {_roughly(mesh)}, by an estimate"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from contact_locking.arrays import IntArray
+from contact_locking.errors import InputError
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.history import History
@@ -19,6 +20,13 @@ if TYPE_CHECKING:
     from contact_locking.results.probe_table import ProbeSample
     from contact_locking.results.state import State
     from contact_locking.study_file.parameters import Parameters
+
+
+class Differentiable(Protocol):
+    """What knows the derivatives of a solution, as long as its problem is not solved again."""
+
+    def derivative(self, quantity: str, of: Any) -> Any:
+        """As :meth:`Solution.derivative`."""
 
 
 @dataclass(kw_only=True)
@@ -54,6 +62,22 @@ class Solution:
     contact_facets: IntArray | None  # (m, d), corners as numbers of the points; None likewise
     state: State  # all that the next solve may take from this one
     summary: dict[str, Any]
+    differentiable: Differentiable | None = None
+
+    def derivative(self, quantity: str, of: Any) -> Any:
+        """``dJ/dp``, J being a quantity of the summary such as "contact_force.1" or "compliance".
+
+        ``of`` is p: a constant of DOLFINx, which gives a number or an array of its shape; a
+        :class:`~contact_locking.sensitivity.parameters.Number`, which gives a number; or a function
+        of DOLFINx, which gives a function whose degrees of freedom are the derivatives by those of
+        ``of``.  J and p have units, and the derivative that of J over that of p.  Collective.
+        Raises InputError for a quantity without a derivative, and if the problem has been solved
+        again, or its data have changed, since the solve.  By the tangent of the last iterate
+        (docs/solver.md, Derivatives).
+        """
+        if self.differentiable is None:
+            raise InputError("this solution was read or made without its derivatives")
+        return self.differentiable.derivative(quantity, of)
 
     @property
     def converged(self) -> bool:

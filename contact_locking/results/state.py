@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from contact_locking.contact.state import ContactState
 from contact_locking.solver.multipliers import Multipliers
-from contact_locking.solver.saved import SavedState
+from contact_locking.solver.task import SavedState
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,117 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from contact_locking.arrays import FloatArray
 from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
+from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.settings import Settings
-from contact_locking.solver.solver_report import SolverReport
-from contact_locking.solver.target import Target
+from contact_locking.solver.last_iterate import LastIterate
+from contact_locking.solver.linear.options import UserOptions
+from contact_locking.solver.multipliers import Multipliers
+
+
+@dataclass(frozen=True)
+class Target:
+    """The penalty parameters, and the scales of the problem that starting values are made from.
+
+    ``stiffness`` and ``ellipticity`` are the largest and the smallest eigenvalue of A,
+    ``young`` its Young's modulus, ``length`` the extent of the body, ``volume`` its measure and
+    ``face`` the measure of a face as long as the body.
+    """
+
+    penalty: Penalty
+    stiffness: float
+    ellipticity: float
+    young: float
+    length: float
+    volume: float
+    face: float
+
+    def with_penalty(self, penalty: Penalty) -> Target:
+        """The same problem with other penalty parameters."""
+        return dataclasses.replace(self, penalty=penalty)
+
+    @property
+    def largest_contrast(self) -> float:
+        """``n/|A|``: about how many times stiffer than the material locked cells can become."""
+        return self.penalty.n / self.stiffness
+
+    def mean_strain(self, energy: float, displacement: float, tolerance: float) -> float:
+        """``sqrt(a(u, u)/(alpha |Omega|))``, or what rounding in ``u`` leaves, if that is larger.
+
+        ``energy`` is ``a(u, u)/2`` and ``displacement`` the largest ``|u|``.  Strains that are this
+        number times ``tolerance`` are told from zero, smaller ones are not.
+        """
+        mean = math.sqrt(2.0 * max(energy, 0.0) / (self.ellipticity * self.volume))
+        return max(mean, ROUNDING * displacement / (self.length * tolerance))
+
+    def least_bound(self, mean_strain: float) -> float:
+        """The L2 norm on Gamma_C below which changes of the friction bound are judged absolutely.
+
+        It is a thousandth of the stress of :meth:`mean_strain` over a face of the body: where
+        contact only grazes, relative changes of next to nothing say nothing, and where the strain
+        itself is next to nothing beside the displacement, they are rounding.
+        """
+        stress = math.sqrt(self.stiffness * self.ellipticity) * mean_strain
+        return 1e-3 * stress * math.sqrt(self.face)
+
+
+@dataclass
+class SolverReport:
+    """How a solve went.  Counters add up over all stages; ``reason`` is in words.
+
+    ``is_infeasible`` says that nothing is admissible on this mesh.  ``contraction`` is the factor
+    by which the friction fixed point shrank its update, None where there was too little to observe;
+    ``suggestion`` names the way out of a failure.  ``admissible_factor`` brackets the largest
+    multiple of the prescribed displacements that can be followed, if they cannot be.
+    ``multipliers`` are set where they are unknowns of the solver; otherwise the laws give them.
+    ``last`` is the last iterate of the interior point method, None where that did not arrive.
+    ``from_saved`` says that a saved state was what the solution was reached from.  ``warnings`` say
+    in words where another way was taken than the one asked for.
+    """
+
+    converged: bool = False
+    is_infeasible: bool = False
+    reason: str = ""
+    suggestion: str = ""
+    tangents: int = 0
+    linear: int = 0
+    friction: int = 0
+    contraction: float | None = None
+    friction_change: float | None = None
+    duality_gap: float | None = None
+    admissible_factor: tuple[float, float] | None = None
+    multipliers: Multipliers | None = None
+    from_saved: bool = False
+    last: LastIterate | None = None
+    stages: list[dict[str, float | int]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The method, its tolerances and limits.
+
+    ``method`` is auto, interior_point or newton.  ``tolerance`` bounds the
+    equilibrium residual relative to the forces, and ``friction_tolerance`` the last change of the
+    friction bound relative to it.  ``nested`` asks for the fixed point on the bound around whole
+    solves.  ``linear`` is auto, direct or iterative.  ``petsc`` holds options that override every
+    default, without prefix.
+    """
+
+    method: str = "auto"
+    tolerance: float = 1e-8
+    max_iterations: int = 100
+    friction_tolerance: float = 1e-8
+    max_friction_updates: int = 100
+    nested: bool = False
+    linear: str = "auto"
+    petsc: UserOptions = field(default_factory=UserOptions)
 
 
 @dataclass(frozen=True)
@@ -56,3 +158,25 @@ class Task:
         report = self.report
         report.converged, report.reason, report.suggestion = True, "every criterion held", ""
         return report
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """The solution of some problem on this mesh with the penalty parameters ``penalty``.
+
+    ``displacement`` holds local values, ghosts included, ``pressures`` those (k,) at the owned
+    nodes of each contact; without any, nothing is known of them.  ``slips`` holds the lengths (k,)
+    of the slip in the step of a process that ended with this state, and ``travels`` those of the
+    tools.
+    """
+
+    displacement: FloatArray
+    pressures: tuple[FloatArray, ...]
+    penalty: Penalty
+    slips: tuple[FloatArray, ...] = ()
+    travels: tuple[float, ...] = ()
+
+    def enter(self, system: PenalisedSystem) -> None:
+        """Put displacement, travels and friction bounds into ``system``; collective."""
+        travels = self.travels if len(self.travels) == len(system.tools) else ()
+        system.take_over(self.displacement, self.pressures, travels)

@@ -30,6 +30,7 @@ from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.places import with_placed_parts
 from contact_locking.study.probe_points import locate
 from contact_locking.study.springs import springs_of
+from contact_locking.study_file.named_numbers import resolved
 from contact_locking.study_file.parameters import LoadParameters, Parameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
 from contact_locking.supports.supports import Support
@@ -44,7 +45,7 @@ class StudyProblem(DiscreteProblem):
     """
 
     def __init__(self, parameters: Parameters, domain: Domain, element: Element) -> None:
-        self.parameters = parameters
+        self.parameters, parameters = parameters, resolved(parameters)
         told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
         parameters.check_dimension(domain.dim)
         space = element.displacement_space(domain.mesh)

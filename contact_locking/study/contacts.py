@@ -18,7 +18,7 @@ from contact_locking.expressions import TIME, Expression, parse
 from contact_locking.fields.clock import Clock, is_timed
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.values import PresentValue
-from contact_locking.laws.friction_law import FrictionLaw
+from contact_locking.laws.friction import FrictionLaw
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum

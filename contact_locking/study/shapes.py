@@ -19,8 +19,7 @@ from contact_locking.laws.foundation import Cylinder, Foundation, HalfSpace, Sph
 from contact_locking.laws.level_set import LevelSet
 from contact_locking.laws.polyline import Polyline
 from contact_locking.laws.triangulated import TriangulatedSurface
-from contact_locking.mesh.file.corners_file import read_corners
-from contact_locking.mesh.file.tool_surface import read_surface
+from contact_locking.mesh.file.tool_surface import read_corners, read_surface
 from contact_locking.parallel import on_root
 from contact_locking.study_file.parameters import rigid_body
 

@@ -23,26 +23,27 @@ def dump(parameters: Parameters) -> str:
         type(None), lambda writer, _: writer.represent_scalar("tag:yaml.org,2002:null", "null")
     )
     stream = io.StringIO()
-    yaml.dump(_plain(parameters), stream)
+    yaml.dump(plain(parameters), stream)
     return stream.getvalue()
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """Parameters as nested mappings and lists, with every default."""
     match value:
         case MeshParameters():
-            return {key: _plain(item) for key, item in value.model_dump().items()}
+            return {key: plain(item) for key, item in value.model_dump().items()}
         case BaseModel():
             fields = type(value).model_fields
             given = {name: getattr(value, name) for name in fields}
             return {
-                fields[name].alias or name: _plain(item)
+                fields[name].alias or name: plain(item)
                 for name, item in given.items()
                 if item is not None or not marks(fields[name]).get("optional")
             }
         case dict():
-            return {key: _plain(item) for key, item in value.items()}
+            return {key: plain(item) for key, item in value.items()}
         case list() | tuple():
-            items = CommentedSeq(_plain(item) for item in value)
+            items = CommentedSeq(plain(item) for item in value)
             if not any(isinstance(item, dict) for item in items):
                 items.fa.set_flow_style()
             return items

@@ -13,7 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from contact_locking.command import arguments
+from contact_locking.command import cli
 from contact_locking.results.quantities import QUANTITIES
 from contact_locking.study_file.schema import Row, rows
 
@@ -46,7 +46,7 @@ def quantities(of: str) -> str:
 
 def command_line() -> str:
     """The help of every command."""
-    parser = arguments.parser()
+    parser = cli.parser()
     pages = [("contact-locking", parser), *commands(parser).items()]
     parts = []
     for name, command in pages:

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import pytest
 
-from contact_locking.command import arguments, cli
+from contact_locking.command import cli
 from contact_locking.errors import InputError
 
 
 def test_petsc_options_are_pairs_or_flags() -> None:
     words = ["-a", "-1e-3", "-b", "--c", "value"]
-    assert arguments.petsc_options(words) == {"a": "-1e-3", "b": None, "c": "value"}
+    assert cli.petsc_options(words) == {"a": "-1e-3", "b": None, "c": "value"}
     for wrong in (["value"], ["-a", "1", "2"]):
         with pytest.raises(InputError, match="begin with a dash"):
-            arguments.petsc_options(wrong)
+            cli.petsc_options(wrong)
 
 
 def test_several_settings_may_follow_one_flag() -> None:
     words = ["run", "--set", "a.b=1", "c=[x=2]", "FILE", "d=3"]
-    assert arguments.one_setting_each(words) == [
+    assert cli.one_setting_each(words) == [
         *("run", "--set", "a.b=1", "--set", "c=[x=2]", "FILE", "d=3")
     ]
 

@@ -11,13 +11,12 @@ import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.patches import PathPatch
-from matplotlib.quiver import Quiver
 from mpi4py import MPI
 from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 
 from contact_locking.errors import NoRendering
 from contact_locking.extras import pictures
-from contact_locking.extras.pictures import contact_map, offscreen, plane, style
+from contact_locking.extras.pictures import offscreen, plane, style
 from contact_locking.extras.pictures.gather import gather
 from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot
 from contact_locking.extras.report import run_charts
@@ -226,17 +225,3 @@ def test_the_picture_counts_what_it_hatches() -> None:
     (cells,) = [patch for patch in patches if isinstance(patch, PathPatch)]
     assert cells.get_hatch() == "////"
     assert len(np.asarray(cells.get_path().vertices)) == 4 * body.locked.sum()
-
-
-def test_arrows_end_inside_the_map() -> None:
-    axes = matplotlib.figure.Figure().add_subplot()
-    axes.set(xlim=(0.0, 2.0), ylim=(1.0, 0.0))
-    tails = np.array([[1.9, 0.5], [0.1, 0.05], [1.0, 0.9]])
-    directions = np.array([[3.0, 0.0], [-1.0, -2.0], [0.0, 5.0]])
-    contact_map.arrows(axes, tails, directions)
-    (arrows,) = [child for child in axes.collections if isinstance(child, Quiver)]
-    drawn = np.column_stack([np.asarray(arrows.U), np.asarray(arrows.V)])
-    heads = tails + drawn
-    assert (heads >= -1e-12).all() and (heads <= [2.0 + 1e-12, 1.0 + 1e-12]).all()
-    assert drawn == pytest.approx(directions * drawn[2, 1] / 5.0)
-    assert drawn[2, 1] > 0.05

@@ -23,9 +23,13 @@ from contact_locking.laws.elasticity import (
     mean_young,
 )
 from contact_locking.laws.foundation import HalfSpace, Round
-from contact_locking.laws.friction import friction_energy, friction_traction
+from contact_locking.laws.friction import (
+    contact_energy,
+    contact_pressure,
+    friction_energy,
+    friction_traction,
+)
 from contact_locking.laws.locking import locking_energy, locking_stress
-from contact_locking.laws.signorini import contact_energy, contact_pressure
 
 
 class Point:

@@ -19,8 +19,7 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.domain import from_geometry
 from contact_locking.mesh.file.xdmf_grids import data_file, read_grids
 from contact_locking.mesh.groups import groups
-from contact_locking.mesh.mesh_export import export
-from contact_locking.mesh.xdmf_mesh import from_xdmf
+from contact_locking.mesh.xdmf_mesh import export, from_xdmf
 
 
 @pytest.fixture

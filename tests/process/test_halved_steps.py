@@ -11,7 +11,7 @@ from sheared_block import all_of, sheared
 
 from contact_locking import solve_steps
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.solver.solver_report import SolverReport
+from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
 

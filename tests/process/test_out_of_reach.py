@@ -17,7 +17,7 @@ from contact_locking.process.of_study import solver_of
 from contact_locking.process.out_of_reach import OutOfReach
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import StudySolution
-from contact_locking.solver.solver_report import SolverReport
+from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem, assemble
 
 STEPS = {"times": [0.3, 1.0], "least": 0.04}

@@ -13,7 +13,7 @@ from study_folder import STUDY, Folder, solved
 
 from contact_locking import meshes, study_file
 from contact_locking.command import cli, terminal
-from contact_locking.command.arguments import parse
+from contact_locking.command.cli import parse
 from contact_locking.errors import InputError
 from contact_locking.files.lock import locked
 from contact_locking.running import studies

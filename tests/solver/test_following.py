@@ -14,7 +14,7 @@ from problems import block
 from contact_locking.process import solving
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point.bound_step import BoundStep
-from contact_locking.solver.interior_point.direction import Direction
+from contact_locking.solver.interior_point.family import Direction
 from contact_locking.solver.interior_point.iterate import Corrections, Iterate
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.tangent import Tangent

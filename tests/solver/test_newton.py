@@ -14,13 +14,10 @@ from problems import block
 from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem.system import PenalisedSystem
-from contact_locking.solver.continuation import PenaltyPath
 from contact_locking.solver.linear.direct.substructuring import Pieces
 from contact_locking.solver.newton import NewtonSolver
-from contact_locking.solver.settings import Settings
-from contact_locking.solver.strategy import solve
-from contact_locking.solver.target import Target
-from contact_locking.solver.task import Task
+from contact_locking.solver.strategy import PenaltyPath, solve
+from contact_locking.solver.task import Settings, Target, Task
 from contact_locking.study.assembly import assemble
 
 TOLERANCE = 1e-9

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from petsc4py import PETSc
 from problems import block
 from solved_by_cg import agree, solved
@@ -15,13 +14,11 @@ from solved_by_cg import agree, solved
 from contact_locking.process import solving
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.linear import multigrid_tangents
-from contact_locking.solver.linear.direct import substructuring
-from contact_locking.solver.linear.direct.native import is_available
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
+from contact_locking.solver.linear.filtered_multigrid import Projection
 from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.multigrid import Multigrid
 from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
-from contact_locking.solver.linear.projection import Projection
 from contact_locking.solver.linear.tangent_solver import Assemble
 
 
@@ -60,19 +57,6 @@ def _count_rows(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counts
 
 
-def _count_factors_in_single(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
-    """A list that gets of each projection whether its factor is in single precision."""
-    found: list[bool] = []
-    factorise = Projection._factorise
-
-    def noting(self: Projection, in_single: bool) -> None:
-        factorise(self, in_single)
-        found.append(self.in_single)
-
-    monkeypatch.setattr(Projection, "_factorise", noting)
-    return found
-
-
 def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -80,20 +64,6 @@ def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
     counts = _count_iterations(monkeypatch)
     projected = solved(math.inf, "iterative")
     # At the end the stiffest cells are 1e12 times as stiff as the softest.
-    assert max(counts) <= 25
-    agree(projected, solved(math.inf, "direct"))
-
-
-def test_factors_in_single_precision_take_hardly_more_iterations_and_leave_all_digits(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    _project_everything(monkeypatch, 3)
-    counts = _count_iterations(monkeypatch)
-    # Small matrices have large separators.
-    monkeypatch.setattr(substructuring, "_LARGEST_SHARE", 1.0)
-    in_single = _count_factors_in_single(monkeypatch)
-    projected = solved(math.inf, "iterative")
-    assert any(in_single) == (MPI.COMM_WORLD.size > 1 and is_available(MPI.COMM_WORLD))
     assert max(counts) <= 25
     agree(projected, solved(math.inf, "direct"))
 

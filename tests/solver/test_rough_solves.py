@@ -17,7 +17,7 @@ from contact_locking.process import solving
 from contact_locking.solver.interior_point import farkas, method
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.target import Target
+from contact_locking.solver.task import Target
 from contact_locking.study.assembly import assemble
 from contact_locking.supports.rigid_motions import prescribed_motion
 

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from contact_locking.arrays import IndexArray
-from contact_locking.solver.linear.direct.separator import least_cover
+from contact_locking.solver.linear.direct.substructuring import least_cover
 
 
 def drawn(seed: int) -> tuple[IndexArray, IndexArray]:

@@ -17,9 +17,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.solver.linear.direct import Substructuring, substructuring
-from contact_locking.solver.linear.direct.native import is_available
-from contact_locking.solver.linear.direct.separator import Separator
+from contact_locking.solver.linear.direct import substructuring
+from contact_locking.solver.linear.direct.substructure import is_available
+from contact_locking.solver.linear.direct.substructuring import Separator
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.linear.options import PREFIX, InsertedOptions
 
@@ -110,19 +110,6 @@ def test_the_pieces_together_solve_with_the_matrix(
         assert ksp.getPC().getPythonContext().in_pieces
 
 
-def test_the_pieces_may_be_in_single_precision(
-    ksp: PETSc.KSP, distributed: Callable[[sp.csr_matrix], PETSc.Mat]
-) -> None:
-    whole = grid()
-    if IN_PIECES:
-        ksp.getPC().setPythonContext(Substructuring(np.float32))
-    x = solved(ksp, distributed(whole), RIGHT)
-    error = np.linalg.norm(whole @ x - RIGHT) / np.linalg.norm(RIGHT)
-    assert error < 1e-5
-    # The factor is in single precision indeed.
-    assert (error > 1e-10) == IN_PIECES
-
-
 def test_ranks_without_rows_factorise_a_piece_like_the_others(
     ksp: PETSc.KSP, distributed: Callable[..., PETSc.Mat]
 ) -> None:
@@ -211,7 +198,7 @@ def test_mumps_takes_over_for(
         request.addfinalizer(options.remove)
     else:
         monkeypatch.setattr(
-            "contact_locking.solver.linear.direct.separator._partition",
+            "contact_locking.solver.linear.direct.substructuring._partition",
             lambda counts, *_: np.zeros(len(counts), dtype=np.int32),
         )
     whole = grid()

@@ -22,8 +22,8 @@ import numpy as np
 from dolfinx import fem
 from scipy.optimize import minimize_scalar
 
-from contact_locking.arrays import FloatArray
-from contact_locking.certificate.elliptic import NotApplicable, require_still_foundations
+from contact_locking.arrays import BoolArray, FloatArray, flattened
+from contact_locking.certificate.elliptic import Lifting, NotApplicable, require_still_foundations
 from contact_locking.certificate.guaranteed.body import Body, Gap
 from contact_locking.certificate.guaranteed.boundary_conditions import (
     held_components,
@@ -33,16 +33,64 @@ from contact_locking.certificate.guaranteed.contact_tractions import (
     ContactTractions,
     contact_tractions,
 )
-from contact_locking.certificate.guaranteed.data_oscillation import balanced_loads
-from contact_locking.certificate.guaranteed.finer_balance import finer_stress
+from contact_locking.certificate.guaranteed.data_oscillation import BalancedLoads, balanced_loads
 from contact_locking.certificate.guaranteed.floating import balance, floating_parts, springs
 from contact_locking.certificate.guaranteed.hybrid_system import Boundary
-from contact_locking.certificate.guaranteed.macro_element import macro_element
+from contact_locking.certificate.guaranteed.macro_element import (
+    MacroElement,
+    lagrange,
+    macro_element,
+)
 from contact_locking.certificate.guaranteed.triangles import Triangles
-from contact_locking.certificate.lifting import Lifting
 from contact_locking.certificate.penalty_error import admissible_neighbour, energy_distance
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
+
+# Singular values of the reference element below this share are zero.
+_RANK = 1e-10
+
+
+def finer_stress(
+    stress: FloatArray,
+    coarse: BalancedLoads,
+    fine: BalancedLoads,
+    held: BoolArray,
+    cells: Triangles,
+) -> tuple[FloatArray, MacroElement]:
+    """A stress that balances the loads ``fine`` of degree k + 1, and its element.
+
+    ``stress`` (n, 3, m, 3) balances the loads ``coarse`` of degree k, and ``held`` (n, 3, 2) marks
+    the components that are prescribed on a facet.  The rest of the loads does no work along rigid
+    motions of a triangle.  A stress on this triangle alone, with no traction on the inner facets,
+    can therefore balance the rest.  Of all stresses in a triangle that balance the
+    difference, the result has the least coefficients in the reference triangle.
+    """
+    low = macro_element(coarse.moments.shape[2] - 1)
+    high = macro_element(low.degree + 1)
+    points = macro_element(1).points
+    same = lagrange(low.degree, _corner_coordinates(high.points[0], points[0]))
+    raised = np.einsum("pq,ntqa->ntpa", same, stress)
+    at = lagrange(low.degree - 1, _corner_coordinates(high.load_points[0], points[0]))
+    body = fine.body - np.einsum("lk,ntkd->ntld", at, coarse.body)
+    moments = np.where(held[:, :, None], 0.0, fine.moments)
+    moments[:, :, : low.degree + 1] = 0.0
+    back = np.linalg.inv(cells.maps)
+    wanted = flattened(-flattened(body, kept=1) @ np.swapaxes(back, 1, 2))
+    tractions = flattened(moments, kept=1) @ np.swapaxes(back, 1, 2)
+    tractions /= cells.determinants[:, None, None]
+    rest = flattened(tractions) - wanted @ high.lift_moments.reshape(len(high.lifts), -1)
+    table = high.moments.reshape(len(high.basis), -1)
+    chosen = rest @ np.linalg.pinv(table, rcond=_RANK)
+    own = wanted @ high.lifts.reshape(len(high.lifts), -1)
+    own += chosen @ high.basis.reshape(len(high.basis), -1)
+    return raised + cells.moved(own.reshape(raised.shape)), high
+
+
+def _corner_coordinates(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """The coordinates (q, 2), in the reference triangle, of points in a part with these corners."""
+    edges = (corners[1:] - corners[0]).T
+    return np.asarray(np.linalg.solve(edges, (points - corners[0]).T).T)
+
 
 # The share of M, and of the displacements of the mean strain, by which a solution of the inequality
 # may exceed its limits: the tolerance of the solver.

@@ -12,8 +12,8 @@ from contact_locking.errors import NoRendering, NoRoom, is_full
 from contact_locking.results.names import PICTURE, SNAPSHOT
 
 if TYPE_CHECKING:
+    from contact_locking.extras.pictures.offscreen import Image
     from contact_locking.extras.pictures.snapshot import Snapshot
-    from contact_locking.extras.pictures.views import Image
     from contact_locking.results.solution import StudySolution
 
 

@@ -26,10 +26,9 @@ from contact_locking.extras.pictures import (
     snapshot_file,
     space,
     style,
-    views,
 )
 from contact_locking.extras.pictures.snapshot import Snapshot, seen_from_outside
-from contact_locking.extras.pictures.style import FILM_DPI, look_of
+from contact_locking.extras.pictures.style import look_of
 
 #: The largest number of frames: a process of more steps has every second, fourth, ... step.
 MOST_FRAMES = 40
@@ -100,19 +99,19 @@ def animation(frames: Sequence[Frame]) -> bytes:
     return gif(frames, [images[name] for name in sorted(images)])
 
 
-def gif(frames: Sequence[Frame], images: Sequence[views.Image] = ()) -> bytes:
+def gif(frames: Sequence[Frame], images: Sequence[offscreen.Image] = ()) -> bytes:
     """The film as a GIF file, whose comment has the steps and the times as JSON.
 
     In three dimensions ``images`` are the pictures of the bodies.
     """
     bodies, titles = [frame.body for frame in frames], [f"t = {frame.time:.4g}" for frame in frames]
-    look, dpi = look_of(bodies), _DPI
+    look = look_of(bodies)
     with matplotlib.rc_context(style.RC):
         if bodies[0].dim == 2:
             figures = plane.frames(bodies, look, titles)
         else:
-            figures, dpi = space.frames(bodies, images, look, titles), FILM_DPI
-        pictures = [_picture(figure, dpi) for figure in figures]
+            figures = space.frames(images, titles)
+        pictures = [_picture(figure) for figure in figures]
     pictures = _in_few_colours(pictures, look.shades[0].cmap)
     comment = json.dumps(
         {"steps": [frame.step for frame in frames], "times": [frame.time for frame in frames]}
@@ -134,8 +133,8 @@ def gif(frames: Sequence[Frame], images: Sequence[views.Image] = ()) -> bytes:
     return stream.getvalue()
 
 
-def _picture(figure: Figure, dpi: int) -> Image.Image:
-    figure.set_dpi(dpi)
+def _picture(figure: Figure) -> Image.Image:
+    figure.set_dpi(_DPI)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")

@@ -8,20 +8,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection, TriMesh
 from matplotlib.colors import Normalize, PowerNorm
-from matplotlib.figure import Figure
 
 from contact_locking.arrays import AXES, FloatArray, IntArray
 from contact_locking.extras.pictures import style
-from contact_locking.extras.pictures.snapshot import ContactMap
 from contact_locking.results.contact_points import SLIP, ContactPoints
 
-Place = tuple[float, float, float, float]
+PRESSURE_COLOURS = "cividis"
 
-PRESSURE_TITLE, PRESSURE_COLOURS = r"Contact pressure $-\sigma_\nu$", "cividis"
-PRESSURE_LABEL = r"$-\sigma_\nu$  [stress]"
-
-# The largest number of arrows in a row; the longest arrow as a share of the width of a map.
-_ARROWS, _LONGEST = 12, 0.12
+# The largest number of arrows in a row.
+_ARROWS = 12
 # Gamma_C is in a plane if it is thinner than this share of its extent.
 _PLANE = 1e-6
 # At a larger ratio of the largest to the median pressure the colours follow the square root.
@@ -45,46 +40,6 @@ def slipping(points: ContactPoints) -> IntArray:
     order = np.argsort(np.linalg.norm(places - boxes - 0.5, axis=1))
     first = np.unique(boxes[order], axis=0, return_index=True)[1]
     return slips[np.sort(order[first])]
-
-
-def slip_label(points: ContactPoints, shown: IntArray) -> str:
-    """The meaning of the arrows, with the slip of the longest."""
-    largest = np.linalg.norm(points.u_tangent[shown], axis=1).max()
-    return f"slip, longest {largest:.2g} [length]"
-
-
-def arrows(axes: Axes, tails: FloatArray, directions: FloatArray) -> None:
-    """Draw arrows of the slip at ``tails`` (k, 2), of lengths in proportion to ``directions``.
-
-    All arrows end inside the limits of the axes.
-    """
-    limits = np.sort(np.array([axes.get_xlim(), axes.get_ylim()]), axis=1)
-    longest = float(np.linalg.norm(directions, axis=1).max(initial=0.0))
-    if longest == 0.0:
-        return
-    size = float(np.diff(limits, axis=1).min())
-    unit = directions / longest
-    # The share of the longest arrow that still has room, for each arrow and each axis.
-    room = np.where(unit > 0.0, limits[:, 1] - tails, tails - limits[:, 0])
-    room = np.where(np.abs(unit) > 1e-9, room / np.maximum(np.abs(unit), 1e-9), np.inf)
-    axes.quiver(
-        *tails.T,
-        *(min(_LONGEST * size, float(room.min())) * unit).T,
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        color="white",
-        edgecolor=style.BLACK,
-        linewidth=0.4,
-        width=0.008,
-    )
-
-
-def state_map(fig: Figure, place: Place, contact: ContactMap) -> None:
-    """Draw the states, without a legend."""
-    axes = fig.add_axes(place, aspect="equal", anchor="S")
-    colour_states(axes, contact.points, contact.facets)
-    axes.set_title(contact.titled("State"), loc="left")
 
 
 def colour_values(

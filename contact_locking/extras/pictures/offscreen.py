@@ -20,9 +20,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from contact_locking.errors import NoRendering
-from contact_locking.extras.pictures.views import Image
+
+Image = npt.NDArray[np.uint8]
 
 INSTALL = "apt-get install python3-pyvista xvfb xauth libgl1-mesa-dri, or pip install pyvista"
 
@@ -37,7 +39,7 @@ XVFB = ("xvfb-run", "-a", "-s", "-screen 0 640x480x24 -noreset")
 
 
 def views(source: Path) -> dict[str, Image]:
-    """Pictures (h, w, 3) of all views of a saved snapshot, by name.
+    """Pictures (h, w, 3) of all views of a saved snapshot, by their titles.
 
     If ``source`` is a folder with the snapshots of a film, these are the frames by the names of
     their files.  Raises NoRendering.

@@ -1,4 +1,4 @@
-"""``python3 -m contact_locking.extras.pictures.render SOURCE VIEWS SECONDS``: views as pictures.
+"""``python3 -m contact_locking.extras.pictures.render SOURCE TARGET SECONDS``: drawn by PyVista.
 
 SOURCE is the file of a snapshot, or a folder with the snapshots of a film.  This module is a
 program of its own, as VTK ends its process if it finds no screen or no OpenGL.
@@ -9,8 +9,9 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -23,19 +24,17 @@ from contact_locking.extras.pictures.contact_map import (
     PRESSURE_COLOURS,
     nearest_parts,
     pressure_norm,
+    slipping,
 )
+from contact_locking.extras.pictures.offscreen import Image
 from contact_locking.extras.pictures.snapshot import Snapshot, foundation, tool, touched
-from contact_locking.extras.pictures.style import FILM_DPI, FILM_WIDTH, look_of
+from contact_locking.extras.pictures.style import look_of
 from contact_locking.extras.pictures.views import (
-    BODY,
-    CUT,
-    LOCKED,
     Camera,
-    Image,
-    View,
+    camera,
+    contact_camera,
     cut,
-    side_view,
-    views,
+    side_camera,
 )
 from contact_locking.results.contact_points import OPEN, STATE_NAMES, STICK
 
@@ -51,6 +50,8 @@ _APART = "#fcfcfc"
 # Line widths in points.
 _EDGE, _FINE, _CASING, _RIM, _BAND = 1.0, 0.7, 3.0, 1.6, 7.0
 _SHADES = 512
+# The longest arrow of the slip as a share of the body.
+_ARROW = 0.1
 
 
 class Scene:
@@ -139,6 +140,15 @@ class Scene:
         names = dict(enumerate(STATE_NAMES))
         how = {"cmap": style.STATES, "n_colors": len(names), "clim": (-0.5, len(names) - 0.5)}
         self._add(part, scalars="state", annotations=names, lighting=False, **how, **bar)
+        shown = slipping(contact.points)
+        slip = in_space(contact.points.u_tangent[shown])
+        longest = float(np.linalg.norm(slip, axis=1).max(initial=0.0))
+        if longest > 0.0:
+            arrows = pv.PolyData(self._x[contact.vertices[shown]] + self._lift)
+            arrows.point_data["slip"] = slip
+            size = _ARROW * self._body.size / longest
+            glyphs = arrows.glyph(orient="slip", scale="slip", factor=size)
+            self._add(glyphs, color=style.BLACK, lighting=False)
 
     def _strain(self, skin: Any, cell: IntArray, **bar: Any) -> None:
         """Add a surface in the colours of the strain; ``cell`` has the cell of each face."""
@@ -249,72 +259,101 @@ def in_space(x: FloatArray) -> FloatArray:
     return np.ascontiguousarray(np.pad(x, ((0, 0), (0, 3 - x.shape[1]))))
 
 
+@dataclass(frozen=True)
+class View:
+    """A way to draw a body, its title, and the camera."""
+
+    title: str
+    draw: Callable[[Scene], None]
+    camera: Camera
+
+
+# Places and sizes are shares of the picture.
+_BAR = {"title": "", "vertical": True, "n_labels": 6, "fmt": "%.3g"}
+_BAR |= {"width": 0.05, "height": 0.5, "position_x": 0.88, "position_y": 0.2}
+
+
+def views(body: Snapshot, letters: int) -> list[View]:
+    """The body, in three dimensions cut open, its locked zone, and each contact.
+
+    ``letters`` is the size of the numbers at a scale of colours.
+    """
+    factor, contacts = style.magnification(body), body.contact.parts()
+    if body.dim == 3:
+        side = side_camera([body], factor)
+        below = [
+            (part.names[0] and f": {part.names[0]}", contact_camera(body, part, factor))
+            for part in contacts
+        ]
+    else:
+        points = in_space(np.vstack([body.x, style.deformed(body, factor)]))
+        side = camera(points, np.eye(3)[2])
+        # One view of the whole body shows every contact.
+        below = [("", side)] if contacts else []
+    limited = np.isfinite(body.locking_limit).any()
+    strain = "|ε(u)| / M" if limited else "|ε(u)|"
+    look = _BAR | {"label_font_size": letters, "unconstrained_font_size": True}
+    bar, names = {"scalar_bar_args": look}, {"scalar_bar_args": look | {"n_labels": 0}}
+    found = [View(f"Deformed body, {strain}", lambda scene: scene.deformed_body(**bar), side)]
+    if body.dim == 3:
+        found.append(View(f"Cut open, {strain}", lambda scene: scene.cut_open(**bar), side))
+    if body.locked.any():
+        found.append(View("Cells at the strain limit, |ε(u)| ≥ M", Scene.locked_zone, side))
+    for name, towards in below:
+        found += [
+            View(f"Contact pressure{name}", lambda scene: scene.pressure(**bar), towards),
+            View(f"Open, stick and slip{name}", lambda scene: scene.states(**names), towards),
+        ]
+    return found
+
+
 # Pictures are drawn larger by this factor and then reduced, which makes edges smooth.
-_FINER = 3
-_INCH = 72.0
+_FINER = 2
+#: Width and height of a view in pixels.
+SIZE = (800, 600)
+# Pixels to a point, and the size of letters.
+_POINT, _LETTERS = 2.0, 34
 # Lines move towards the viewer by this share of the body's size.
 _LIFT = 0.005
 
-# The views that are not those of a contact.
-_VIEWS: dict[str, Callable[[Scene], None]] = {
-    BODY: Scene.deformed_body,
-    CUT: Scene.cut_open,
-    LOCKED: Scene.locked_zone,
-}
-
 
 def render(body: Snapshot) -> dict[str, Image]:
-    """Pictures (h, w, 3) of all views by name."""
-    factor = style.magnification(body)
-    with _Painter(style.DPI) as painter:
-        return {
-            name: painter.picture(body, factor, view, _VIEWS.get(name, Scene.pressure))
-            for name, view in views(body).items()
-        }
+    """The views (h, w, 3) of a body by their titles."""
+    plotter, factor = _plotter(), style.magnification(body)
+    drawn = {view.title: _image(plotter, body, factor, view) for view in views(body, _LETTERS)}
+    plotter.close()
+    return drawn
 
 
 def render_film(bodies: Sequence[Snapshot]) -> Iterator[Image]:
     """The pictures (h, w, 3) of the deformed bodies of a film."""
-    common = look_of(bodies)
-    view = side_view(bodies, common.factor, FILM_WIDTH)
-    with _Painter(FILM_DPI) as painter:
-        for body, shade in zip(bodies, common.shades, strict=True):
-            yield painter.picture(body, common.factor, view, Scene.deformed_body, shade)
+    common, plotter = look_of(bodies), _plotter()
+    side = side_camera(bodies, common.factor)
+    for body, shade in zip(bodies, common.shades, strict=True):
+        view = replace(views(body, _LETTERS)[0], camera=side)
+        yield _image(plotter, body, common.factor, view, shade)
+    plotter.close()
 
 
-class _Painter:
-    """Draws pictures of ``dpi`` pixels to an inch with one plotter; a context manager.
+def _plotter() -> Any:
+    """One plotter for all pictures: an X server without clients may end."""
+    size = [_FINER * length for length in SIZE]
+    plotter: Any = pv.Plotter(off_screen=True, lighting="none", window_size=size)
+    set_up(plotter)
+    return plotter
 
-    All pictures use one plotter: an X server without clients may end.
-    """
 
-    def __init__(self, dpi: int) -> None:
-        self._dpi = dpi
-        self._plotter: Any = pv.Plotter(off_screen=True, lighting="none")
-        set_up(self._plotter)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._plotter.close()
-
-    def picture(
-        self,
-        body: Snapshot,
-        factor: float,
-        view: View,
-        draw: Callable[[Scene], None],
-        shade: style.Shade | None = None,
-    ) -> Image:
-        plotter = self._plotter
-        plotter.clear_actors()
-        plotter.window_size = [_FINER * round(self._dpi * s) for s in (view.width, view.height)]
-        point = self._dpi * _FINER / _INCH
-        draw(Scene(plotter, body, factor, point, _LIFT * body.size * view.camera.towards, shade))
-        look(plotter, view.camera)
-        plotter.render()
-        return _coarser(np.asarray(plotter.screenshot(return_img=True))[..., :3])
+def _image(
+    plotter: Any, body: Snapshot, factor: float, view: View, shade: style.Shade | None = None
+) -> Image:
+    lift = _LIFT * body.size * view.camera.towards
+    clear(plotter)
+    view.draw(Scene(plotter, body, factor, _FINER * _POINT, lift, shade))
+    look(plotter, view.camera)
+    # The arrows along the axes of an earlier picture would be turned one picture late.
+    plotter.add_axes(viewport=(0.0, 0.0, 0.25, 0.25))
+    plotter.render()
+    return _coarser(np.asarray(plotter.screenshot(return_img=True))[..., :3])
 
 
 def set_up(plotter: Any) -> None:
@@ -326,14 +365,28 @@ def set_up(plotter: Any) -> None:
     plotter.enable_depth_peeling()
 
 
+def clear(plotter: Any) -> None:
+    """Remove a view from a plotter."""
+    for name in list(plotter.scalar_bars.keys()):
+        plotter.remove_scalar_bar(name, render=False)
+    plotter.clear_actors()
+
+
+# Half the height of a picture over that of the body, and the room on the right for a scale of
+# colours over the width of the body.
+_ROOM, _BESIDE = 0.65, 0.08
+
+
 def look(plotter: Any, camera: Camera) -> None:
     """Set the camera of a plotter."""
+    across, down = plotter.window_size
     distance = 10.0 * max(camera.width, camera.height)
-    plotter.camera.position = camera.centre + distance * camera.towards
-    plotter.camera.focal_point = camera.centre
+    centre = camera.centre + _BESIDE * camera.width * camera.right
+    plotter.camera.position = centre + distance * camera.towards
+    plotter.camera.focal_point = centre
     plotter.camera.up = camera.up
     plotter.enable_parallel_projection()
-    plotter.camera.parallel_scale = 0.5 * camera.height
+    plotter.camera.parallel_scale = _ROOM * max(camera.height, camera.width * down / across)
     plotter.reset_camera_clipping_range()
 
 

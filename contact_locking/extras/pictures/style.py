@@ -178,10 +178,6 @@ def deformed(body: Snapshot, factor: float) -> FloatArray:
     return body.x + factor * body.displacement
 
 
-# Inches, and pixels to an inch, of the pictures of bodies in three dimensions.
-FILM_WIDTH, FILM_DPI = 4.4, 120
-
-
 @dataclass(frozen=True)
 class Look:
     """The factor of the displacement, and for each body the values of its cells on one scale."""

@@ -6,40 +6,25 @@ This module is a program of its own, as VTK ends its process if it finds no scre
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import matplotlib
-import numpy as np
 import pyvista as pv
 
 from contact_locking.extras.pictures import snapshot_file, style
-from contact_locking.extras.pictures.render import Scene, in_space, look, set_up
+from contact_locking.extras.pictures.render import Scene, clear, look, set_up, views
 from contact_locking.extras.pictures.snapshot import Snapshot
-from contact_locking.extras.pictures.views import BODY, Camera, camera, contact_view, views
 
 _SIZE, _FONT = (1100, 850), "fonts/ttf/DejaVuSans.ttf"
 # Pixels to a point, the unit of line widths.
 _POINT = 1.4
+_LETTERS = 16
 _KEYS = "space: next view     q: close     mouse: turn; with Shift: move; wheel: zoom"
 # Places are shares of the window.
-_BAR = {"title": "", "vertical": True, "width": 0.05, "height": 0.5, "n_labels": 6, "fmt": "%.3g"}
-_BAR_PLACE = {"position_x": 0.9, "position_y": 0.2}
 _SLIDER = {"pointa": (0.7, 0.93), "pointb": (0.96, 0.93), "tube_width": 0.003}
-_FREE = 0.65
 # The largest scale of the slider over the scale at its beginning.
 _MOST = 2.0
-
-
-@dataclass(frozen=True)
-class WindowView:
-    """One of the views of the window."""
-
-    title: str
-    draw: Callable[[Scene], None]
-    camera: Camera
 
 
 class Window:
@@ -47,7 +32,7 @@ class Window:
 
     def __init__(self, body: Snapshot) -> None:
         self._body, self._factor = body, style.magnification(body)
-        self._views, self._number = _views(body), 0
+        self._views, self._number = views(body, _LETTERS), 0
         self.plotter: Any = pv.Plotter(
             window_size=_SIZE, title=body.title or "contact_locking", lighting="none"
         )
@@ -87,16 +72,11 @@ class Window:
         self._draw()
 
     def _look(self) -> None:
-        seen = self._views[self._number].camera
-        look(self.plotter, seen)
-        width, height = _SIZE
-        self.plotter.camera.parallel_scale = _FREE * max(seen.height, seen.width * height / width)
+        look(self.plotter, self._views[self._number].camera)
 
     def _draw(self) -> None:
         plotter = self.plotter
-        for name in list(plotter.scalar_bars.keys()):
-            plotter.remove_scalar_bar(name, render=False)
-        plotter.clear_actors()
+        clear(plotter)
         self._views[self._number].draw(Scene(plotter, self._body, self._factor, _POINT))
         font = str(Path(matplotlib.get_data_path()) / _FONT)
         text = {"color": style.BLACK, "font_file": font, "render": False}
@@ -104,37 +84,6 @@ class Window:
         plotter.add_text(_KEYS, position="lower_left", font_size=8, **text)
         plotter.reset_camera_clipping_range()
         plotter.render()
-
-
-def _views(body: Snapshot) -> list[WindowView]:
-    contacts = body.contact.parts()
-    if body.dim == 3:
-        seen = views(body)
-        side = seen[BODY].camera
-        below = [
-            (part.names[0] and f": {part.names[0]}", seen[contact_view(number)].camera)
-            for number, part in enumerate(contacts)
-        ]
-    else:
-        points = in_space(np.vstack([body.x, style.deformed(body, style.magnification(body))]))
-        side = camera(points, np.eye(3)[2])
-        # One view of the whole body shows every contact.
-        below = [("", side)] if contacts else []
-    limited = np.isfinite(body.locking_limit).any()
-    strain = "|ε(u)| / M" if limited else "|ε(u)|"
-    bar = {"scalar_bar_args": _BAR | _BAR_PLACE}
-    names = {"scalar_bar_args": _BAR | _BAR_PLACE | {"n_labels": 0}}
-    found = [WindowView(f"Deformed body, {strain}", lambda scene: scene.deformed_body(**bar), side)]
-    if body.dim == 3:
-        found.append(WindowView(f"Cut open, {strain}", lambda scene: scene.cut_open(**bar), side))
-    if body.locked.any():
-        found.append(WindowView("Cells at the strain limit, |ε(u)| ≥ M", Scene.locked_zone, side))
-    for name, towards in below:
-        found += [
-            WindowView(f"Contact pressure{name}", lambda scene: scene.pressure(**bar), towards),
-            WindowView(f"Open, stick and slip{name}", lambda scene: scene.states(**names), towards),
-        ]
-    return found
 
 
 def main(snapshot: Path) -> None:

@@ -15,7 +15,7 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.contiguity import check_contiguity
 from contact_locking.mesh.file.data import MeshData, Simplices
-from contact_locking.mesh.file.topology import Facets, longest_edges, parts, signed_measures
+from contact_locking.mesh.file.topology import Facets, components, longest_edges, signed_measures
 
 # A cell has collapsed, or nearly collapsed, if |cell| d! over (longest edge)^d is below these
 # shares.
@@ -63,7 +63,8 @@ def _diagnose(mesh: MeshData) -> Diagnosis:
     facets = Facets(mesh.cells.nodes, len(mesh.points))
     _check_sharing(mesh, facets)
     _check_folds(mesh, facets)
-    count, labels = parts(facets, len(mesh.cells))
+    joined, _ = facets.pairs(np.flatnonzero(facets.shared >= 2))
+    count, labels = components(joined, len(mesh.cells))
     check_contiguity(mesh, facets, labels, warnings)
     if count > MOST_PARTS:
         raise InputError(

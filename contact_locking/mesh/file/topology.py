@@ -61,15 +61,17 @@ class Facets:
         return np.where(self._keys[places] == wanted, places, -1)
 
 
-def parts(facets: Facets, num_cells: int) -> tuple[int, IntArray]:
-    """The number of connected parts of the body, and the part (k,) of each cell."""
+def components(pairs: IntArray, size: int) -> tuple[int, IntArray]:
+    """The number of components of a graph with so many nodes, and that (size,) of each node.
+
+    ``pairs`` (k, 2) are the nodes that are joined.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    joined, _ = facets.pairs(np.flatnonzero(facets.shared >= 2))
-    graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), (num_cells, num_cells))
-    count, labels = connected_components(graph, directed=False)
-    return int(count), labels.astype(np.int64)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (size, size))
+    count, numbers = connected_components(graph, directed=False)
+    return int(count), numbers.astype(np.int64)
 
 
 def signed_measures(points: FloatArray, simplices: IntArray) -> FloatArray:

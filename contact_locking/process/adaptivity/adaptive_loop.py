@@ -27,10 +27,9 @@ from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint, solving
-from contact_locking.process.adaptivity import curvature
+from contact_locking.process.adaptivity import refinement
 from contact_locking.process.adaptivity.marking import cells_at, entered_places, marked_cells
-from contact_locking.process.adaptivity.measured_error import MEASURES, ErrorMeasure
-from contact_locking.process.adaptivity.mesh_sequence import MeshSequence
+from contact_locking.process.adaptivity.mesh_sequence import MEASURES, ErrorMeasure, MeshSequence
 from contact_locking.process.adaptivity.refinement import refined, singular_place
 from contact_locking.results.adapted_meshes import AdaptedMesh
 from contact_locking.results.solution import StudySolution
@@ -153,7 +152,7 @@ def _finer(mesh: WholeMesh, marked: BoolArray, parameters: Parameters) -> WholeM
     if geometry is not None:
         return refined(mesh, marked, geometry.curved)
     told = mesh.diagnosis.warnings
-    news = [text for text in curvature.warnings(mesh.data) if text not in told]
+    news = [text for text in refinement.warnings(mesh.data) if text not in told]
     finer = refined(mesh, marked)
     return replace(finer, diagnosis=replace(finer.diagnosis, warnings=[*told, *news]))
 

@@ -8,7 +8,7 @@ same coordinates.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from mpi4py import MPI
 from contact_locking import _compat, study_file
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
+from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
@@ -27,14 +28,89 @@ from contact_locking.mesh.whole_mesh import WholeMesh, gather_mesh, spread
 from contact_locking.parallel import maximum, on_every_rank, on_root
 from contact_locking.plain_text import defect
 from contact_locking.process.checkpoint import record as records
-from contact_locking.process.checkpoint import step as steps
 from contact_locking.process.checkpoint.record import Record
-from contact_locking.process.checkpoint.step import SavedStep
 from contact_locking.results.contact_points import OPEN
+from contact_locking.results.history import History, read_history
+from contact_locking.results.names import HISTORY
 from contact_locking.results.solution import StudySolution
 from contact_locking.solver.multipliers import ContactForces, Multipliers
-from contact_locking.solver.saved import SavedState
+from contact_locking.solver.task import SavedState
 from contact_locking.study.assembly import StudyProblem
+
+_PLACE, _SLIP = "old_place", "old_slip"
+
+
+@dataclass(frozen=True)
+class SavedStep:
+    """A step that was solved and saved.
+
+    ``memories`` are what friction remembered during the step: for each contact ``u_{k-1,tau}``
+    (k, d) and the slip ``s_{k-1}`` (k,).  ``history`` ends with the row of the step, and ``halved``
+    tells which steps were halved.
+    """
+
+    time: float
+    memories: tuple[tuple[FloatArray, FloatArray], ...]
+    history: History
+    halved: tuple[str, ...]
+
+    def enter(self, contacts: Sequence[NodalContact]) -> None:
+        """Give the contacts their memories of the step; collective."""
+        for contact, (place, slip) in zip(contacts, self.memories, strict=True):
+            contact.recall(place, slip)
+
+
+def _about_step(solution: StudySolution) -> dict[str, Any] | None:
+    """The entry of the record about the step; None for a problem without steps."""
+    if not solution.history.rows:
+        return None
+    return {"time": solution.time, "halved": list(solution.halved)}
+
+
+def _step_fields(solution: StudySolution) -> dict[str, fem.Function]:
+    """The fields with the memories by name; none for a problem without steps; collective."""
+    found: dict[str, fem.Function] = {}
+    for number, contact in enumerate(solution.contacts if solution.history.rows else ()):
+        found[f"{_PLACE}_{number}"] = contact.surface.vector_function(contact.old_place)
+        found[f"{_SLIP}_{number}"] = contact.surface.scalar_function(contact.old_slip)
+    return found
+
+
+def _write_history(solution: StudySolution, folder: Path) -> None:
+    """Write the history of a process beside the record; for rank 0."""
+    if solution.history.rows:
+        (folder / HISTORY).write_text(solution.history.text(), encoding="utf-8")
+
+
+def _load_step(
+    entry: Mapping[str, Any],
+    folder: Path,
+    problem: StudyProblem,
+    read: Callable[[str, fem.FunctionSpace], fem.Function],
+) -> SavedStep:
+    """The step of a checkpoint in ``folder``, with the entry of its record; collective.
+
+    Raises InputError for a damaged history.
+    """
+    dim = problem.domain.dim
+    memories = []
+    for number, contact in enumerate(problem.contacts):
+        surface = contact.surface
+        place = read(f"{_PLACE}_{number}", surface.vector_space).x.array
+        slip = read(f"{_SLIP}_{number}", surface.scalar_space).x.array
+        memories.append((place.reshape(-1, dim)[surface.blocks], slip[surface.nodes]))
+
+    def history() -> History:
+        path = folder / HISTORY
+        return read_history(path.read_text(encoding="utf-8"), str(path))
+
+    return SavedStep(
+        time=float(entry["time"]),
+        memories=tuple(memories),
+        history=on_root(problem.domain.comm, history),
+        halved=tuple(map(str, entry["halved"])),
+    )
+
 
 # The coordinates of the same mesh may differ by this share of the extent, because another machine
 # may have made the mesh.
@@ -237,12 +313,12 @@ def write(solution: StudySolution, folder: Path) -> None:
             strain_sets=len(solution.locking_parts),
             mesh=study_file.mesh_identity(parameters) | ({"refined": True} if mesh else {}),
             problem=study_file.problem_fingerprint(parameters),
-            step=steps.about(solution),
+            step=_about_step(solution),
             travels=tuple(
                 entry["tool"]["travel"] for entry in solution.summary["contacts"] if "tool" in entry
             ),
         )
-        steps.write_history(solution, folder)
+        _write_history(solution, folder)
         records.save(record, folder)
 
     on_root(domain.comm, finish)
@@ -291,7 +367,7 @@ def read(directory: str | Path, problem: StudyProblem) -> Checkpoint:
     same = on_root(comm, lambda: study_file.problem_fingerprint(parameters)) == record.problem
     step = None
     if record.step is not None and multipliers is not None:
-        step = steps.load(record.step, records.locate(directory), problem, load)
+        step = _load_step(record.step, records.locate(directory), problem, load)
     is_solution = record.converged and same
     return Checkpoint(state, multipliers, bounds, is_solution, record.converged, step)
 
@@ -345,7 +421,7 @@ def _fields(solution: StudySolution) -> dict[str, fem.Function]:
             found[_of(name, number)] = surface.scalar_function(values)
         traction = surface.vector_function(contact.traction)
         found[_of("tangential_traction", number)] = traction
-    return found | steps.fields(solution)
+    return found | _step_fields(solution)
 
 
 def _plain(error: RuntimeError) -> str:

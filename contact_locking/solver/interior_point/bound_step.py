@@ -27,14 +27,80 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from dolfinx import fem
 
 from contact_locking.arrays import FloatArray
-from contact_locking.parallel import on_any_rank
-from contact_locking.solver.interior_point.direction import Direction
-from contact_locking.solver.interior_point.family import Reaction
-from contact_locking.solver.interior_point.moving_bound import MovingBound
+from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.parallel import maximum, on_any_rank
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.family import Direction, Reaction
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
+
+
+@dataclass(frozen=True)
+class MovingBound:
+    """``G = mu(|u_tau|) |R p|`` of ``contact``, from the pressure p of the cones ``pressing``.
+
+    The cones ``friction`` use the bound.  No bound is smaller than the share ``least`` of the
+    largest, so that the friction cones have an inside.
+    """
+
+    u: fem.Function
+    contact: NodalContact
+    pressing: ContactCones
+    friction: FrictionCones
+    least: float
+
+    @property
+    def stands(self) -> bool:
+        """Whether the bound stays as it is within a solve."""
+        return self.contact.friction.stands
+
+    def start(self, moves: bool, least: float) -> None:
+        """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
+
+        Where it is zero, there is no friction to account for; collective.
+        """
+        if moves:
+            self.contact.bounds = self.wanted()
+        self.friction.takes_part = not self.is_zero()
+        if self.friction.takes_part:
+            bound = self.friction.nodes.of_all(self.contact.bounds)
+            self.friction.start_under(bound, self.pressing.z, least)
+
+    def is_zero(self) -> bool:
+        """Whether the bound is zero everywhere; collective."""
+        return self.contact.norm(self.contact.bounds) == 0.0
+
+    def wanted(self) -> FloatArray:
+        """``mu |R p|`` at all nodes of the contact; collective."""
+        new = self.contact.friction_bound(self.u, self.pressing.nodes.at_all(self.pressing.z))
+        least = self.least * maximum(self.pressing.comm, new)
+        return self.contact.acting(np.maximum(new, least))
+
+    def slope(self) -> FloatArray:
+        """``mu'(|u_tau|) |R p|`` (k,) at the nodes of the cones; collective.
+
+        It is zero for a bound of the user's own, of which nothing is known but its value.
+        """
+        bound, nodes = self.contact.friction, self.friction.nodes
+        if not (bound.is_coulomb and bound.depends_on_slip):
+            return np.zeros(len(nodes.weights))
+        smoothed = bound.smoothing.apply(nodes.at_all(self.pressing.z))
+        return nodes.of_all(bound.slope(self.contact.slips(self.u)) * np.abs(smoothed))
+
+    def used(self, elsewhere: FloatArray) -> FloatArray:
+        """The bound at all nodes of the contact: of the cones, or ``elsewhere`` without cones."""
+        used = elsewhere.copy()
+        self.friction.nodes.enter(self.friction.bound, used)
+        return used
+
+    def set_wanted(self, wanted: FloatArray) -> None:
+        """Take the bound that the pressure asks for; collective."""
+        self.contact.bounds = wanted
+        self.friction.set_bound(self.friction.nodes.of_all(wanted))
 
 
 @dataclass
@@ -61,7 +127,7 @@ class BoundStep:
         contracts: bool = False,
     ) -> None:
         self._tangent, self._tuning, self.contracts = tangent, tuning, contracts
-        self._laws = [_BoundLaw(bound, tuning.bound_most_taken) for bound in bounds]
+        self._laws = [BoundLaw(bound, tuning.bound_most_taken) for bound in bounds]
         counts = [len(law.friction.weights) for law in self._laws]
         self._ends = np.cumsum(counts)[:-1]
         self._known: list[_Known] = []
@@ -192,7 +258,7 @@ class BoundStep:
         return math.sqrt(self._dot(a, a))
 
 
-class _BoundLaw:
+class BoundLaw:
     """``G = mu(|u_tau|) |R p|`` on one part of Gamma_C, linearised at the iterate.
 
     Values are those of the nodes of the cones, (k,); collective to make.
@@ -219,7 +285,7 @@ class _BoundLaw:
         """The residual of the equation for a direction; collective."""
         friction = self.friction
         slip_step = friction.slip_step(direction.steps[friction])
-        wanted = self._wanted + self._moved(direction.steps[self._contact].dual, slip_step)
+        wanted = self._wanted + self.moved(direction.steps[self._contact].dual, slip_step)
         return wanted - friction.bound - friction.bound_step
 
     def missed(self, direction: Direction) -> FloatArray:
@@ -238,12 +304,22 @@ class _BoundLaw:
     def moved_by(self, displacement: FloatArray) -> FloatArray:
         """What a response of the displacement (owned values) does to the law; collective."""
         pressure_step = self._contact.response(self._contact.see(displacement))
-        return self._moved(pressure_step, self.friction.see(displacement))
+        return self.moved(pressure_step, self.friction.see(displacement))
 
-    def _moved(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:
+    def moved(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:
         """``mu R dp + mu'(s) |R p| ds``, without what the cones make the bound grow by."""
         nodes = self._nodes
         smoothed = nodes.of_all(self._smoothing.apply(nodes.at_all(pressure_step)))
         along = np.einsum("ik,ik->k", self._along, slip_step)
         moved = self._mu * smoothed + self._slope * along
         return np.asarray(moved - self.friction.grown(slip_step))
+
+    def moved_adjoint(self, bound: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The adjoint of the map from steps of pressure and slip to the bound; collective.
+
+        A bound (k,) gives a pressure (k,) and a slip (d, k), as ``int`` pairs all of them.
+        """
+        nodes, friction = self._nodes, self.friction
+        pressure = nodes.of_all(self._smoothing.adjoint(nodes.at_all(self._mu * bound)))
+        slip = self._slope * bound * self._along - friction.grown_adjoint(bound)
+        return pressure, np.asarray(slip)

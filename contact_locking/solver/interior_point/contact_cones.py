@@ -53,7 +53,7 @@ class ContactCones(HalfLines):
         self.z = np.asarray(level * self.scale / self.x)
 
     def primal_residual(self, deformation: float) -> float:
-        residual = self._primal_gap()
+        residual = self.primal_gap()
         size = np.full_like(residual, deformation)
         return relative_rms(self.comm, self.weights, residual, size)
 

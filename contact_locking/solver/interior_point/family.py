@@ -188,6 +188,31 @@ class Family(ABC):
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
         """What brings the products after a step of length t back into a band, roughly."""
 
+    # The derivative by the data.
+
+    @abstractmethod
+    def primal_gap(self) -> FloatArray:
+        """How far the points are from the laws of the present data, in the shape of x."""
+
+    @abstractmethod
+    def move(self, gap: FloatArray) -> None:
+        """Let steps be the change with data that move the points by ``gap``, in the shape of x.
+
+        The complementarity products stay: ``dz = -W^-2 dx``.
+        """
+
+    @abstractmethod
+    def move_adjoint(self, seen: FloatArray) -> FloatArray:
+        """The adjoint of the map from a gap to the reactions that change if nothing moves."""
+
+    @abstractmethod
+    def settle(self, product: float) -> None:
+        """Points on the central path that the penalty laws give for what was seen.
+
+        ``product`` is the complementarity product.  The laws have a compliance, and the friction
+        cones have their bound.
+        """
+
     # The tangent.
 
     @abstractmethod
@@ -296,3 +321,30 @@ class Reaction:
     def add_to(self, forces: PETSc.Vec) -> None:
         """Add the forces; collective."""
         self.family.add_forces(self.values, forces)
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A step of the displacement with the travels, and of every family that takes part."""
+
+    displacement: FloatArray
+    steps: Mapping[Family, Step]
+
+    def plus(self, other: Direction, share: float) -> Direction:
+        """The direction plus ``share`` times the other."""
+        return Direction(
+            self.displacement + share * other.displacement,
+            {family: step.plus(other.steps[family], share) for family, step in self.steps.items()},
+        )
+
+    def between(self, other: Direction, share: float) -> Direction:
+        """The direction plus ``share`` times what leads from it to the other."""
+        if share == 1.0:
+            return other
+        return Direction(
+            self.displacement + share * (other.displacement - self.displacement),
+            {
+                family: step.between(other.steps[family], share)
+                for family, step in self.steps.items()
+            },
+        )

@@ -15,7 +15,7 @@ from contact_locking.fem import compiled
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.solver.target import Target
+from contact_locking.solver.task import Target
 
 # Multipliers are balanced by a stress this many times stiffer than the material.
 _STIFFER = 1e6

@@ -16,9 +16,7 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.multipliers import Multipliers
-from contact_locking.solver.solver_report import SolverReport
-from contact_locking.solver.target import Target
-from contact_locking.solver.task import Task
+from contact_locking.solver.task import SolverReport, Target, Task
 
 # How close the factor that works and the one that does not have to be.
 _PRECISION = 0.01

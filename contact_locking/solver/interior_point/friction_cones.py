@@ -10,8 +10,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
 from contact_locking.solver.interior_point.family import Step
-from contact_locking.solver.interior_point.lorentz import Scaling, dot
-from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
+from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, dot, inverse
 from contact_locking.solver.multipliers import Multipliers
 
 # The products at the start are at most this multiple of those of contact: a coefficient of a
@@ -100,7 +99,7 @@ class FrictionCones(LorentzCones):
 
     def linearise(self) -> None:
         self.bound_step = np.zeros(len(self.weights))
-        self._gap = self._fixed_rows() - self.x[1:]
+        self._gap = self._rows_gap()
         scaling = self._scaling = Scaling.of(self.x, self.z)
         square, w_0 = scaling.eta**2, scaling.w[0]
         self.a = np.reciprocal(square)
@@ -129,20 +128,59 @@ class FrictionCones(LorentzCones):
 
     def response(self, bound_step: FloatArray) -> FloatArray:
         """The change of ``-sigma_tau`` (d, k) with the bound where nothing moves."""
+        return np.asarray(self._per_bound() * bound_step)
+
+    def response_adjoint(self, seen: FloatArray) -> FloatArray:
+        """The adjoint (k,) of :meth:`response` at what was seen (d, k)."""
+        return dot(self._per_bound(), seen)
+
+    def _per_bound(self) -> FloatArray:
         w = self._scaling.w
-        share = 2.0 * w[0] / (2.0 * w[0] ** 2 - 1.0) * bound_step
-        return np.asarray(share * w[1 : 1 + self.nodes.dim])
+        return np.asarray(2.0 * w[0] / (2.0 * w[0] ** 2 - 1.0) * w[1 : 1 + self.nodes.dim])
+
+    def grown_adjoint(self, bound: FloatArray) -> FloatArray:
+        """The adjoint (d, k) of :meth:`grown` at a bound (k,)."""
+        return np.asarray(self.growth * bound / self._scaling.w[0] * self.w)
+
+    def primal_gap(self) -> FloatArray:
+        return np.vstack([np.zeros(len(self.weights)), self._rows_gap()])
+
+    def _rows_gap(self) -> FloatArray:
+        return self._fixed_rows() - self.x[1:]
+
+    def move(self, gap: FloatArray) -> None:
+        super().move(gap[1:])
+
+    def move_adjoint(self, seen: FloatArray) -> FloatArray:
+        rest, dim = np.zeros_like(self.x[1:]), self.nodes.dim
+        rest[:dim] = seen
+        self.move(np.zeros_like(self.x))
+        back = -self._step_under(rest, np.zeros(len(self.weights))).dual
+        back[0] = 0.0
+        back[1 : 1 + dim] += self.grown_adjoint(self.response_adjoint(seen))
+        return back
+
+    def settle(self, product: float) -> None:
+        rows = self._fixed_rows()
+        share = product / np.maximum(self.bound, np.finfo(float).tiny)
+        self.x = np.vstack([0.5 * (share + np.sqrt(share**2 + 4.0 * dot(rows, rows))), rows])
+        self.z = product * inverse(self.x)
 
     def _step(self, d_rest: FloatArray) -> Step:
+        return self._step_under(d_rest, self.bound_step + self.grown(d_rest[: self.nodes.dim]))
+
+    def _step_under(self, d_rest: FloatArray, dz_0: FloatArray) -> Step:
         """``dz = b - W^-2 dx`` with ``dz_0``, the step of the bound, solved for ``dx_0``."""
         square, w = self._scaling.eta**2, self._scaling.w
         w_0, w_1 = w[0], w[1:]
-        w_rest = dot(w_1, d_rest)
-        h_00 = (2.0 * w_0**2 - 1.0) / square
+        w_rest, left = dot(w_1, d_rest), self._aim[0] - dz_0
+        share = np.reciprocal(2.0 * w_0**2 - 1.0)
+        d_t = (square * left + 2.0 * w_0 * w_rest) * share
+        # w_0 dx_0 and w_rest cancel out: they are taken together.
         dz = np.empty_like(self.z)
-        dz[0] = self.bound_step + self.grown(d_rest[: self.nodes.dim])
-        d_t = (self._aim[0] - dz[0] + 2.0 * w_0 * w_rest / square) / h_00
-        dz[1:] = self._aim[1:] - (d_rest + 2.0 * (w_rest - w_0 * d_t) * w_1) / square
+        dz[0] = dz_0
+        dz[1:] = self._aim[1:] - d_rest / square
+        dz[1:] += (2.0 * share * (w_0 * left + w_rest / square)) * w_1
         return Step(np.vstack([d_t, d_rest]), dz)
 
     # The start.

@@ -47,14 +47,14 @@ class HalfLines(Family):
         most = np.maximum(-step.primal / self.x, -step.dual / self.z)
         return np.maximum(most, 0.0)
 
-    def _primal_gap(self) -> FloatArray:
+    def primal_gap(self) -> FloatArray:
         """``limit + compliance z - lin(u) - x``."""
         return (self.limit - self.seen) + self.compliance * self.z - self.x
 
     # The Newton step.
 
     def linearise(self) -> None:
-        self._gap = self._primal_gap()
+        self._gap = self.primal_gap()
         self._yielding = max(self.compliance, self.softness)
         self.stiffness = self.z / (self.x + self._yielding * self.z)
 
@@ -73,6 +73,21 @@ class HalfLines(Family):
     def step(self, seen: FloatArray) -> Step:
         dz = self._dual_step(self._gap - seen)
         return Step(self._yielding * dz - seen + self._gap, dz)
+
+    def move(self, gap: FloatArray) -> None:
+        self._gap, self._wanted = gap, np.zeros_like(self.z)
+
+    def move_adjoint(self, seen: FloatArray) -> FloatArray:
+        return np.asarray(-self.stiffness * seen)
+
+    def settle(self, product: float) -> None:
+        opening, double = self.limit - self.seen, 2.0 * self.compliance
+        root = np.sqrt(opening**2 + 2.0 * double * product)
+        # Of two formulae for each root the one without cancellation.
+        self.z = np.where(
+            opening > 0.0, 2.0 * product / (root + opening), (root - opening) / double
+        )
+        self.x = np.asarray(product / self.z)
 
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
         return (self._wanted - self.z * d_rest) / (self.x + self._yielding * self.z)

@@ -9,8 +9,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import exceeded_by_few, maximum, minimum
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.solver.interior_point.direction import Direction
-from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.family import Direction, Family, Reaction
 from contact_locking.solver.interior_point.tangent import Tangent
 
 # Mehrotra's second-order terms, with those of recentrings, of each family.

@@ -12,11 +12,14 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.parallel import minimum
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.solver.interior_point.family import Step
-from contact_locking.solver.interior_point.lorentz import Scaling, dot, inverse, norm
-from contact_locking.solver.interior_point.lorentz_cones import LorentzCones
+from contact_locking.solver.interior_point.half_lines import HalfLines
+from contact_locking.solver.interior_point.lorentz import LorentzCones, Scaling, dot, inverse, norm
 from contact_locking.solver.interior_point.measures import relative_rms
 from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.multipliers import Multipliers
+
+# Newton's method for one cone halves the distance to a double root, and else is fast.
+_MOST_STEPS = 40
 
 
 class LockingCones(LorentzCones):
@@ -56,9 +59,9 @@ class LockingCones(LorentzCones):
         self.z = level * inverse(self.x)
 
     def primal_residual(self, deformation: float) -> float:
-        return relative_rms(self.comm, self.weights, self._primal_gap(), self.x)
+        return relative_rms(self.comm, self.weights, self.primal_gap(), self.x)
 
-    def _primal_gap(self) -> FloatArray:
+    def primal_gap(self) -> FloatArray:
         """``(M + q, L eps) - x``."""
         return np.vstack([self.limit + self.compliance * self.z[0], self.seen]) - self.x
 
@@ -68,7 +71,7 @@ class LockingCones(LorentzCones):
     # The Newton step.
 
     def linearise(self) -> None:
-        self._gap = self._primal_gap()
+        self._gap = self.primal_gap()
         scaling = self._scaling = Scaling.of(self.x, self.z)
         kappa = self._yielding = max(self.compliance, self.softness)
         square, w_0 = scaling.eta**2, scaling.w[0]
@@ -86,17 +89,41 @@ class LockingCones(LorentzCones):
         dz = self._dual_step(d_rest)
         return Step(np.vstack([self._gap[0] + self._yielding * dz[0], d_rest]), dz)
 
+    def move_adjoint(self, seen: FloatArray) -> FloatArray:
+        self.move(np.zeros_like(self.x))
+        return -self._dual_step(seen)
+
+    def settle(self, product: float) -> None:
+        strain, limit = norm(self.seen), self.limit
+        share = self.compliance * product
+        x_0 = np.maximum(strain, limit) + np.sqrt(share)
+        # Newton's method from above on (x_0 - M)(x_0^2 - |L eps|^2) = compliance product x_0.
+        for _ in range(_MOST_STEPS):
+            det = (x_0 - strain) * (x_0 + strain)
+            value = (x_0 - limit) * det - share * x_0
+            x_0 -= value / (det + 2.0 * (x_0 - limit) * x_0 - share)
+        self.x = np.vstack([x_0, self.seen])
+        # Beyond the limit ``z_0 = q/compliance`` has more digits than ``x^-1``.
+        z_0 = np.where(
+            strain > limit, (x_0 - limit) / self.compliance, product * inverse(self.x)[0]
+        )
+        self.z = -z_0 / x_0 * self.x
+        self.z[0] = z_0
+
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
         """``dz = b - W^-2 dx`` with ``dx_0 = yielding dz_0 + gap_0`` eliminated."""
         w, a, kappa = self._scaling.w, self._scaling.eta**-2, self._yielding
-        w_0, w_rest, gap_0 = w[0], dot(w[1:], d_rest), self._gap[0]
+        w_0, w_rest, gap_0, aim_0 = w[0], dot(w[1:], d_rest), self._gap[0], self._aim[0]
         h_00 = (2.0 * w_0**2 - 1.0) * a
-        dz_0 = (self._aim[0] - h_00 * gap_0 + 2.0 * a * w_0 * w_rest) / (1.0 + kappa * h_00)
-        dz = (2.0 * (w_0 * (gap_0 + kappa * dz_0) - w_rest)) * w
+        share = np.reciprocal(1.0 + kappa * h_00)
+        # Where the compliance is soft beside the cone, w_0 dx_0 and w_rest cancel out: they are
+        # taken together.
+        along = w_0 * (gap_0 + kappa * aim_0) + (kappa * a - 1.0) * w_rest
+        dz = (2.0 * share * along) * w
         dz[1:] -= d_rest
         dz *= a
         dz += self._aim
-        dz[0] = dz_0
+        dz[0] = (aim_0 - h_00 * gap_0 + 2.0 * a * w_0 * w_rest) * share
         return dz
 
     # The tangent.
@@ -166,3 +193,89 @@ class LockingCones(LorentzCones):
         ratio = np.linalg.norm(self.seen, axis=0) / self.limit
         what = "the strain" if self._number == 0 else f"the strain of {self._strains.law.name}"
         return self._strains.describe_excess(ratio, what)
+
+
+class StrainHalfLines(HalfLines):
+    """``x = M + q - N : eps >= 0`` with cost ``n q^2``, and its multiplier ``z = y >= 0``.
+
+    ``q = z/(2n)``, so that the compliance is ``1/(2n)``, 0 for n = inf.  ``limit`` is M (k,) at the
+    points of ``strains``, the family number ``number`` of the sets of strains.
+    """
+
+    stops_rigid_motions = False
+    scale = 1.0
+
+    def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
+        self._strains, self._number, self.compliance = strains, number, compliance
+        self.comm, self.weights = strains.comm, strains.weights
+        self.x, self.z = np.zeros((2, len(strains.limit)))
+
+    @property
+    def limit(self) -> FloatArray:
+        return self._strains.limit
+
+    # The displacement and the forces.
+
+    def see(self, displacement: FloatArray) -> FloatArray:
+        return self._strains.strains(displacement)[0]
+
+    def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
+        self._strains.add_forces(reactions, forces)
+
+    # The iterate.
+
+    def start(self, level: float, least: float) -> None:
+        # The same distance from the limit as that of a norm.
+        self.x = np.maximum(self.limit, 1.5 * np.abs(self.seen)) - self.seen
+        self.z = np.asarray(level / self.x)
+
+    def primal_residual(self, deformation: float) -> float:
+        size = self.limit + np.abs(self.seen)
+        return relative_rms(self.comm, self.weights, self.primal_gap(), size)
+
+    def write(self, multipliers: Multipliers, stiffness: float) -> None:
+        self._strains.set_scalars(multipliers.parts[self._number], self.reactions)
+
+    # The tangent.
+
+    def tangent_term(self, v: Expr, du: Expr) -> Expr:
+        """``int k (N : eps(du)) (N : eps(v))``."""
+        places, law = self._strains, self._strains.law
+        self._k = fem.Function(places.scalars)
+        eps, eps_v = (law.measured(places.strain(w)) for w in (du, v))
+        return self._k * eps * eps_v * places.dx
+
+    def write_block(self) -> None:
+        self._strains.set_scalars(self._k, self.stiffness)
+
+    def soften(self, factor: float, material: float) -> None:
+        is_stiff = self._relative_stiffness(material) > factor
+        self._strains.set_scalars(self._k, np.where(is_stiff, 0.0, self.stiffness))
+
+    def stiff_nodes(self, factor: float, material: float) -> IndexArray:
+        return self._strains.nodes_at(self._relative_stiffness(material) > factor)
+
+    def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
+        is_stiff = self.stiffness > factor * material
+        rows = self._strains.along(is_stiff, np.ones((1, np.count_nonzero(is_stiff))))
+        return rows, self.stiffness[is_stiff] / self.weights[is_stiff]
+
+    def soften_along(self, factor: float, material: float) -> None:
+        is_stiff = self.stiffness > factor * material
+        self._strains.set_scalars(self._k, np.where(is_stiff, 0.0, self.stiffness))
+
+    def _relative_stiffness(self, material: float) -> FloatArray:
+        """How much stiffer points are than the material, and than the softest; collective."""
+        return np.asarray(self.stiffness / max(material, minimum(self.comm, self.stiffness)))
+
+    # The start, and whether anything is admissible.
+
+    def is_kept(self, margin: float, displacement: float) -> bool:
+        return bool(np.all(self.seen <= self.limit * (1.0 + margin + ROUNDING)))
+
+    def body_work(self) -> float:
+        return self.power(self.reactions, self.seen)
+
+    def describe_excess(self) -> str:
+        ratio = np.maximum(self.seen, 0.0) / self.limit
+        return self._strains.describe_excess(ratio, f"the strain of {self._strains.law.name}")

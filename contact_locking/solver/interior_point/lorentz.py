@@ -13,7 +13,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.solver.interior_point.family import Family, Step
 
 # A point and its multiplier, or a step of both.
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
@@ -41,6 +42,22 @@ def inverse(x: FloatArray) -> FloatArray:
     result = x / -(size(x) ** 2)
     result[0] *= -1.0
     return result
+
+
+def aligned(pair: Pair, stays: BoolArray) -> Pair:
+    """A pair near by with ``x o z = theta e`` in each cone, with its own theta.
+
+    Points x stay where ``stays`` (k,), and multipliers elsewhere; the other of the two becomes a
+    multiple of the inverse of the one that stays, with the same first entry as before.
+    """
+    x, z = pair
+
+    def beside(y: FloatArray, first: FloatArray) -> FloatArray:
+        turned = -(first / y[0]) * y
+        turned[0] = first
+        return turned
+
+    return np.where(stays, x, beside(z, x[0])), np.where(stays, beside(x, z[0]), z)
 
 
 def total(weights: FloatArray, pair: Pair, t: float, step: Pair) -> float:
@@ -170,3 +187,44 @@ class Scaling:
         result[0] = w[0] * y[0] - rest
         result *= 1.0 / self.eta
         return result
+
+
+class LorentzCones(Family):
+    """Pairs (x, z) of points in Lorentz cones, and the block ``D = a I + b w w^T``.
+
+    ``a`` and ``b`` are (k,), ``w`` is (m, k).
+    """
+
+    a: FloatArray
+    b: FloatArray
+    w: FloatArray
+    _scaling: Scaling
+    _aim: FloatArray
+    _gap: FloatArray
+
+    def total(self, t: float = 0.0, step: Step | None = None) -> float:
+        pair = self.x, self.z
+        taken = pair if step is None else (step.primal, step.dual)
+        return total(self.weights, pair, t, taken)
+
+    def correction(self, step: Step) -> FloatArray:
+        return self._scaling.correction(step.primal, step.dual)
+
+    def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
+        return self._scaling.recentring(t, step.primal, step.dual, band)
+
+    def longest_step_between(self, step: Step, other: Step, share: float) -> float:
+        return self._scaling.longest_step(step.pair, other.pair, share)
+
+    def speeds(self, step: Step) -> FloatArray:
+        return self._scaling.speeds(step.pair)
+
+    def move(self, gap: FloatArray) -> None:
+        self._gap, self._aim = gap, np.zeros_like(self.z)
+
+    def hold(self, stiffness: float | FloatArray) -> None:
+        self.a = np.full(len(self.weights), stiffness)
+        self.b, self.w = np.zeros_like(self.a), np.zeros_like(self.seen)
+
+    def block(self, seen: FloatArray) -> FloatArray:
+        return np.asarray(self.a * seen + self.b * dot(self.w, seen) * self.w)

@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import Settings
 
 
 @dataclass

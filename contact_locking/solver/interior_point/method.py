@@ -27,24 +27,87 @@ back-substitutions more than one with known bounds.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
-from contact_locking.solver.interior_point.families import families_of
+from contact_locking.problem.strain_sets import NormSet
+from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.interior_point.bound_step import MovingBound
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.contact_nodes import ContactNodes
+from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.farkas import excluded_factor
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
 from contact_locking.solver.interior_point.measures import Measures
-from contact_locking.solver.interior_point.rest import rests
 from contact_locking.solver.interior_point.search import Search
-from contact_locking.solver.interior_point.start import ElasticStart
+from contact_locking.solver.interior_point.start import ElasticStart, rests
+from contact_locking.solver.interior_point.strain_operator import StrainOperator
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Approach, Tuning
+from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.solver.multipliers import ContactForces, Multipliers
-from contact_locking.solver.task import Task
+from contact_locking.solver.task import Target, Task
+
+
+@dataclass(frozen=True)
+class Families:
+    """All families of a system, and what ties friction to the pressure of its contact.
+
+    A family of cones of another kind is one more entry of the list that :func:`families_of` makes.
+    ``strains`` has the operator of each set of strains.
+    """
+
+    every: list[Family]
+    bounds: list[MovingBound]
+    strains: list[StrainOperator]
+    nodes: list[ContactNodes]
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        for operator in self.strains:
+            operator.destroy()
+        for item in self.nodes:
+            item.destroy()
+
+
+def families_of(system: PenalisedSystem, target: Target, least_bound: float) -> Families:
+    """A family for each set of strains, and contact and friction for each part of Gamma_C.
+
+    Without friction on a part there is no family for it, and there is none at all for the contact
+    of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
+    largest friction bound that no bound is smaller than.  Collective.
+    """
+    penalty = target.penalty
+    data, space = system.data, system.u.function_space
+    strains = [StrainOperator(space, data, item, system.kept) for item in data.sets]
+    families: list[Family] = []
+    for number, operator in enumerate(strains):
+        if isinstance(operator.law, NormSet):
+            families.append(LockingCones(operator, penalty.compliance, number))
+        else:
+            families.append(StrainHalfLines(operator, penalty.compliance, number))
+    bounds, touching = [], []
+    resting = [tool.contact for tool in system.tools if not tool.pushes]
+    for number, contact in enumerate(system.contacts):
+        if contact in resting:
+            continue
+        nodes = ContactNodes(contact, number, system)
+        touching.append(nodes)
+        pressing = ContactCones(nodes, penalty.epsilon, target.length)
+        families.append(pressing)
+        if not contact.friction.frictionless:
+            regularisation = penalty.regularisations[number]
+            rubbing = FrictionCones(nodes, regularisation, target.length)
+            families.append(rubbing)
+            bounds.append(MovingBound(system.u, contact, pressing, rubbing, least_bound))
+    return Families(families, bounds, strains, touching)
 
 
 class InteriorPoint:
@@ -72,7 +135,9 @@ class InteriorPoint:
         # What is no number is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
             try:
-                return self._iterate_to_the_end()
+                found = self._iterate_to_the_end()
+                self._task.report.last = self._last()
+                return found
             finally:
                 self._task.report.friction_change = self._friction_change
 
@@ -89,6 +154,19 @@ class InteriorPoint:
                 family.write(found, self._task.target.young)
             found.add_up(system.data)
         return found
+
+    def _last(self) -> LastIterate:
+        system, taking_part = self._task.system, set()
+        if not self.is_elastic:
+            taking_part = set(self._iterate.families)
+        return LastIterate(
+            system.u.x.array.copy(),
+            system.tools.travels,
+            tuple(
+                (family.x, family.z) if family in taking_part else None
+                for family in self._families.every
+            ),
+        )
 
     def require_feasible(self) -> None:
         """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""

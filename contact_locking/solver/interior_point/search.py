@@ -6,13 +6,12 @@ import math
 from collections.abc import Sequence
 
 from contact_locking.errors import NotConverged
-from contact_locking.solver.interior_point.bound_step import BoundStep
-from contact_locking.solver.interior_point.direction import Direction
+from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
+from contact_locking.solver.interior_point.family import Direction
 from contact_locking.solver.interior_point.iterate import Corrections, Iterate, added
 from contact_locking.solver.interior_point.measures import Measures
-from contact_locking.solver.interior_point.moving_bound import MovingBound
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import Settings
 
 
 class Search:

@@ -2,28 +2,159 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import ufl
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.fem import compiled
 from contact_locking.fem.joint_forms import JointForm
 from contact_locking.problem import forms
-from contact_locking.solver.interior_point.elastic_energy import energy_of
+from contact_locking.problem.rounding import ROUNDING
+from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.family import Family, Reaction
-from contact_locking.solver.interior_point.right_hand_side import RightHandSide
-from contact_locking.solver.interior_point.stiff_families import StiffFamilies
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.border import Border
 from contact_locking.solver.linear.choice import tangent_solver
+from contact_locking.solver.linear.filtered_multigrid import StiffPart
 from contact_locking.solver.linear.ksp import is_direct
-from contact_locking.solver.linear.storage import IN_BLOCKS
+from contact_locking.solver.linear.storage import IN_BLOCKS, stacked
 from contact_locking.solver.task import Task
+from contact_locking.supports.conditions import Constraints
+
+
+@dataclass(frozen=True)
+class StiffFamilies:
+    """The points of families that are stiffer than a material by the factors of the tuning.
+
+    ``material`` is the stiffness of the material, ``constraints`` are those of the body, and
+    ``degree`` is that of its elements.
+    """
+
+    families: Sequence[Family]
+    tuning: Tuning
+    material: float
+    constraints: Constraints
+    degree: int
+
+    def of(self, matrix: PETSc.Mat, assemble: Callable[[PETSc.Mat], None]) -> StiffPart:
+        """What of ``matrix`` is stiff; ``assemble`` assembles the blocks as written; collective."""
+        stiff, nearly = self.tuning.stiff, self.tuning.nearly_stiff
+        is_linear = self.degree == 1
+        along = self.tuning.stiff_along if is_linear else self.tuning.stiff_along_quadratic
+
+        def assemble_rest(rest: PETSc.Mat) -> None:
+            for family in self.families:
+                family.soften(stiff, self.material)
+            assemble(rest)
+
+        def assemble_across(rest: PETSc.Mat) -> None:
+            for family in self.families:
+                family.soften_along(along, self.material)
+            assemble(rest)
+
+        return StiffPart(
+            self._nodes(stiff),
+            lambda: self._nodes(nearly),
+            assemble_rest,
+            lambda: self._rows(along, matrix),
+            assemble_across,
+        )
+
+    def _rows(self, factor: float, matrix: PETSc.Mat) -> tuple[PETSc.Mat, FloatArray]:
+        """The rows of all families, without the part that is prescribed; collective."""
+        found = [family.stiff_rows(factor, self.material) for family in self.families]
+        rows = stacked([part for part, _ in found], matrix)
+        free = matrix.createVecRight()
+        free.array_w[:] = self.constraints.free_dofs()[: free.getLocalSize()]
+        rows.diagonalScale(None, free)
+        free.destroy()
+        rows = self.constraints.supports.directions.projected_columns(rows)
+        return rows, np.concatenate([stiffness for _, stiffness in found])
+
+    def _nodes(self, factor: float) -> IndexArray:
+        """The owned nodes with something free that are stiffer than the material; collective."""
+        found = (family.stiff_nodes(factor, self.material) for family in self.families)
+        nodes = functools.reduce(np.union1d, found)
+        is_free = self.constraints.free_nodes()
+        return nodes[is_free[nodes]].astype(np.int32)
+
+
+class RightHandSide:
+    """Nodal forces, and a force along the travel of each tool, which all ranks have.
+
+    ``vector`` holds the nodal forces, and belongs to this object.
+    """
+
+    def __init__(self, system: PenalisedSystem, vector: PETSc.Vec) -> None:
+        self._system = system
+        #: The nodal forces.
+        self.on_nodes = vector
+        #: The forces along the travels of the tools, (T,).
+        self.on_tools: FloatArray = np.zeros(len(system.tools))
+
+    def start(self, forces: PETSc.Vec | None = None, share: float = 0.0) -> None:
+        """Take nodal forces, or none, and a share of the forces that push the tools."""
+        if forces is None:
+            self.on_nodes.set(0.0)
+        else:
+            forces.copy(self.on_nodes)
+        self.on_tools = share * np.array([tool.force for tool in self._system.tools])
+
+    def add(self, reactions: Sequence[Reaction]) -> float:
+        """Add reactions, and leave out the forces at held dofs; collective.
+
+        Returns the norm of all nodal forces, those at held dofs among them.
+        """
+        self.add_all(reactions)
+        every = float(self.on_nodes.norm())
+        self._system.constraints.keep_free(self.on_nodes)
+        return every
+
+    def add_all(self, reactions: Sequence[Reaction]) -> None:
+        """Add reactions, with the forces at held dofs; collective."""
+        for reaction in reactions:
+            reaction.add_to(self.on_nodes)
+        if self._system.tools:
+            local = np.zeros_like(self.on_tools)
+            for reaction in reactions:
+                reaction.family.add_tool_forces(reaction.values, local)
+            self.on_tools = self.on_tools + self._system.comm.allreduce(local)
+
+    def scale(self, factor: float) -> None:
+        """Multiply all forces."""
+        self.on_nodes.scale(factor)
+        self.on_tools *= factor
+
+    def norm(self) -> float:
+        """The norm of the nodal forces; collective."""
+        return float(self.on_nodes.norm())
+
+    def destroy(self) -> None:
+        """Free the vector; collective."""
+        self.on_nodes.destroy()
+
+
+def energy_of(
+    system: PenalisedSystem, displacement: PETSc.Vec, forces: PETSc.Vec, stiffest: float
+) -> float:
+    """``a(u, u)/2`` of the system's displacement with its elastic forces; collective.
+
+    ``stiffest`` is a bound of the eigenvalues of the elasticity matrix.
+    """
+    energy = 0.5 * float(forces.dot(displacement))
+    # The elastic forces at a body that moves far more than it is strained are small differences,
+    # and the product multiplies their rounding by the whole motion.  The strains of its cells have
+    # far less rounding, but to integrate them takes longer.
+    rounding = ROUNDING * stiffest * float(displacement.dot(displacement))
+    return energy if energy >= rounding else system.energy()
+
 
 # An iterative solver leaves this share of the column of a travel.
 _BORDER_ACCURACY = 1e-10
@@ -190,6 +321,32 @@ class Tangent:
         """
         self._right.start()
         return self._solve_for(reactions, 1.0, accuracy)
+
+    def answer(self, forces: FloatArray, accuracy: float) -> FloatArray:
+        """The displacement for forces on owned dofs, and along travels behind them; collective.
+
+        An iterative solver leaves the share ``accuracy`` of the forces.
+        """
+        self._right.start()
+        self._right.on_nodes.array_w[:] = forces[: self._owned]
+        self._right.on_tools = forces[self._owned :].copy()
+        return self._solve_for([], 1.0, accuracy)
+
+    def stiffness_times(self, displacement: FloatArray) -> FloatArray:
+        """The tangent's forces on owned dofs and travels for a displacement; collective."""
+        self._moved.array_w[:] = displacement[: self._owned]
+        self.elasticity.mult(self._moved, self._whole)
+        elastic = np.append(self._whole.array_r, np.zeros(len(self.system.tools)))
+        blocks = [
+            Reaction(family, family.block(family.see(displacement))) for family in self.families
+        ]
+        return elastic + self.forces(blocks)
+
+    def forces(self, reactions: Sequence[Reaction]) -> FloatArray:
+        """What reactions do to owned dofs, held ones among them, and to travels; collective."""
+        self._right.start()
+        self._right.add_all(reactions)
+        return np.append(self._right.on_nodes.array_r, self._right.on_tools)
 
     def left_unbalanced(self) -> float:
         """The sum of the nodal forces that the last :meth:`balance` leaves; collective."""

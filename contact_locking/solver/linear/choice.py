@@ -10,11 +10,10 @@ from petsc4py import PETSc
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.gmres import OWN_PRECONDITIONER
 from contact_locking.solver.linear.ksp import FROM_ANY_START, default_options, option
-from contact_locking.solver.linear.ksp_tangents import KspTangents
 from contact_locking.solver.linear.multigrid import CoarserSpace
 from contact_locking.solver.linear.multigrid_tangents import MultigridTangents
-from contact_locking.solver.linear.tangent_solver import TangentSolver
-from contact_locking.solver.settings import Settings
+from contact_locking.solver.linear.tangent_solver import KspTangents, TangentSolver
+from contact_locking.solver.task import Settings
 
 # With a preconditioner of the user.  The norm is that of the equilibrium residual, which is what is
 # left of an inexact solve.

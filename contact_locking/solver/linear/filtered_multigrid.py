@@ -12,7 +12,7 @@ degrees of freedom keeps doing so, and for it ``B = (I - F A) G``: one exact sol
 solves start from :meth:`FilteredMultigrid.start`.  A variant of doi:10.48550/arXiv.2505.18576.
 
 Where more is stiff than can be filtered, the multigrid for the matrix without the stiffness of
-points along single directions is projected instead (:mod:`projection`).
+points along single directions is projected instead (:class:`Projection`).
 
 Without either, ``B`` is a multigrid cycle for ``A`` itself, which is faster as long as no cell
 is much stiffer than others; the iterations grow like the square root of the contrast.
@@ -21,7 +21,7 @@ is much stiffer than others; the iterations grow like the square root of the con
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +31,123 @@ from contact_locking.arrays import FloatArray
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
 from contact_locking.solver.linear.multigrid import CoarserSpace, Multigrid
 from contact_locking.solver.linear.options import PREFIX
-from contact_locking.solver.linear.projection import Projection
 from contact_locking.solver.linear.storage import Unblocked
+
+
+class Projection:
+    """Projection onto the displacements that no stiff point of the body or of contact resists.
+
+    With ``A = A_0 + C^T B C``, where each row of ``C`` takes the strain of a point of a cell, or
+    the displacement of a point of contact, along a direction in which the point is stiff, and ``B``
+    holds these stiffnesses, the projection is
+
+        Q = I - K^T T^-1 C,    K = C D^-1,    T = C K^T + B^-1,
+
+    with ``D`` the diagonal blocks of ``A_0``.  For a preconditioner ``G`` of the soft matrix,
+
+        Q G Q^T + K^T T^-1 B^-1 T^-1 K
+
+    preconditions ``A`` for any stiffness: B stands in it as ``B^-1`` only, and ``Q`` depends on it
+    less, the larger it is.  T has one row for each stiff point, a scalar each: to factorise T
+    costs a small part of what factorising the stiff part of A does.  How well ``Q`` keeps the
+    energy of smooth displacements decides about the number of iterations; compare the least-squares
+    commutators of doi:10.1137/040608817, which contain the same matrix ``C D^-1 C^T``.
+
+    All of it is collective.
+
+    ``rows`` is C, (k, n), whose columns of constrained unknowns are zero, and ``stiffness`` (k,)
+    the diagonal of B, > 0, on this rank.  ``soft`` is ``A_0``, stored by entry, with blocks of the
+    components of a node.  The projection owns ``rows``.
+    """
+
+    def __init__(self, rows: PETSc.Mat, stiffness: FloatArray, soft: PETSc.Mat) -> None:
+        # C, the diagonal of B^-1, and K.
+        self._rows, self._compliance = rows, 1.0 / stiffness
+        inverse = _inverse_blocks(soft)
+        self._scaled = rows.matMult(inverse)
+        inverse.destroy()
+        columns = PETSc.Mat()
+        rows.transpose(columns)
+        self._coupling = self._scaled.matMult(columns)
+        columns.destroy()
+        diagonal = self._coupling.getDiagonal()
+        diagonal.array_w[:] += self._compliance
+        self._coupling.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        self._coupling.setDiagonal(diagonal)
+        self._coupling.setOption(PETSc.Mat.Option.SPD, True)
+        diagonal.destroy()
+        self._change, self._right = rows.createVecs()
+        self._forces, self._forces_change = self._right.duplicate(), self._right.duplicate()
+        # None where nothing is stiff.
+        self._factor: PETSc.KSP | None = None
+        if rows.getSize()[0] > 0:
+            comm = rows.getComm()
+            self._factor = create_ksp(comm, direct_options(comm), prefix=PREFIX + "projection_")
+            self._factor.setOperators(self._coupling)
+            self._factor.setUp()
+
+    def apply(self, soft: Multigrid, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z = B r`` with ``soft`` in the place of G."""
+        if self._factor is None:
+            soft.apply(r, z)
+            return
+        change, right, forces = self._change, self._right, self._forces
+        self._scaled.mult(r, right)
+        self._factor.solve(right, forces)
+        # z = G Q^T r
+        self._rows.multTranspose(forces, change)
+        change.aypx(-1.0, r)
+        soft.apply(change, z)
+        # z = Q z + K^T T^-1 B^-1 T^-1 K r
+        self._rows.mult(z, right)
+        right.array_w[:] -= self._compliance * forces.array_r
+        self._factor.solve(right, self._forces_change)
+        self._scaled.multTranspose(self._forces_change, change)
+        z.axpy(-1.0, change)
+
+    def add_stiff(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y += C^T B C x``."""
+        self._rows.mult(x, self._right)
+        self._right.array_w[:] /= self._compliance
+        self._rows.multTransposeAdd(self._right, y, y)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        if self._factor is not None:
+            destroy_ksp(self._factor)
+        for item in (
+            self._rows,
+            self._scaled,
+            self._coupling,
+            self._change,
+            self._right,
+            self._forces,
+            self._forces_change,
+        ):
+            item.destroy()
+
+
+def _inverse_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The inverses of the diagonal blocks of a matrix, as a matrix; collective."""
+    size = matrix.getBlockSize()
+    # PETSc's own function returns the blocks of the first values again.
+    counts, columns, values = matrix.getDiagonalBlock().getValuesCSR()
+    rows = np.repeat(np.arange(len(counts) - 1), np.diff(counts))
+    is_inside = rows // size == columns // size
+    rows, columns = rows[is_inside], columns[is_inside]
+    blocks = np.zeros(((len(counts) - 1) // size, size, size))
+    blocks[rows // size, rows % size, columns % size] = values[is_inside]
+    blocks = np.linalg.inv(blocks)
+    first, last = matrix.getOwnershipRange()
+    starts = np.arange(0, blocks.size + 1, size, dtype=PETSc.IntType)
+    nodes = np.arange(first, last, size, dtype=PETSc.IntType)
+    columns = nodes[:, None, None] + np.arange(size, dtype=PETSc.IntType)[None, None, :]
+    columns = np.broadcast_to(columns, blocks.shape)
+    sizes: Any = (matrix.getLocalSize()[0], None)
+    return PETSc.Mat().createAIJ(
+        (sizes, sizes), csr=(starts, columns.reshape(-1), blocks.reshape(-1)), comm=matrix.getComm()
+    )
+
 
 # A filter that is larger than it need be by this factor is made anew.
 _WASTE = 1.2
@@ -125,24 +240,11 @@ class FilteredMultigrid:
         self._made: Filter | None = None
         self._filter: Filter | None = None
         self._projection: Projection | None = None
-        #: Whether the projection may factorise in single precision: not where :meth:`apply` is all
-        #: that a solver knows of it.
-        self.in_single = False
 
     @property
     def filters(self) -> bool:
         """Whether the filter or the projection takes part at present."""
         return self._filter is not None or self._projection is not None
-
-    @property
-    def projection(self) -> Projection | None:
-        """The projection, if it takes part at present and anything is stiff."""
-        return self._projection if self._projection and not self._projection.is_empty else None
-
-    @property
-    def soft(self) -> PETSc.Mat:
-        """The matrix without the stiffness of what is filtered or projected."""
-        return self._smoothed
 
     @property
     def filters_exactly(self) -> bool:
@@ -165,8 +267,6 @@ class FilteredMultigrid:
         """
         # Its factor is free before multigrid takes memory for the new values.
         if self._projection is not None:
-            # The points become stiffer from one tangent to the next.
-            self.in_single &= not self._projection.is_bad
             self._projection.destroy()
             self._projection = None
         projects = stiff is not None and self.must_project(stiff)
@@ -181,7 +281,7 @@ class FilteredMultigrid:
         self._filter = None if stiff is None or projects else self._filter_of(stiff)
         if stiff is not None and projects:
             self._forget()
-            self._projection = Projection(*stiff.find_rows(), by_entry, self.in_single)
+            self._projection = Projection(*stiff.find_rows(), by_entry)
 
     def smooth_more(self) -> None:
         """Let multigrid take more steps of its smoother; to be called after :meth:`refresh`."""
@@ -214,11 +314,6 @@ class FilteredMultigrid:
         if self._filter is not None:
             self._matrix.mult(z, self._product)
             self._filter.add(-1.0, self._product, z)
-
-    def invert(self, r: PETSc.Vec, s: PETSc.Vec, z: PETSc.Vec, forces: PETSc.Vec) -> None:
-        """That of :class:`Projection`, which takes part."""
-        assert self._projection is not None
-        self._projection.invert(self._multigrid, r, s, z, forces)
 
     def apply_to_any(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = B r`` for any residual; collective."""

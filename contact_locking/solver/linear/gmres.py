@@ -5,8 +5,7 @@
 The friction bound follows the pressure, and the pressure follows the displacement: the forces
 ``F x`` that belong to it are few, on a part of the surface, and far smaller than ``K x`` unless
 friction is large.  GMRES (doi:10.1137/0907058) with the preconditioner of ``K`` therefore takes
-hardly more iterations than for ``K`` alone.  Where the projection factorises in single precision,
-GMRES solves for the forces of stiff points as well (:mod:`saddle_point`).
+hardly more iterations than for ``K`` alone.
 
 ``K`` is symmetric, and CG would do for it.  But a linear solve ends where the residual is small,
 GMRES makes the residual itself as small as can be, and CG the energy of the error: where cells are
@@ -28,7 +27,6 @@ from contact_locking.solver.linear.ksp import (
     destroy_ksp,
     option,
 )
-from contact_locking.solver.linear.saddle_point import SaddlePoint
 from contact_locking.solver.linear.tangent_solver import Follow
 
 #: The filtered multigrid, for PETSc a preconditioner of type python.
@@ -136,38 +134,6 @@ class _Krylov:
         self.operator.destroy()
 
 
-class _WithForces:
-    """Solves for displacements and the forces of stiff points; all of it is collective."""
-
-    def __init__(
-        self,
-        saddle_point: SaddlePoint,
-        options: Mapping[str, Any],
-        listen: Callable[[int], None],
-        comm: Any,
-    ) -> None:
-        self.saddle_point = saddle_point
-        local = saddle_point.size, None
-        given = saddle_point, saddle_point, options, listen, comm
-        self.krylov = _Krylov((local, local), *given, _FLEXIBLE)
-        self.krylov.ksp.setInitialGuessNonzero(False)
-        self._right, self._solution = self.krylov.operator.createVecs()
-
-    def correct(self, left: PETSc.Vec, x: PETSc.Vec, residual: float, most: int) -> int:
-        """Add to ``x`` the displacement of the forces ``left``; return the iterations taken."""
-        self.saddle_point.set_right(left, self._right)
-        count = self.krylov.solve(self._right, self._solution, residual, most)
-        self.saddle_point.add_displacement(self._solution, x)
-        return count
-
-    def destroy(self) -> None:
-        """Free the PETSc objects."""
-        self.krylov.destroy()
-        self.saddle_point.free()
-        self._right.destroy()
-        self._solution.destroy()
-
-
 class Gmres:
     """Solves with a matrix and its filtered multigrid; all of it is collective.
 
@@ -188,7 +154,6 @@ class Gmres:
         contexts = self._sum, self._preconditioner
         self._given = matrix.getSizes(), *contexts, options, listen, self._comm
         self._krylov = _Krylov(*self._given, _GMRES)
-        self._with_forces: _WithForces | None = None
         self._left = matrix.createVecLeft()
         #: The most iterations of a solve.
         self.max_iterations: int = self._krylov.ksp.getTolerances()[3]
@@ -215,15 +180,8 @@ class Gmres:
         self._sum.follow, self._preconditioner.multiply = follow, self._multigrid.apply_to_any
         return self._improve(right, x, residual, most, lambda *_: None)
 
-    def forget(self) -> None:
-        """Free the memory of the stiff points, before the matrix gets new values."""
-        if self._with_forces is not None:
-            self._with_forces.destroy()
-            self._with_forces = None
-
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        self.forget()
         self._krylov.destroy()
         self._left.destroy()
 
@@ -236,7 +194,7 @@ class Gmres:
         start: Callable[[PETSc.Vec, PETSc.Vec], None],
     ) -> tuple[int, float]:
         self._choose()
-        count, size, last = 0, right.norm(), self._krylov
+        count, size = 0, right.norm()
         for _ in range(_CYCLES):
             start(right, x)
             left = self._residual(right, x)
@@ -246,15 +204,11 @@ class Gmres:
             if self._multigrid.filters_exactly:
                 longest = min(longest, _LONGEST_FILTERED)
             if left > size and count == 0:
-                count += self._krylov.solve(right, x, residual, min(longest, _FIRST))
-            elif (with_forces := self._prepared()) is not None:
-                count += with_forces.correct(self._left, x, residual, longest)
-                last = with_forces.krylov
-            else:
-                count += self._krylov.solve(right, x, residual, longest)
+                longest = min(longest, _FIRST)
+            count += self._krylov.solve(right, x, residual, longest)
         else:
             # Rounding keeps what GMRES has achieved from being seen.
-            estimate = last.estimate()
+            estimate = self._krylov.estimate()
             left = self._residual(right, x) if estimate is None else estimate
         return count, left
 
@@ -264,18 +218,6 @@ class Gmres:
         if kind != self._krylov.kind:
             self._krylov.destroy()
             self._krylov = _Krylov(*self._given, kind)
-
-    def _prepared(self) -> _WithForces | None:
-        """The solver with the forces of stiff points, where they are projected."""
-        projection = self._multigrid.projection
-        if projection is None or not projection.in_single:
-            return None
-        if self._with_forces is None:
-            saddle_point = SaddlePoint(self._multigrid, projection)
-            given = self._options, self._listen, self._comm
-            self._with_forces = _WithForces(saddle_point, *given)
-        self._with_forces.saddle_point.follow = self._sum.follow
-        return self._with_forces
 
     def _residual(self, right: PETSc.Vec, x: PETSc.Vec) -> float:
         self._krylov.operator.mult(x, self._left)

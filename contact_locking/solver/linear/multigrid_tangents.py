@@ -73,14 +73,12 @@ class MultigridTangents(TangentSolver):
             made.callback(self._multigrid.destroy)
             self._gmres = Gmres(matrix, self._multigrid, options, listen)
             made.pop_all()
-        self._multigrid.in_single = self._gmres.solves_following
         self._filters, self._smooths_more, self._hardest = False, False, 0
         is_moderate = contrast <= MODERATE_CONTRAST
         self._patience_of_projection = _LONGER_PATIENCE if is_moderate else _PATIENCE_OF_PROJECTION
 
     def refresh(self, assemble: Assemble, split: Callable[[], StiffPart]) -> None:
         """The tangent has new values; its matrix gets none where it is projected."""
-        self._gmres.forget()
         self._stiff = split()
         self._can_filter = self._multigrid.can_filter(self._stiff)
         self._projects = self._multigrid.must_project(self._stiff)

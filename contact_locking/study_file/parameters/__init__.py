@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, Self
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ModelWrapValidatorHandler, model_validator
 
 from contact_locking.errors import InputError
 from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
@@ -37,8 +37,9 @@ from .numerics import (
     StepParameters,
 )
 from .rigid_body import Foundation
+from .sensitivities import SensitivityParameters
 from .study import StudyParameters
-from .values import Text
+from .values import NAMED, Number, Text
 
 # The keys of limits, whose expressions may be infinite.
 _MAY_BE_INFINITE = ("locking_limit", "at_most")
@@ -60,6 +61,7 @@ __all__ = [
     "Parameters",
     "PenaltyParameters",
     "Region",
+    "SensitivityParameters",
     "Smoothing",
     "SolverParameters",
     "Spring",
@@ -74,6 +76,11 @@ class Parameters(Section):
     """A study file: the problem, the solver, the results, and the study of many cases if any."""
 
     title: Text = entry("", "what the study is about, for headings")
+    parameters: dict[str, Number] | None = entry(
+        None,
+        "numbers by names that the expressions of the file may use, as mu0 in 'mu0*exp(-s/s0)'",
+        optional=True,
+    )
     mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
     discretisation: DiscretisationParameters = entry(
         DiscretisationParameters(), "the element, and where it keeps the locking limit"
@@ -102,11 +109,26 @@ class Parameters(Section):
     adapt: AdaptParameters | None = entry(
         None, "meshes that are refined until the solution is accurate enough", optional=True
     )
+    sensitivities: SensitivityParameters | None = entry(
+        None, "derivatives of the results by numbers of the file", optional=True
+    )
     study: StudyParameters | None = entry(None, "many cases with other values", optional=True)
     certificate: CertificateParameters = entry(
         CertificateParameters(), "checks of the results that are made on demand"
     )
     output: OutputParameters = entry(OutputParameters(), "the results")
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _name_numbers(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Let the expressions below use the names of ``parameters``."""
+        given = data.get("parameters") if isinstance(data, dict) else None
+        names = tuple(name for name in given if isinstance(name, str)) if given else ()
+        token = NAMED.set(names if isinstance(given, dict) else ())
+        try:
+            return handler(data)
+        finally:
+            NAMED.reset(token)
 
     @property
     def contacts(self) -> tuple[ContactParameters, ...]:
@@ -135,7 +157,7 @@ class Parameters(Section):
 
     def timed(self) -> Iterator[tuple[str, str]]:
         """The key and the text of every expression that may depend on the time t."""
-        for place, text, variables in _expressions(self, ()):
+        for place, text, variables in expressions(self, ()):
             if variables == TIME:
                 yield ".".join(map(str, place)), text
 
@@ -223,6 +245,13 @@ class Parameters(Section):
                 "vertices does not go with mesh.axisymmetric: the hoop strain u_r/r is no number "
                 "at a vertex on the axis; take gauss, or leave the key out",
             )
+        if self.sensitivities is not None and not self.sensitivities.to:
+            yield Fault(("sensitivities", "to"), "name the numbers, as to: [friction.coefficient]")
+        if self.sensitivities is not None and self.sensitivities.check and self.adapt is not None:
+            yield Fault(
+                ("sensitivities", "check"),
+                "does not go with adapt, whose meshes change with the numbers; leave out one",
+            )
         for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):
             if force.value and force.value[0] != 0.0:
                 yield Fault(
@@ -262,14 +291,17 @@ class Parameters(Section):
 
     def _expression_faults(self) -> Iterator[Fault]:
         """Names of tables that no expression can use or that are no tables, and t without steps."""
-        names = tuple(self.tables or ())
-        yield from below(("tables",), name_faults(names))
+        names, numbers = tuple(self.tables or ()), tuple(self.parameters or ())
+        yield from below(("tables",), name_faults(names, "tables"))
+        yield from below(("parameters",), name_faults(numbers, "names"))
+        for name in set(names) & set(numbers):
+            yield Fault(("parameters", name), "is the name of a table as well")
         tables = {name: ANY_TABLE[name] for name in names}
-        for place, text, variables in _expressions(self, ()):
+        for place, text, variables in expressions(self, ()):
             if not variables:
                 continue
             try:
-                found = parse(text, (*POSITION, *variables), tables=tables)
+                found = parse(text, (*POSITION, *variables, *numbers), tables=tables)
             except InputError as error:
                 yield Fault(place, str(error))
                 continue
@@ -296,9 +328,9 @@ class Parameters(Section):
             if contact.foundation is not None:
                 where = (*place, "foundation")
                 yield from below(where, contact.foundation.revolution_faults())
-        for place, text, variables in _expressions(self, ()):
+        for place, text, variables in expressions(self, ()):
             try:
-                known = (*POSITION[:dim], *variables)
+                known = (*POSITION[:dim], *variables, *(self.parameters or ()))
                 infinite = place[-1] in _MAY_BE_INFINITE
                 parse(text, known, allow_infinite=infinite, tables=ANY_TABLE)
             except InputError as error:
@@ -311,14 +343,14 @@ def _unknown_name(place: Place, name: str, known: Sequence[str], what: str) -> I
         yield Fault(place, f"{message}; there are {', '.join(known)}")
 
 
-def _expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str, str]]:
+def expressions(section: BaseModel, place: Place) -> Iterator[tuple[Place, str, str]]:
     """Place, text and variables beside x, y, z of every expression below a section."""
     for name, field in type(section).model_fields.items():
         here = (*place, field.alias or name)
         scalar = marks(field).get("scalar")
         for inner, value in _leaves(getattr(section, name), here):
             if isinstance(value, BaseModel):
-                yield from _expressions(value, inner)
+                yield from expressions(value, inner)
             elif scalar and isinstance(value, str):
                 yield inner, value, scalar if isinstance(scalar, str) else ""
 

@@ -165,11 +165,11 @@ class TableParameters(Section):
     column: Text = entry(..., "the name of the column with the values")
 
 
-def name_faults(names: Iterable[str]) -> Iterator[Fault]:
-    """The names of tables that expressions cannot use."""
+def name_faults(names: Iterable[str], what: str) -> Iterator[Fault]:
+    """The names of tables or numbers, in words ``what``, that expressions cannot use."""
     names = list(names)
     if len(names) > _MOST_TABLES:
-        yield Fault((), f"has {len(names)} tables; at most {_MOST_TABLES} are allowed")
+        yield Fault((), f"has {len(names)} {what}; at most {_MOST_TABLES} are allowed")
     for name in names:
         if not (name.isascii() and name.isidentifier()) or iskeyword(name):
             yield Fault((name,), "is no name for expressions; take letters, digits and _")

@@ -9,6 +9,7 @@ import math
 import unicodedata
 from collections import Counter
 from collections.abc import Mapping
+from contextvars import ContextVar
 from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -128,6 +129,10 @@ def _condition(value: Any) -> str:
         raise ValueError(str(error)) from None
 
 
+#: The names of the section ``parameters`` of the file that is being read.
+NAMED: ContextVar[tuple[str, ...]] = ContextVar("NAMED", default=())
+
+
 class _ScalarRule(NamedTuple):
     variables: tuple[str, ...]
     infinite: bool = False
@@ -139,9 +144,8 @@ class _ScalarRule(NamedTuple):
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError(f"must be a number or an expression, not {show(value)}")
         try:
-            expression = parse(
-                value, self.variables, allow_infinite=self.infinite, tables=self.tables
-            )
+            names = (*self.variables, *NAMED.get())
+            expression = parse(value, names, allow_infinite=self.infinite, tables=self.tables)
             return float(expression.numpy()) if expression.is_constant else expression.text
         except InputError as error:
             if isinstance(value, str):

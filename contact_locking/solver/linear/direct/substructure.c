@@ -4,12 +4,6 @@
 #include <string.h>
 #include <suitesparse/cholmod.h>
 
-#ifdef SINGLE
-typedef float real;
-#else
-typedef double real;
-#endif
-
 /* Solves take so many columns of a panel together, and pass once over the rows below them. */
 #define TOGETHER 4
 
@@ -19,7 +13,7 @@ struct substructure {
   cholmod_common common;
   cholmod_factor *factor;
   /* Workspace of the solves: the rows of one panel. */
-  real *part;
+  double *part;
 };
 
 /* Columns of L_I and L_GI that CHOLMOD stores together, by columns: the unknown first and those
@@ -27,7 +21,7 @@ struct substructure {
 typedef struct panel {
   int first, width, height;
   const int *rows;
-  const real *values;
+  const double *values;
 } panel;
 
 int substructure_has_its_library(void)
@@ -47,7 +41,7 @@ static cholmod_sparse lower(int n, const int *starts, const int *columns)
   a.stype = -1;
   a.itype = CHOLMOD_INT;
   a.xtype = CHOLMOD_PATTERN;
-  a.dtype = sizeof(real) == sizeof(float) ? CHOLMOD_SINGLE : CHOLMOD_DOUBLE;
+  a.dtype = CHOLMOD_DOUBLE;
   a.sorted = a.packed = 1;
   return a;
 }
@@ -122,9 +116,8 @@ substructure *substructure_new(int n, const int *starts, const int *columns, int
   return s;
 }
 
-int substructure_factorise(substructure *s, const void *values, void *corner)
+int substructure_factorise(substructure *s, const double *values, double *lower_right)
 {
-  real *lower_right = corner;
   s->matrix.x = (void *)values;
   s->matrix.xtype = CHOLMOD_REAL;
   cholmod_factor *factor = s->factor;
@@ -137,7 +130,7 @@ int substructure_factorise(substructure *s, const void *values, void *corner)
   for (size_t k = 0; k < factor->nsuper; k++) {
     const int first = super[k], height = starts[k + 1] - starts[k];
     for (int j = first < interior ? interior : first; j < super[k + 1]; j++) {
-      const real *column = (const real *)factor->x + at[k] + (size_t)(j - first) * height;
+      const double *column = (const double *)factor->x + at[k] + (size_t)(j - first) * height;
       for (int i = j - first; i < height; i++)
         lower_right[(n - 1 - j) * m + (n - 1 - rows[starts[k] + i])] = column[i];
     }
@@ -152,7 +145,7 @@ static panel panel_of(const substructure *s, size_t k)
   const int *super = factor->super, *starts = factor->pi, *at = factor->px;
   const int end = super[k + 1] < s->interior ? super[k + 1] : s->interior;
   return (panel){super[k], end - super[k], starts[k + 1] - starts[k],
-                 (const int *)factor->s + starts[k], (const real *)factor->x + at[k]};
+                 (const int *)factor->s + starts[k], (const double *)factor->x + at[k]};
 }
 
 static int is_of_corner(const substructure *s, size_t k)
@@ -168,32 +161,31 @@ static int together(int left)
 
 /* The solves with L_I are loops of our own: those of CHOLMOD solve with L_G as well, which would have
    to be undone, and take longer for one right-hand side. */
-void substructure_forward(substructure *s, void *vector)
+void substructure_forward(substructure *s, double *b)
 {
-  real *b = vector;
   for (size_t k = 0; k < s->factor->nsuper && !is_of_corner(s, k); k++) {
     const panel p = panel_of(s, k);
     const size_t height = p.height;
-    real *restrict part = s->part;
+    double *restrict part = s->part;
     memcpy(part, b + p.first, p.width * sizeof *b);
     memset(part + p.width, 0, (height - p.width) * sizeof *b);
     for (int j = 0, count; j < p.width; j += count) {
       count = together(p.width - j);
-      const real *restrict a = p.values + j * height;
+      const double *restrict a = p.values + j * height;
       for (int c = j; c < j + count; c++) {
-        const real *column = p.values + c * height;
+        const double *column = p.values + c * height;
         part[c] /= column[c];
         for (int i = c + 1; i < j + count; i++)
           part[i] -= column[i] * part[c];
       }
-      const real x = part[j];
+      const double x = part[j];
       if (count == 1) {
         for (int i = j + 1; i < p.height; i++)
           part[i] -= a[i] * x;
         continue;
       }
-      const real x1 = part[j + 1], x2 = part[j + 2], x3 = part[j + 3];
-      const real *restrict a1 = a + height, *restrict a2 = a1 + height, *restrict a3 = a2 + height;
+      const double x1 = part[j + 1], x2 = part[j + 2], x3 = part[j + 3];
+      const double *restrict a1 = a + height, *restrict a2 = a1 + height, *restrict a3 = a2 + height;
       for (int i = j + TOGETHER; i < p.height; i++)
         part[i] -= a[i] * x + a1[i] * x1 + a2[i] * x2 + a3[i] * x3;
     }
@@ -203,27 +195,26 @@ void substructure_forward(substructure *s, void *vector)
   }
 }
 
-void substructure_backward(substructure *s, void *vector)
+void substructure_backward(substructure *s, double *b)
 {
-  real *b = vector;
   for (size_t k = s->factor->nsuper; k-- > 0;) {
     if (is_of_corner(s, k))
       continue;
     const panel p = panel_of(s, k);
     const size_t height = p.height;
-    real *restrict part = s->part;
+    double *restrict part = s->part;
     for (int i = 0; i < p.height; i++)
       part[i] = b[p.rows[i]];
     for (int end = p.width, j; end > 0; end = j) {
       j = end - together(end);
-      const real *restrict a = p.values + j * height;
-      real sum = 0, sum1 = 0, sum2 = 0, sum3 = 0;
+      const double *restrict a = p.values + j * height;
+      double sum = 0, sum1 = 0, sum2 = 0, sum3 = 0;
       if (end - j == 1) {
 #pragma omp simd reduction(+ : sum)
         for (int i = end; i < p.height; i++)
           sum += a[i] * part[i];
       } else {
-        const real *restrict a1 = a + height, *restrict a2 = a1 + height, *restrict a3 = a2 + height;
+        const double *restrict a1 = a + height, *restrict a2 = a1 + height, *restrict a3 = a2 + height;
 #pragma omp simd reduction(+ : sum, sum1, sum2, sum3)
         for (int i = end; i < p.height; i++) {
           sum += a[i] * part[i];
@@ -232,9 +223,9 @@ void substructure_backward(substructure *s, void *vector)
           sum3 += a3[i] * part[i];
         }
       }
-      const real sums[TOGETHER] = {sum, sum1, sum2, sum3};
+      const double sums[TOGETHER] = {sum, sum1, sum2, sum3};
       for (int c = end - 1; c >= j; c--) {
-        const real *column = p.values + c * height;
+        const double *column = p.values + c * height;
         part[c] -= sums[c - j];
         for (int i = c + 1; i < end; i++)
           part[c] -= column[i] * part[i];

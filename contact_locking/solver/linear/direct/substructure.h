@@ -4,8 +4,8 @@
        P A P^T = [ A_I   A_IG ] = L L^T,    L = [ L_I       ]
                  [ A_GI  A_GG ]                 [ L_GI  L_G ].
 
-   Values (void *) are doubles, or floats if compiled with -DSINGLE.  Functions return 0, or 1 where
-   CHOLMOD gives up; the arrays of the pattern have to outlive the substructure. */
+   Functions return 0, or 1 where CHOLMOD gives up; the arrays of the pattern have to outlive the
+   substructure. */
 
 typedef struct substructure substructure;
 
@@ -21,9 +21,9 @@ void substructure_free(substructure *s);
 
 /* Factorises; corner (m, m), by columns, gets L_G with its rows and columns in reverse order, which
    makes it upper triangular. */
-int substructure_factorise(substructure *s, const void *values, void *corner);
+int substructure_factorise(substructure *s, const double *values, double *corner);
 
 /* (b_I, b_G) becomes (L_I^-1 b_I, b_G - L_GI L_I^-1 b_I). */
-void substructure_forward(substructure *s, void *b);
+void substructure_forward(substructure *s, double *b);
 /* (b_I, b_G) becomes (L_I^-T (b_I - L_GI^T b_G), b_G). */
-void substructure_backward(substructure *s, void *b);
+void substructure_backward(substructure *s, double *b);

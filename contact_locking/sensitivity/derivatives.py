@@ -1,0 +1,159 @@
+"""The derivatives of quantities of a solution by the numbers that it depends on."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.sensitivity.equations import Equations, Residual
+from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
+from contact_locking.sensitivity.parameters import Frozen, Parameter, width
+from contact_locking.sensitivity.quantities import Quantity, quantity_of
+from contact_locking.sensitivity.solved import require_solved
+from contact_locking.sensitivity.states import share_at_change
+from contact_locking.solver.task import Task
+
+
+@dataclass(frozen=True)
+class Table:
+    """Derivatives (m, n) of m quantities by n parameters, and the quantities and their values."""
+
+    quantities: tuple[str, ...]
+    parameters: tuple[str, ...]
+    values: FloatArray
+    at: FloatArray
+    derivatives: FloatArray
+
+    @property
+    def elasticities(self) -> FloatArray:
+        """``d ln J/d ln p`` (m, n), not a number where J is zero."""
+        with np.errstate(all="ignore"):
+            return np.asarray(self.derivatives * self.at / self.values[:, None])
+
+
+class Derivatives:
+    """The derivatives at one solution; the tangent is factorised at the first use.
+
+    With n parameters and m quantities there are ``min(m, n)`` solves with the tangent, and with
+    friction some more for each.  Collective, as all methods are.  Raises InputError if the data
+    have changed since the solve, or if no derivative is known.
+    """
+
+    def __init__(self, frozen: Frozen, task: Task) -> None:
+        self._frozen, self._adjoints = frozen, dict[str, tuple[Quantity, Adjoint]]()
+        self.domain = domain = frozen.problem.domain
+        self._scale = domain.extent()
+        with frozen.system.preserved():
+            equations = frozen.equations()
+            self._linear = Linearisation(equations, task)
+            require_solved(equations)
+
+    @property
+    def solves(self) -> int:
+        """The solves with the tangent so far."""
+        return self._linear.solves
+
+    @property
+    def linearisation(self) -> Linearisation:
+        """The tangent at the solution."""
+        return self._linear
+
+    @property
+    def frozen(self) -> Frozen:
+        """The problem at the last iterate."""
+        return self._frozen
+
+    def share_at_change(self) -> dict[str, float]:
+        """The share of each kind of points that are near a change of their state."""
+        return share_at_change(self._linear.equations.families, self._frozen.system.comm)
+
+    def forward(
+        self, names: Sequence[str], parameters: Sequence[Parameter]
+    ) -> tuple[Table, list[Change]]:
+        """All derivatives, and how the iterate changes with each parameter."""
+        with self._frozen.system.preserved():
+            quantities = self.quantities(names)
+            changes, columns = [], []
+            gradients = [self._gradient(quantity) for quantity in quantities]
+            for parameter in parameters:
+                rate = self.rate(parameter, quantities)
+                change = self._linear.change(rate)
+                gained = [self._linear.paired(gradient, change) for gradient in gradients]
+                changes.append(change)
+                columns.append(rate.values + gained)
+            return self._table(quantities, parameters, np.array(columns).T), changes
+
+    def table(self, names: Sequence[str], parameters: Sequence[Parameter]) -> Table:
+        """All derivatives, by the fewer solves: a parameter or a quantity each."""
+        if len(parameters) <= len(names):
+            return self.forward(names, parameters)[0]
+        with self._frozen.system.preserved():
+            pairs = [self.adjoint(name) for name in names]
+            quantities = [quantity for quantity, _ in pairs]
+            columns = [
+                [
+                    rate.values[row] + self._linear.gained(adjoint, rate)
+                    for row, (_, adjoint) in enumerate(pairs)
+                ]
+                for rate in (self.rate(parameter, quantities) for parameter in parameters)
+            ]
+            return self._table(quantities, parameters, np.array(columns).T)
+
+    def _table(
+        self, quantities: Sequence[Quantity], parameters: Sequence[Parameter], found: FloatArray
+    ) -> Table:
+        values = evaluated(self._linear.equations, quantities).values
+        return Table(
+            tuple(quantity.name for quantity in quantities),
+            tuple(parameter.name for parameter in parameters),
+            values,
+            np.array([parameter.value for parameter in parameters]),
+            found,
+        )
+
+    def by(self, name: str, parameter: Parameter) -> float:
+        """The derivative of one quantity, whose adjoint is kept."""
+        with self._frozen.system.preserved():
+            quantity, adjoint = self.adjoint(name)
+            rate = self.rate(parameter, [quantity])
+            return float(rate.values[0]) + self._linear.gained(adjoint, rate)
+
+    def adjoint(self, name: str) -> tuple[Quantity, Adjoint]:
+        """The quantity with a name and its adjoint, which is found once."""
+        if name not in self._adjoints:
+            (quantity,) = self.quantities([name])
+            self._adjoints[name] = quantity, self._linear.adjoint(self._gradient(quantity))
+        return self._adjoints[name]
+
+    def quantities(self, names: Sequence[str]) -> list[Quantity]:
+        """The quantities by their names."""
+        return [quantity_of(name, self.domain, self._linear.equations) for name in names]
+
+    def rate(self, parameter: Parameter, quantities: Sequence[Quantity]) -> Residual:
+        """How a parameter changes what the equations leave, and the quantities themselves."""
+        step, value = width(parameter, self._scale), parameter.value
+        with parameter.equations_at(value + step, self._frozen) as after:
+            above = evaluated(after, quantities)
+        with parameter.equations_at(value - step, self._frozen) as before:
+            below = evaluated(before, quantities)
+        # The sum of the value and the step has rounding of its own.
+        return above.per(below, (value + step) - (value - step))
+
+    def _gradient(self, quantity: Quantity) -> Gradient:
+        equations = self._linear.equations
+        return quantity.gradient(equations, equations.residual())
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self._linear.destroy()
+
+
+def evaluated(equations: Equations, quantities: Sequence[Quantity]) -> Residual:
+    """What the equations leave, with the values of quantities; collective."""
+    residual = equations.residual()
+    values = [quantity.value(equations, residual) for quantity in quantities]
+    return dataclasses.replace(residual, values=np.array(values))

@@ -1,0 +1,146 @@
+"""The equations of the last iterate, and how they change with the data of a problem.
+
+    equilibrium     a(u, .) + int reactions . lin(.) - (f, .) = 0
+    travels         int reactions . d + F = 0
+    points          x = (M + z_0/2n, L eps(u)),  g + eps p - u_nu,  (t, u_tau - u_{k-1,tau}, delta)
+    bounds          G = mu(|u_tau|) |R p|
+
+Data change what these equations leave at an iterate that stands still: that is all that is ever
+evaluated of them.  No law is differentiated by a parameter here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
+from contact_locking.parallel import maximum
+from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.interior_point.bound_step import MovingBound
+from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.locking_cones import LockingCones
+from contact_locking.solver.interior_point.lorentz import aligned, norm
+from contact_locking.solver.interior_point.method import Families, families_of
+from contact_locking.solver.last_iterate import LastIterate
+from contact_locking.solver.task import Target
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What the equations leave: forces on owned dofs and along travels, and gaps of the points.
+
+    ``gaps`` has an array for each family that takes part, and ``bounds`` one for each friction
+    bound.  ``values`` are quantities at the iterate.
+    """
+
+    forces: FloatArray
+    gaps: tuple[FloatArray, ...]
+    bounds: tuple[FloatArray, ...]
+    values: FloatArray
+
+    def per(self, other: Residual, width: float) -> Residual:
+        """How much this is more than another one, over the width between them."""
+
+        def rates(
+            mine: Sequence[FloatArray], others: Sequence[FloatArray]
+        ) -> tuple[FloatArray, ...]:
+            pairs = zip(mine, others, strict=True)
+            return tuple(np.asarray((one - two) / width) for one, two in pairs)
+
+        return Residual(
+            np.asarray((self.forces - other.forces) / width),
+            rates(self.gaps, other.gaps),
+            rates(self.bounds, other.bounds),
+            np.asarray((self.values - other.values) / width),
+        )
+
+
+class Equations:
+    """The equations of a system for its present data, at an iterate that stands still.
+
+    Displacements at held dofs are those that the data prescribe.  ``families`` take part.  The
+    constructor is collective.  Raises InputError for laws whose derivatives are not known.
+    """
+
+    def __init__(self, system: PenalisedSystem, target: Target, iterate: LastIterate) -> None:
+        if system.data.own_energy is not None:
+            raise InputError("a derivative is not known of an energy of the user's own", "energy")
+        for contact in system.rubbing:
+            if not contact.friction.is_coulomb:
+                raise InputError(
+                    "a derivative is not known of a friction bound of the user's own", contact.key
+                )
+        self.system, self.target = system, target
+        self._owned = len(system.load)
+        self._all: Families = families_of(system, target, 0.0)
+        held = system.constraints.free_part(iterate.displacement)
+        system.u.x.array[:] = held
+        system.constraints.apply(system.u)
+        system.tools.travels = iterate.travels
+        self.families: list[Family] = []
+        if len(self._all.every) != len(iterate.cones):
+            raise InputError("the laws of contact and friction are others with these data")
+        for family, cones in zip(self._all.every, iterate.cones, strict=True):
+            family.takes_part = cones is not None
+            family.look(self.displacement)
+            if cones is not None:
+                family.x, family.z = _centred(family, cones)
+                self.families.append(family)
+        self.bounds = [bound for bound in self._all.bounds if bound.friction.takes_part]
+
+    @property
+    def every(self) -> list[Family]:
+        """All families, those that take no part among them."""
+        return self._all.every
+
+    @property
+    def displacement(self) -> FloatArray:
+        """The owned values, and zeros for travels, which the gaps contain."""
+        return np.append(self.system.u.x.array[: self._owned], np.zeros(len(self.system.tools)))
+
+    def residual(self, values: Sequence[float] = ()) -> Residual:
+        """What the equations leave, with the values of quantities; collective."""
+        system, comm = self.system, self.system.comm
+        vector = system.u.x.petsc_vec.duplicate()
+        vector.array_w[:] = system.forms.elastic_forces(system.u)[: self._owned] - system.load
+        on_tools = np.zeros(len(system.tools))
+        for family in self.families:
+            family.add_forces(family.reactions, vector)
+            family.add_tool_forces(family.reactions, on_tools)
+        travels = comm.allreduce(on_tools) - np.array([tool.force for tool in system.tools])
+        forces = np.append(vector.array_r, travels)
+        vector.destroy()
+        wanted = [self._wanted(bound) - bound.friction.bound for bound in self.bounds]
+        gaps = tuple(family.primal_gap() for family in self.families)
+        return Residual(forces, gaps, tuple(wanted), np.array(values, dtype=float))
+
+    def _wanted(self, bound: MovingBound) -> FloatArray:
+        """``mu(s) |R p|`` (k,) with the slip of the points, whose gaps move them; collective."""
+        contact, nodes, points = bound.contact, bound.friction.nodes, bound.friction.x
+        slips = contact.slips(self.system.u)
+        nodes.enter(nodes.of_all(contact.state.slip) + norm(points[1 : 1 + nodes.dim]), slips)
+        pressure = nodes.at_all(bound.pressing.z)
+        return nodes.of_all(contact.acting(contact.friction.evaluate(pressure, slips)))
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; collective."""
+        self._all.destroy()
+
+
+def _centred(family: Family, cones: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Points and multipliers on the central path, near by; collective.
+
+    Off the path the scaling is no derivative: transverse to a strain at its limit it would be wrong
+    by the root of the ratio of the two products of its cone.
+    """
+    if isinstance(family, FrictionCones):
+        slips, bounds = (values[0] / (maximum(family.comm, values[0]) or 1.0) for values in cones)
+        return aligned(cones, slips >= bounds)
+    if isinstance(family, LockingCones):
+        return aligned(cones, np.ones(len(family.weights), dtype=bool))
+    return cones

@@ -1,0 +1,133 @@
+"""Numbers that a problem depends on, and its equations at other values of them.
+
+The equations at an iterate that stands still are evaluated at two values around the present one:
+the derivative of what they leave by a number is their central difference.  No solve takes part, so
+that the difference has the accuracy of rounding to the power of two thirds, relative to data that
+change on the scale of the value itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from dolfinx import fem
+
+from contact_locking.problem.discrete_problem import DiscreteProblem
+from contact_locking.problem.system import PenalisedSystem
+from contact_locking.sensitivity.equations import Equations
+from contact_locking.solver.last_iterate import LastIterate
+from contact_locking.solver.task import Target
+
+# The width of central differences over the value: the cube root of the rounding.
+_WIDTH = float(np.cbrt(np.finfo(float).eps))
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """A problem with its solver's system, at the last iterate; ``target`` gives present scales."""
+
+    problem: DiscreteProblem
+    system: PenalisedSystem
+    target: Callable[[], Target]
+    iterate: LastIterate
+
+    def equations(self) -> Equations:
+        """The equations for the present data; collective."""
+        return Equations(self.system, self.target(), self.iterate)
+
+    def refresh(self) -> None:
+        """Take the present data; collective."""
+        refresh(self.problem, self.system)
+
+
+def refresh(problem: DiscreteProblem, system: PenalisedSystem) -> None:
+    """Take the present data of a problem; collective.  What only judges them is left out."""
+    problem.material.refresh()
+    problem.limits.refresh()
+    problem.place()
+    system.assemble_loads()
+
+
+class Parameter(Protocol):
+    """A number that the equations depend on smoothly."""
+
+    @property
+    def name(self) -> str:
+        """The name in tables."""
+
+    @property
+    def value(self) -> float:
+        """The present value."""
+
+    def equations_at(self, value: float, frozen: Frozen) -> AbstractContextManager[Equations]:
+        """A context with the equations for another value; collective."""
+
+
+@dataclass
+class Number:
+    """A number of a script by its ``name``, which functions of its data read as ``value``.
+
+    The functions are those that each solve calls: of points, of slips, or of a motion.
+    """
+
+    value: float
+    name: str = "number"
+
+    @contextmanager
+    def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
+        """A context with the equations for another value; collective."""
+        before, self.value = self.value, value
+        try:
+            with refreshed(frozen) as equations:
+                yield equations
+        finally:
+            self.value = before
+            frozen.refresh()
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry of a constant of DOLFINx; ``place`` is the index in its flat values."""
+
+    constant: fem.Constant
+    place: int
+    name: str
+
+    @property
+    def value(self) -> float:
+        """The present value."""
+        return float(np.ravel(self.constant.value)[self.place])
+
+    @contextmanager
+    def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
+        """A context with the equations for another value; collective."""
+        before = np.array(self.constant.value)
+        other = before.copy()
+        other.reshape(-1)[self.place] = value
+        self.constant.value = other
+        try:
+            with refreshed(frozen) as equations:
+                yield equations
+        finally:
+            self.constant.value = before
+            frozen.refresh()
+
+
+@contextmanager
+def refreshed(frozen: Frozen) -> Iterator[Equations]:
+    """The equations of a problem after its data have changed; collective."""
+    frozen.refresh()
+    equations = frozen.equations()
+    try:
+        yield equations
+    finally:
+        equations.destroy()
+
+
+def width(parameter: Parameter, scale: float) -> float:
+    """The distance of the two values; ``scale`` stands for a value of zero."""
+    return _WIDTH * (abs(parameter.value) or scale)

@@ -1,0 +1,238 @@
+"""The quantities that have a derivative, with their gradients.
+
+========================== ====================================================================
+compliance                 ``(f, u)``
+elastic_energy             ``a(u, u)/2``
+contact_force.i            ``-int p nu_i`` over all contacts, or contacts.N.contact_force.i
+friction_force.i           ``int sigma_tau_i`` over all contacts, or contacts.N.friction_force.i
+reactions.PART.i           the resultant of the reactions of a boundary part
+pressure_max               the pressure at the node where it is largest, and stays so
+contacts.N.tool.travel     the way of a tool that a force pushes
+========================== ====================================================================
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+
+from contact_locking.arrays import FloatArray
+from contact_locking.certificate.reactions import shares_by_part
+from contact_locking.errors import InputError
+from contact_locking.mesh.domain import Domain
+from contact_locking.plain_text import nearest
+from contact_locking.sensitivity.equations import Equations, Residual
+from contact_locking.sensitivity.linearisation import Gradient
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
+
+_COUNTS = ("locked_fraction", "contact_area", "slip_area")
+_KNOWN = (
+    "compliance",
+    "elastic_energy",
+    "contact_force.0",
+    "friction_force.0",
+    "contacts.0.contact_force.0",
+    "contacts.0.friction_force.0",
+    "contacts.0.tool.travel",
+    "reactions.PART.0",
+    "pressure_max",
+)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of an iterate: its ``value`` for the present data, and its ``gradient``.
+
+    The value at other data has what the data themselves do to it; the gradient is by displacement,
+    travels and reactions.  Both are collective.
+    """
+
+    name: str
+    value: Callable[[Equations, Residual], float]
+    gradient: Callable[[Equations, Residual], Gradient]
+
+
+def quantity_of(name: str, domain: Domain, equations: Equations) -> Quantity:
+    """The quantity with a name; collective.  Raises InputError for one without a derivative."""
+    parts, dim = name.split("."), domain.dim
+    if parts[-1] in _COUNTS:
+        raise InputError(
+            f"{name} is a count of points, which jumps: it has no derivative", "sensitivities.of"
+        )
+    if name == "compliance":
+        return Quantity(name, _compliance, _of_load)
+    if name == "elastic_energy":
+        return Quantity(name, _energy, _of_energy)
+    if name == "pressure_max":
+        return _largest_pressure(name, equations)
+    if found := re.fullmatch(r"(?:contacts\.(\d+)\.)?(contact|friction)_force\.(\d)", name):
+        contact, kind, axis = found[1], found[2], int(found[3])
+        count = len(equations.system.contacts)
+        if axis < dim and (contact is None or int(contact) < count):
+            chosen = range(count) if contact is None else (int(contact),)
+            cones = ContactCones if kind == "contact" else FrictionCones
+            return _Resultant(tuple(chosen), cones, axis).quantity(name)
+    if found := re.fullmatch(r"contacts\.(\d+)\.tool\.travel", name):
+        for number, tool in enumerate(equations.system.tools):
+            if equations.system.contacts.index(tool.contact) == int(found[1]):
+                return _Travel(number).quantity(name)
+    if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
+        lifts = _lifts(found[1], int(found[2]), domain, equations)
+        if lifts is not None:
+            return _Reaction(lifts).quantity(name)
+    raise InputError(
+        f"no quantity '{name}' has a derivative{nearest(name, _KNOWN)}; there are "
+        f"{', '.join(_KNOWN)}",
+        "sensitivities.of",
+    )
+
+
+def _nothing(equations: Equations) -> FloatArray:
+    return np.zeros_like(equations.displacement)
+
+
+def _sum(equations: Equations, local: float) -> float:
+    return float(equations.system.comm.allreduce(local))
+
+
+def _compliance(equations: Equations, residual: Residual) -> float:
+    return equations.system.compliance()
+
+
+def _of_load(equations: Equations, residual: Residual) -> Gradient:
+    found = _nothing(equations)
+    found[: len(equations.system.load)] = equations.system.load
+    return Gradient(found, {})
+
+
+def _energy(equations: Equations, residual: Residual) -> float:
+    return equations.system.energy()
+
+
+def _of_energy(equations: Equations, residual: Residual) -> Gradient:
+    found, system = _nothing(equations), equations.system
+    count = len(system.load)
+    found[:count] = system.forms.elastic_forces(system.u)[:count]
+    return Gradient(found, {})
+
+
+@dataclass(frozen=True)
+class _Resultant:
+    """``-int p nu_i`` or ``int sigma_tau_i`` over some contacts."""
+
+    contacts: tuple[int, ...]
+    cones: type[ContactCones] | type[FrictionCones]
+    axis: int
+
+    def quantity(self, name: str) -> Quantity:
+        return Quantity(name, self._value, self._gradient)
+
+    def _directions(self, equations: Equations) -> dict[Family, FloatArray]:
+        found: dict[Family, FloatArray] = {}
+        for family in equations.families:
+            if not isinstance(family, ContactCones | FrictionCones):
+                continue
+            if isinstance(family, self.cones) and family.nodes.number in self.contacts:
+                normal = family.nodes.normal
+                if isinstance(family, ContactCones):
+                    found[family] = -normal[self.axis]
+                else:
+                    unit = np.eye(len(normal))[self.axis]
+                    found[family] = normal[self.axis] * normal - unit[:, None]
+        return found
+
+    def _value(self, equations: Equations, residual: Residual) -> float:
+        directions = self._directions(equations)
+        local = sum(family.power(family.reactions, d) for family, d in directions.items())
+        return _sum(equations, float(local))
+
+    def _gradient(self, equations: Equations, residual: Residual) -> Gradient:
+        return Gradient(_nothing(equations), self._directions(equations))
+
+
+def _largest_pressure(name: str, equations: Equations) -> Quantity:
+    """The pressure at one node, the place of which is kept; collective."""
+    comm, best = equations.system.comm, (-1.0, -1, -1, -1)
+    for number, family in enumerate(equations.families):
+        if isinstance(family, ContactCones) and len(family.z):
+            node = int(np.argmax(family.z))
+            best = max(best, (float(family.z[node]), -comm.rank, number, node))
+    _, rank, number, node = max(comm.allgather(best))
+
+    def value(there: Equations, residual: Residual) -> float:
+        mine = number >= 0 and -rank == comm.rank
+        return _sum(there, float(there.families[number].z[node]) if mine else 0.0)
+
+    def gradient(there: Equations, residual: Residual) -> Gradient:
+        if number < 0:
+            return Gradient(_nothing(there), {})
+        family = there.families[number]
+        unit = np.zeros_like(family.z)
+        if -rank == comm.rank:
+            unit[node] = 1.0 / family.weights[node]
+        return Gradient(_nothing(there), {family: unit})
+
+    return Quantity(name, value, gradient)
+
+
+@dataclass(frozen=True)
+class _Travel:
+    """The travel of the tool with a number."""
+
+    number: int
+
+    def quantity(self, name: str) -> Quantity:
+        return Quantity(name, self._value, self._gradient)
+
+    def _value(self, equations: Equations, residual: Residual) -> float:
+        return float(equations.system.tools[self.number].travel)
+
+    def _gradient(self, equations: Equations, residual: Residual) -> Gradient:
+        found = _nothing(equations)
+        found[len(equations.system.load) + self.number] = 1.0
+        return Gradient(found, {})
+
+
+def _lifts(part: str, axis: int, domain: Domain, equations: Equations) -> FloatArray | None:
+    """The owned displacement whose work with reactions is the resultant of a part; collective."""
+    constraints, dim = equations.system.constraints, domain.dim
+    count = len(equations.system.load)
+    found = np.zeros((count // dim, dim))
+    for direction in range(dim):
+        unit = np.zeros((count // dim, dim))
+        unit[:, direction] = 1.0
+        shares = shares_by_part(domain, constraints, unit.reshape(-1))
+        if part not in shares or axis >= dim:
+            return None
+        found[:, direction] = shares[part].reshape(-1, dim)[:, axis]
+    return found.reshape(-1)
+
+
+@dataclass(frozen=True)
+class _Reaction:
+    """The work of all forces with a displacement of held dofs."""
+
+    lifts: FloatArray
+
+    def quantity(self, name: str) -> Quantity:
+        return Quantity(name, self._value, self._gradient)
+
+    def _value(self, equations: Equations, residual: Residual) -> float:
+        return _sum(equations, float(self.lifts @ residual.forces[: len(self.lifts)]))
+
+    def _gradient(self, equations: Equations, residual: Residual) -> Gradient:
+        system, count = equations.system, len(self.lifts)
+        lifted = fem.Function(system.u.function_space)
+        lifted.x.array[:count] = self.lifts
+        lifted.x.scatter_forward()
+        found = _nothing(equations)
+        found[:count] = system.forms.elastic_forces(lifted)[:count]
+        at_rest = _nothing(equations)
+        at_rest[:count] = self.lifts
+        return Gradient(found, {family: family.see(at_rest) for family in equations.families})

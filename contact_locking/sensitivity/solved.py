@@ -1,0 +1,43 @@
+"""Whether the data of a problem are still those of its solution."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contact_locking.errors import InputError
+from contact_locking.parallel import maximum
+from contact_locking.problem.system import PenalisedSystem
+from contact_locking.sensitivity.equations import Equations
+
+# At the last iterate the equations hold to the tolerance of the solver.  Data that have changed
+# since the solve leave more than this share of forces and points.  The smooth laws that stand for
+# penalties leave more of the forces, too, near a kink of a law.
+_POINTS, _FORCES = 1e-5, 1e-3
+
+
+def require_solved(equations: Equations) -> None:
+    """Raise InputError if the equations do not hold at their iterate; collective."""
+    residual, system = equations.residual(), equations.system
+    left = system.constraints.free_part(residual.forces[: len(system.load)])
+    force = float(np.sqrt(system.comm.allreduce(float(left @ left))))
+    holds = force <= _FORCES * system.force_scale(1.0)
+    moved = system.largest_displacement()
+    for family, gap in zip(equations.families, residual.gaps, strict=True):
+        size = maximum(system.comm, family.x, moved if family.stops_rigid_motions else 0.0)
+        holds &= maximum(system.comm, np.abs(gap)) <= _POINTS * size
+    if not holds:
+        raise changed()
+
+
+def require_settled(system: PenalisedSystem, tolerance: float) -> None:
+    """Raise InputError if the penalty laws do not balance the forces; collective."""
+    if system.relative_residual(tolerance) > _POINTS:
+        raise changed()
+
+
+def changed() -> InputError:
+    """The error about data that have changed."""
+    return InputError(
+        "the data have changed since the solve: solve again, or ask for derivatives before the "
+        "data change"
+    )

@@ -1,0 +1,169 @@
+"""Derivatives that a study file asks for."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from problems import block, column
+
+import contact_locking as cl
+from contact_locking.process.sensitivities import value_of
+from contact_locking.process.solving import solve
+from contact_locking.study_file.dump import plain
+from contact_locking.study_file.named_numbers import number_at, resolved, with_number
+
+SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}
+OF = ["compliance", "contact_force.1", "reactions.left.0"]
+
+
+def study(**changes: Any) -> cl.Parameters:
+    return block(
+        h=0.25,
+        **{
+            "parameters": {"mu0": 0.3, "s0": 0.05},
+            "friction__coefficient": "mu0*exp(-s/s0)",
+            "friction__smoothing__radius": 0.3,
+            "penalty__n": math.inf,
+            "material__locking_limit": 0.03,
+            "contact__gap": 0.002,
+            "solver": SHARP,
+            **changes,
+        },
+    )
+
+
+def test_names_stand_for_their_numbers() -> None:
+    found = resolved(study())
+    assert found.parameters is None
+    assert found.friction.coefficient == "(0.3)*exp(-s/(0.05))"
+    varied = with_number(study(), "parameters.mu0", 0.4)
+    assert resolved(varied).friction.coefficient == "(0.4)*exp(-s/(0.05))"
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("x", "have already"), ("sin", "have already"), ("2a", "no name for expressions")],
+)
+def test_a_name_that_expressions_cannot_use_is_refused(name: str, reason: str) -> None:
+    with pytest.raises(cl.InputError, match=reason):
+        cl.from_mapping({"parameters": {name: 1.0}})
+
+
+def test_an_unknown_name_is_refused() -> None:
+    with pytest.raises(ValueError, match="unknown name 'mu1'"):
+        study(friction__coefficient="mu1*exp(-s)")
+
+
+@pytest.mark.parametrize(
+    ("key", "reason"),
+    [
+        ("mesh.h", "changes the mesh"),
+        ("friction.coefficient", "section parameters"),
+        ("penalty.n", "infinite"),
+        ("contact.on", "no number"),
+        ("contact.gaps", "not given"),
+    ],
+)
+def test_a_key_without_a_derivative_is_refused(key: str, reason: str) -> None:
+    with pytest.raises(cl.InputError, match=reason):
+        number_at(study(), key)
+
+
+def differences(parameters: cl.Parameters, key: str, width: float = 1e-4) -> np.ndarray[Any, Any]:
+    at = number_at(parameters, key)
+    found = []
+    for side in (width, -width):
+        other = solve(with_number(parameters, key, at * (1.0 + side)))
+        found.append(np.array([value_of(name, other) for name in OF]))
+    return (found[0] - found[1]) / (2.0 * width * at)
+
+
+def judge(parameters: cl.Parameters, keys: list[str]) -> None:
+    asked = with_changes_of(parameters, {"of": OF, "to": keys})
+    solution = solve(asked)
+    for key in keys:
+        expected = differences(parameters, key)
+        found = [solution.summary["sensitivities"][name][key]["derivative"] for name in OF]
+        least = 1e-2 * np.array([abs(value_of(name, solution)) for name in OF])
+        size = np.maximum(np.abs(expected), least / number_at(parameters, key))
+        assert np.all(np.abs(found - expected) <= 1e-3 * size), (key, found, expected)
+
+
+def with_changes_of(parameters: cl.Parameters, sensitivities: dict[str, Any]) -> cl.Parameters:
+    return cl.from_mapping(plain(parameters) | {"sensitivities": sensitivities})
+
+
+def test_a_study_has_its_derivatives_in_the_summary() -> None:
+    judge(study(), ["parameters.mu0", "contact.gap", "material.locking_limit"])
+
+
+def test_friction_remembers_the_derivatives_of_its_slips() -> None:
+    parameters = study(
+        loads={"displacements": [{"on": "top", "value": ["0.02*sin(3*t)", "-0.02-0.01*t"]}]},
+        steps={"to": 1, "count": 3},
+        material__locking_limit=math.inf,
+    )
+    asked = with_changes_of(parameters, {"of": ["reactions.top.0"], "to": ["parameters.s0"]})
+    solution = solve(asked)
+    found = solution.summary["sensitivities"]["reactions.top.0"]["parameters.s0"]
+    sides = [
+        value_of("reactions.top.0", solve(with_number(parameters, "parameters.s0", value)))
+        for value in (0.05 * (1.0 + 1e-4), 0.05 * (1.0 - 1e-4))
+    ]
+    expected = (sides[0] - sides[1]) / (2e-4 * 0.05)
+    assert found["derivative"] == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_column_has_its_closed_derivatives() -> None:
+    """A column between rollers that no limit stops: the compliance is proportional to 1/E."""
+    parameters = with_changes_of(
+        column(
+            pressure=0.005,
+            contact__gap=0.0,
+            penalty={"n": math.inf},
+            material__locking_limit=math.inf,
+        ),
+        {"of": ["compliance", "contact_force.1"], "to": ["material.elasticity.young"]},
+    )
+    solution = solve(parameters)
+    compliance = solution.summary["compliance"]
+    entry = solution.summary["sensitivities"]
+    found = entry["compliance"]["material.elasticity.young"]
+    assert found["elasticity"] == pytest.approx(-1.0, abs=1e-6)
+    assert found["derivative"] == pytest.approx(-compliance, rel=1e-6)
+    force = entry["contact_force.1"]["material.elasticity.young"]
+    assert force["derivative"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_check_stands_beside_the_derivative() -> None:
+    asked = {"of": ["contact_force.1"], "to": ["contact.gap"], "check": True}
+    solution = solve(with_changes_of(study(material__locking_limit=math.inf), asked))
+    found = solution.summary["sensitivities"]["contact_force.1"]["contact.gap"]
+    assert found["checked"] == pytest.approx(found["derivative"], rel=1e-3)
+    assert "change" in solution.summary["share_at_change"]["in_words"]
+
+
+def test_a_block_that_slides_has_the_derivative_of_coulombs_law() -> None:
+    """A plate drags a block over its foundation: the friction is mu times the pressing force."""
+    parameters = with_changes_of(
+        study(
+            friction__coefficient="mu0",
+            friction__smoothing={"kernel": "none"},
+            loads={"displacements": [{"on": "top", "value": [0.5, -0.01]}]},
+            material={},
+            contact__gap=0.0,
+        ),
+        {"of": ["friction_force.0", "contact_force.1"], "to": ["parameters.mu0"]},
+    )
+    solution = solve(parameters)
+    summary = solution.summary
+    assert summary["slip_area"] == pytest.approx(1.0)
+    friction, force = summary["friction_force"][0], summary["contact_force"][1]
+    found = {name: entry["parameters.mu0"] for name, entry in summary["sensitivities"].items()}
+    # F = -mu N, of which N changes with mu as well.
+    expected = -force - 0.3 * found["contact_force.1"]["derivative"]
+    assert friction == pytest.approx(-0.3 * force, rel=1e-6)
+    assert found["friction_force.0"]["derivative"] == pytest.approx(expected, rel=1e-5)

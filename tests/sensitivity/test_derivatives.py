@@ -1,0 +1,116 @@
+"""Derivatives of a solution against central differences of solves."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from differences import errors
+from differentiated_block import NAMES, block, quantities
+
+import contact_locking as cl
+from contact_locking.sensitivity.parameters import Entry
+
+CASES: dict[str, dict[str, Any]] = {
+    "inequality": {},
+    "penalty": {"n": 1e3},
+    "newton": {"n": 1e3, "method": "newton"},
+    "quadratic": {"degree": 2, "cells": 4},
+    "local": {"kernel": cl.Local()},
+    "filter": {"kernel": cl.Helmholtz(0.3)},
+    "iterative": {"linear": "iterative", "tolerance": 1e-9, "friction_tolerance": 1e-9},
+    "without friction": {"coefficient": lambda mu: 0.0},
+    "three dimensions": {"dim": 3, "cells": 3, "kernel": cl.Local()},
+}
+# What solves by an iterative solver leave counts in their differences.
+ACCURACY = {"iterative": 5e-3}
+# These take half a minute each.
+SLOW = ("penalty", "quadratic", "filter", "three dimensions")
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES]
+)
+def test_derivatives_are_those_of_central_differences(case: str) -> None:
+    made = block(**CASES[case])
+    solution = made.problem.solve()
+    assert solution.converged
+    found = {
+        name: np.array([solution.derivative(quantity, given) for quantity in NAMES])
+        for name, given in made.given.items()
+    }
+    counted = total = 0
+    for name, given in made.given.items():
+        at = float(given.value)
+        wrong, told = errors(found[name], partial(made.at, name), at)
+        wrong = wrong[np.isfinite(wrong) & told]
+        counted, total = counted + len(wrong), total + len(NAMES)
+        assert np.all(wrong <= ACCURACY.get(case, 1e-3)), (name, wrong)
+    # Most differences of two widths agree, so that they tell something.
+    assert counted >= 0.6 * total
+    made.problem.close()
+
+
+def test_forward_and_adjoint_agree() -> None:
+    made = block(n=1e3, method="newton")
+    solution = made.problem.solve()
+    lazy: Any = solution.differentiable
+    entries = [made.given["mu"], *(Entry(made.given[name], 0, name) for name in ("E", "M", "pull"))]
+    forward = lazy.made.table(NAMES, entries)
+    adjoint = [lazy.made.table([name], entries).derivatives[0] for name in NAMES]
+    np.testing.assert_allclose(adjoint, forward.derivatives, rtol=1e-6)
+    np.testing.assert_allclose(forward.values, quantities(solution), rtol=1e-5)
+
+
+def test_few_solves_serve_many_parameters() -> None:
+    made = block(coefficient=lambda mu: 0.0)
+    solution = made.problem.solve()
+    for given in made.given.values():
+        solution.derivative("compliance", given)
+    lazy: Any = solution.differentiable
+    # One quantity has one adjoint, whatever the number of parameters, and its solve is refined.
+    assert lazy.made.solves <= 5
+
+
+def test_a_derivative_is_refused_with_its_reason() -> None:
+    made = block()
+    solution = made.problem.solve()
+    with pytest.raises(cl.InputError, match="count of points"):
+        solution.derivative("locked_fraction", made.given["E"])
+    with pytest.raises(cl.InputError, match=r"no quantity 'complience'.*compliance"):
+        solution.derivative("complience", made.given["E"])
+    with pytest.raises(cl.InputError, match="not by float"):
+        solution.derivative("compliance", 1.0)
+    fresh = made.problem.solve()
+    made.given["E"].value = 2.0
+    with pytest.raises(cl.InputError, match="changed since the solve"):
+        fresh.derivative("compliance", made.given["E"])
+    made.given["E"].value = 1.0
+    made.problem.solve()
+    with pytest.raises(cl.InputError, match="solved again"):
+        solution.derivative("compliance", made.given["E"])
+
+
+def test_deriving_leaves_the_problem_as_it_was() -> None:
+    made = block()
+    solution = made.problem.solve()
+    before = made.problem.displacement.x.array.copy()
+    solution.derivative("compliance", made.given["gap"])
+    assert np.array_equal(before, made.problem.displacement.x.array)
+    assert made.given["gap"].value == 0.002
+    again = made.problem.solve()
+    np.testing.assert_array_equal(again.displacement.x.array, solution.displacement.x.array)
+
+
+def test_an_elastic_body_has_derivatives() -> None:
+    made = block()
+    made.given["pull"].value, made.given["press"].value = -0.002, -0.005
+    solution = made.problem.solve()
+    compliance = solution.summary["compliance"]
+    assert solution.summary["contact_force"][1] == pytest.approx(0.0, abs=1e-12)
+    assert solution.derivative("compliance", made.given["E"]) == pytest.approx(-compliance)
+    assert solution.derivative("compliance", made.given["M"]) == 0.0
+    assert math.isfinite(solution.derivative("reactions.bcs.0.1", made.given["press"]))
