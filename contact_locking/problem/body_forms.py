@@ -52,6 +52,12 @@ class BodyForms:
         """``-(A eps_0, eps(w))``, 0 without an eigenstrain."""
         return 0.0 if self._data.eigenstrain is None else self._value(self._initial, w)
 
+    def eigenstrain_forces(self) -> FloatArray:
+        """``-(A eps_0, eps(.))``, zeros without an eigenstrain."""
+        if self._data.eigenstrain is None:
+            return np.zeros_like(self._w.x.array)
+        return self._nodal(self._eigen_forces)
+
     def eigenstrain_energy(self) -> float:
         """``(A eps_0, eps_0)/2``, 0 without an eigenstrain."""
         if self._data.eigenstrain is None:
@@ -64,6 +70,13 @@ class BodyForms:
         assert data.eigenstrain is not None
         density = ufl.inner(data.eigenstrain.stress, data.strain(self._w))
         return compiled.form(density * data.element.elastic_dx(data.dx))
+
+    @cached_property
+    def _eigen_forces(self) -> JointForm:
+        data, v = self._data, ufl.TestFunction(self._w.function_space)
+        assert data.eigenstrain is not None
+        density = ufl.inner(data.eigenstrain.stress, data.strain(v))
+        return JointForm(density * data.element.elastic_dx(data.dx))
 
     @cached_property
     def _eigen(self) -> fem.Form:

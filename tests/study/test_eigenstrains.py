@@ -241,3 +241,31 @@ def test_a_strain_that_is_no_number_names_its_key(comm: MPI.Intracomm) -> None:
     with pytest.raises(InputError) as caught:
         solve(body(material__eigenstrain=[{"value": 0.0}, {"value": ["sqrt(-1 - x)", 0.0]}]), comm)
     assert caught.value.key == "material.eigenstrain.1.value.0"
+
+
+def test_derivatives_by_heat_and_springs_are_those_of_differences(comm: MPI.Intracomm) -> None:
+    names = ["contact_force.1", "elastic_energy", "compliance"]
+    keys = ["material.eigenstrain.value", "loads.springs.0.stiffness"]
+    loads = {
+        "springs": [{"on": "left", "stiffness": 1.0}],
+        "tractions": [{"on": "top", "value": [0.0, -0.02]}],
+    }
+    given: dict[str, Any] = {
+        "loads": loads,
+        "contact": {"on": "bottom"},
+        "friction": {"coefficient": 0.0},
+        "penalty": {"n": math.inf},
+    }
+    found = solved(body(**given, sensitivities={"of": names, "to": keys}), comm).summary
+    for key, centre in zip(keys, (WARM, 1.0), strict=True):
+        ends = []
+        for value in (1.001 * centre, 0.999 * centre):
+            changed: dict[str, Any] = {"material__eigenstrain__value": value}
+            if key == keys[1]:
+                springs = [{"on": "left", "stiffness": value}]
+                changed = {"loads": loads | {"springs": springs}}
+            summary = solved(body(**(given | changed)), comm).summary
+            ends.append([summary["contact_force"][1], *(summary[name] for name in names[1:])])
+        slopes = (np.array(ends[0]) - np.array(ends[1])) / (0.002 * centre)
+        told = [found["sensitivities"][name][key]["derivative"] for name in names]
+        assert told == pytest.approx(slopes.tolist(), rel=1e-3, abs=1e-7), key
