@@ -233,3 +233,22 @@ def test_the_site_is_built_without_warnings(tmp_path: Path) -> None:
     )
     assert log.returncode == 0, log.stderr
     assert "<math" in (tmp_path / "html" / "problem.html").read_text(encoding="utf-8")
+
+
+def test_the_guide_to_press_fits_has_lames_pressure(tmp_path: Path) -> None:
+    text = (DOCS / "guides" / "press-fit.md").read_text(encoding="utf-8")
+    given = []
+    for number, block in enumerate(blocks("docs/guides/press-fit.md", "yaml")):
+        file = tmp_path / f"{number}.yml"
+        file.write_text(block, encoding="utf-8")
+        given.append(read(file).data)
+    overlap, heat = given
+    quadratic = overlap | {"discretisation": {"degree": 2}}
+    found = [
+        solve(from_mapping(data)).summary["contact_force"] for data in (overlap, quadratic, heat)
+    ]
+    pressures = [sum(map(abs, force)) / 2.0 for force in found]
+    known = [opened / (5.0 / 3.0 + 0.3) for opened in (0.01, 0.0096)]
+    assert f"= {known[0]:.5f}\n" in text and f"pressure is {known[1]:.5f}" in text
+    assert f"The run has {pressures[0]:.5f}, and {pressures[1]:.5f} with" in text
+    assert pressures[2] == pytest.approx(known[1], rel=6e-3)

@@ -26,7 +26,8 @@ _BALANCE_SHARE = 10.0
 class Equilibrium:
     """Resultants on the body, (d,) each, and its balances.
 
-    ``reactions_by_part`` has the reactions of each boundary part with prescribed displacements.
+    ``reactions_by_part`` has the reactions of each boundary part with prescribed displacements or
+    springs, whose forces are reactions.
 
     ``residual`` is ``|a(u, v) + (Z, eps(v)) + int p v_nu - int sigma_tau . v_tau - (f, v)|`` over
     the free dofs, divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
@@ -99,8 +100,11 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     x = space.tabulate_dof_coordinates()[: owned // state.dim, : state.dim]
     total, magnitude, moment = [], 0.0, 0.0
     centre = _centre(state, x)
-    # A user's own energy may also act from outside, as springs do.
-    for vector in (load, touching, reaction, own):
+    of_springs = [(item.on, item.forces(u)) for item in data.springs]
+    sprung = sum((forces for _, forces in of_springs), np.zeros_like(load))
+    reacting = sprung[:owned] + reaction
+    # A user's own energy may also act from outside.
+    for vector in (load, touching, reacting, own):
         nodal = vector[:owned].reshape(-1, state.dim)
         total.append(state.comm.allreduce(nodal.sum(axis=0)))
         if vector is not own:
@@ -113,6 +117,10 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     axisymmetric = state.problem.domain.axisymmetric
     rest = np.sum(total, axis=0)[1 if axisymmetric else 0 :]
     turning = float(np.linalg.norm(moment)) / (size * state.target.length)
+    by_part = reactions_by_part(state.problem.domain, constraints, reaction)
+    for name, forces in of_springs:
+        force = state.comm.allreduce(forces[:owned].reshape(-1, state.dim).sum(axis=0))
+        by_part[name] = by_part.get(name, 0.0) + force
     return Equilibrium(
         residual=norm(unbalanced) / scale,
         force=float(np.linalg.norm(rest)) / size,
@@ -120,7 +128,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
         loads=total[0],
         contact=total[1],
         reactions=total[2],
-        reactions_by_part=reactions_by_part(state.problem.domain, constraints, reaction),
+        reactions_by_part=by_part,
         tools=_tool_balances(state, rounding / tolerance),
     )
 

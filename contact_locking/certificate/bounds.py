@@ -68,6 +68,8 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
     values = _measured(state)
     try:
         require_still_foundations(state)
+        if state.problem.sprung:
+            raise NotApplicable("springs hold a rigid motion, so |.|_V is not a norm")
         w = lifting.admissible
         proved = _pressed_bounds(state, w) if state.problem.free else _held_bounds(state, w)
     except NotApplicable as failure:

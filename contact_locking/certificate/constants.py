@@ -162,6 +162,8 @@ def trace_constant(state: SolvedState) -> float:
 def _trace(state: SolvedState, wanted: bool) -> tuple[float | None, str | None]:
     if state.problem.free:
         return None, "contact alone holds a rigid motion, so |.|_V is not a norm"
+    if state.problem.sprung:
+        return None, "springs hold a rigid motion, so |.|_V is not a norm"
     if not wanted:
         return None, "skipped: certificate.constants is false"
     try:

@@ -24,6 +24,14 @@ with the tangential part at ``t_{k-1}`` and
 
 The bounds hold for the discrete problem on every mesh, for every n up to infinity, and for every
 size of the step.
+
+The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance above counts their
+work, and ``a(u, u)/2``.  What a history tells is the elastic energy ``A(eps - eps_0)^2/2`` and the
+work of all else and of the change ``e`` of eps_0: with the same D_k,
+
+    N_k + A e : e/2 - A e : eps(d),   E_k - A eps_0 : eps(u_k) + A eps_0 : eps_0/2,
+
+so that the distance of N_k to its lower bound, ``A(eps(d) - e)^2/2`` now, does not change.
 """
 
 from __future__ import annotations
@@ -101,7 +109,8 @@ class Moment:
     ``displacement`` holds local values, ``forces`` the external forces at the owned dofs.
     ``contacts`` has what acts at each contact.  ``stored`` is the stored energy, and ``work`` the
     work that defects are relative to.  ``negligible`` is the norm of forces that the tolerance of
-    the solver does not tell from rounding.
+    the solver does not tell from rounding.  ``eigenstrain`` has the local values of eps_0, and
+    ``eigenstrain_energy`` is ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``.
     """
 
     displacement: FloatArray
@@ -110,6 +119,8 @@ class Moment:
     stored: float
     work: float
     negligible: float
+    eigenstrain: FloatArray
+    eigenstrain_energy: float
 
     @classmethod
     def of(cls, state: SolvedState) -> Moment:
@@ -121,6 +132,8 @@ class Moment:
             stored=_stored(state),
             work=state.work,
             negligible=state.system.rounding.in_forces() / state.settings.tolerance,
+            eigenstrain=_eigenstrain(state).copy(),
+            eigenstrain_energy=_eigenstrain_energy(state, state.problem.u),
         )
 
     @classmethod
@@ -138,7 +151,8 @@ class Moment:
             forces = nodal_forces(forms.own_forces(rest, v, data))[: len(forces)]
             stored = integral(state.problem.domain, data.own_energy(rest))
         contacts = tuple(Touch.at_rest(state, fields) for fields in state.contacts)
-        return cls(rest.x.array.copy(), forces, contacts, stored, 0.0, 0.0)
+        nothing = np.zeros_like(_eigenstrain(state))
+        return cls(rest.x.array.copy(), forces, contacts, stored, 0.0, 0.0, nothing, 0.0)
 
 
 @dataclass(frozen=True)
@@ -213,7 +227,14 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
         if fields.contact.moves:
             size = max(size, state.sum(np.abs(acting.weights * _dragged(acting, fields))))
     defect = outside / size if size > 0.0 else outside
-    return EnergyBalance(work, after.stored, change, dissipated, numerical, defect), after
+    values = _eigenstrain(state)
+    values[:] -= before.eigenstrain
+    numerical += _eigenstrain_energy(state, step)
+    values[:] = after.eigenstrain
+    stored = after.stored + after.eigenstrain_energy
+    change = stored - before.stored - before.eigenstrain_energy
+    work = numerical + change + dissipated
+    return EnergyBalance(work, stored, change, dissipated, numerical, defect), after
 
 
 def _dragged(acting: Touch, fields: ContactFields) -> FloatArray:
@@ -265,6 +286,17 @@ def _external_forces(state: SolvedState) -> FloatArray:
         inner += fields.surface.nodal_forces(forces)
     constraints = problem.constraints
     return constraints.free_part(load) + constraints.held_part(inner[:owned])
+
+
+def _eigenstrain(state: SolvedState) -> FloatArray:
+    """The local values of the eigenstrain, none without one."""
+    given = state.problem.data.eigenstrain
+    return np.zeros(0) if given is None else np.asarray(given.values.x.array)
+
+
+def _eigenstrain_energy(state: SolvedState, w: fem.Function) -> float:
+    """``-(A eps_0, eps(w)) + (A eps_0, eps_0)/2`` with the present values; collective."""
+    return state.system.forms.eigenstrain_work(w) + state.system.forms.eigenstrain_energy()
 
 
 def _owned(state: SolvedState) -> int:

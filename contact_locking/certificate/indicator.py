@@ -16,7 +16,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
 from contact_locking.certificate.elliptic import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem import gauss_points
-from contact_locking.laws.elasticity import mandel_factor
+from contact_locking.laws.elasticity import mandel_values
 
 # The ends of the edges whose middles are nodes of a cell, after its corners, in DOLFINx's order.
 EDGES = {2: ((1, 2), (0, 2), (0, 1)), 3: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}
@@ -151,8 +151,11 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     points, element = state.points, state.problem.element
     pairs = element.kinematics.mandel_pairs(state.dim)
     m = len(pairs)
-    elastic = _mandel(points.of(state.body.elastic_stress), pairs)
-    total, strain = elastic + _mandel(points.locking_stress, pairs), _mandel(points.strain, pairs)
+    elastic = mandel_values(points.of(state.body.elastic_stress), pairs)
+    total, strain = (
+        elastic + mandel_values(points.locking_stress, pairs),
+        mandel_values(points.strain, pairs),
+    )
     values = np.concatenate([total, elastic, strain], axis=1)
     if element.degree == 1:
         defect = _recovered(state, values) - values[:, None, :]
@@ -215,10 +218,6 @@ def _mass(dim: int, degree: int) -> FloatArray:
     points, weights = basix.make_quadrature(cell, 2 * degree)
     basis = element.tabulate(0, points)[0, :, :, 0]
     return np.asarray(basis.T @ (weights[:, None] * basis) / weights.sum())
-
-
-def _mandel(tensors: FloatArray, pairs: tuple[tuple[int, int], ...]) -> FloatArray:
-    return np.stack([tensors[:, i, j] * mandel_factor(i, j) for i, j in pairs], axis=1)
 
 
 def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:

@@ -77,7 +77,7 @@ class _FreeMotions:
     def __init__(self, state: SolvedState) -> None:
         problem, comm = state.problem, state.comm
         self._tools, domain = problem.data.tools, problem.domain
-        parts = loose_by_part(domain, problem.u.function_space, problem.constraints)
+        parts = loose_by_part(domain, problem.u.function_space, problem.data, problem.constraints)
         fields = np.vstack([values for _, values in parts])
         self._part_names, self._dim = domain.part_names, domain.dim
         self._coefficients = block_diag(*(free for free, _ in parts), np.eye(len(self._tools)))

@@ -39,19 +39,19 @@ def evaluate(
 class PresentValue:
     """The values (k,) of a number or an expression at points (d, k), at the time of a clock.
 
-    ``timed`` says that they depend on the time.  Values that are small beside those of earlier
-    times are zero with rounding, as sin(pi*t) is at t = 1: then all are zero.  Calls are
-    collective.
+    ``timed`` says that they depend on the time, and ``key`` names them in messages.  Values that
+    are small beside those of earlier times are zero with rounding, as sin(pi*t) is at t = 1: then
+    all are zero.  Calls are collective.
     """
 
     def __init__(self, comm: MPI.Intracomm, value: float | str, key: str, clock: Clock) -> None:
-        self._comm, self._value, self._key, self._clock = comm, value, key, clock
+        self._comm, self._value, self.key, self._clock = comm, value, key, clock
         self.expression = parse(value, (*AXES, TIME), tables=clock.tables)
         self.timed = is_timed(self.expression)
         self._so_far = LargestSoFar()
 
     def __call__(self, x: FloatArray) -> FloatArray:
         clock = self._clock
-        found = evaluate(self._comm, self._value, x, self._key, time=clock.now, tables=clock.tables)
+        found = evaluate(self._comm, self._value, x, self.key, time=clock.now, tables=clock.tables)
         is_zero = self.timed and self._so_far.hides(maximum(self._comm, np.abs(found)))
         return np.zeros_like(found) if is_zero else found

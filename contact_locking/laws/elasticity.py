@@ -69,6 +69,19 @@ def mandel_tensor(vector: Expr, dim: int) -> Expr:
     return ufl.as_tensor([[entry.get((i, j), 0.0) for j in range(dim)] for i in range(dim)])
 
 
+def mandel_values(tensors: FloatArray, pairs: tuple[tuple[int, int], ...]) -> FloatArray:
+    """The Mandel vectors (k, s) of symmetric tensors (k, d, d)."""
+    return np.stack([tensors[:, i, j] * mandel_factor(i, j) for i, j in pairs], axis=1)
+
+
+def tensor_values(vectors: FloatArray, pairs: tuple[tuple[int, int], ...], size: int) -> FloatArray:
+    """The tensors (k, size, size) of Mandel vectors (k, s)."""
+    found = np.zeros((len(vectors), size, size))
+    for k, (i, j) in enumerate(pairs):
+        found[:, i, j] = found[:, j, i] = vectors[:, k] / mandel_factor(i, j)
+    return found
+
+
 def lame_from_young(young: Any, poisson: Any) -> tuple[Any, Any]:
     """``lambda = E nu/((1 + nu)(1 - 2 nu))``, ``mu = E/(2 (1 + nu))``; numbers or arrays."""
     lame_lambda = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))

@@ -24,14 +24,16 @@ class BodyForms:
     def __init__(self, space: fem.FunctionSpace, data: forms.ProblemData) -> None:
         v, self._data = ufl.TestFunction(space), data
         self._w, self._forces = fem.Function(space), fem.Function(space)
-        self._energy = compiled.form(0.5 * forms.elastic_form(self._w, self._w, data))
+        # Cells and facets have forms of their own, as those of `JointForm`.
+        parts = [data.elasticity, *(item.form for item in data.springs)]
+        self._energies = [compiled.form(0.5 * part(self._w, self._w)) for part in parts]
         self._elastic = JointForm(forms.elastic_form(self._w, v, data))
         self._external = JointForm(forms.external_work(v, data))
         self._comm = space.mesh.comm
 
     def energy(self, w: fem.Function) -> float:
         """``a(w, w)/2``."""
-        return self._value(self._energy, w)
+        return sum(self._value(energy, w) for energy in self._energies)
 
     def strain_norm(self, w: fem.Function) -> float:
         """``|w|_V = |eps(w)|`` in L2 (10)."""
@@ -45,6 +47,42 @@ class BodyForms:
     def loads(self) -> FloatArray:
         """``(f, .)`` at the present time."""
         return self._nodal(self._external)
+
+    def eigenstrain_work(self, w: fem.Function) -> float:
+        """``-(A eps_0, eps(w))``, 0 without an eigenstrain."""
+        return 0.0 if self._data.eigenstrain is None else self._value(self._initial, w)
+
+    def eigenstrain_forces(self) -> FloatArray:
+        """``-(A eps_0, eps(.))``, zeros without an eigenstrain."""
+        if self._data.eigenstrain is None:
+            return np.zeros_like(self._w.x.array)
+        return self._nodal(self._eigen_forces)
+
+    def eigenstrain_energy(self) -> float:
+        """``(A eps_0, eps_0)/2``, 0 without an eigenstrain."""
+        if self._data.eigenstrain is None:
+            return 0.0
+        return float(self._comm.allreduce(fem.assemble_scalar(self._eigen)))
+
+    @cached_property
+    def _initial(self) -> fem.Form:
+        data = self._data
+        assert data.eigenstrain is not None
+        density = ufl.inner(data.eigenstrain.stress, data.strain(self._w))
+        return compiled.form(density * data.element.elastic_dx(data.dx))
+
+    @cached_property
+    def _eigen_forces(self) -> JointForm:
+        data, v = self._data, ufl.TestFunction(self._w.function_space)
+        assert data.eigenstrain is not None
+        density = ufl.inner(data.eigenstrain.stress, data.strain(v))
+        return JointForm(density * data.element.elastic_dx(data.dx))
+
+    @cached_property
+    def _eigen(self) -> fem.Form:
+        data = self._data
+        assert data.eigenstrain is not None
+        return compiled.form(data.eigenstrain.energy * data.element.elastic_dx(data.dx))
 
     @cached_property
     def _square(self) -> fem.Form:

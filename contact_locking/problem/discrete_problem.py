@@ -23,6 +23,7 @@ from contact_locking.problem.elasticity import Elasticity, Material
 from contact_locking.problem.limits import Limit, LimitsOnMesh
 from contact_locking.problem.parts import Held, parts_held, require_parts_held
 from contact_locking.problem.points import Points
+from contact_locking.problem.springs import Springs
 from contact_locking.supports.conditions import Constraints
 
 
@@ -33,8 +34,9 @@ class Body:
     ``space`` is the space of displacements of ``element``.  ``elasticity`` is A, or the A in the
     bilinear ``form`` if one is given.  ``loads`` is the linear form (f, .), and ``own_energy`` maps
     u to a convex and differentiable functional.  ``regions`` are cells whose stress may jump
-    against that of all others.  ``displacements`` and ``supports`` name the boundary parts with
-    prescribed displacements and with supports, for messages.
+    against that of all others.  ``springs`` act on the boundary.  ``displacements`` and
+    ``supports`` name the boundary parts with prescribed displacements and with supports, for
+    messages.
     """
 
     domain: Domain
@@ -47,6 +49,7 @@ class Body:
     limits: Sequence[Limit] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
     regions: Sequence[IndexArray] = ()
+    springs: Sequence[Springs] = ()
     displacements: Sequence[str] = ()
     supports: Sequence[str] = ()
 
@@ -103,6 +106,8 @@ class DiscreteProblem:
             limits=tuple(item.strain_set for item in self.limits.others),
             tools=tuple(PushedFoundation(item) for item in nodal if item.is_pushed),
             own_energy=body.own_energy,
+            eigenstrain=self.material.eigenstrain,
+            springs=tuple(body.springs),
         )
         self.u = fem.Function(space, name="displacement")
         self.held: list[Held] = parts_held(
@@ -126,6 +131,11 @@ class DiscreteProblem:
     def sliding(self) -> int:
         """The number of rigid motions that friction alone stops."""
         return sum(part.sliding for part in self.held)
+
+    @property
+    def sprung(self) -> int:
+        """The number of rigid motions that springs stop and no displacement condition does."""
+        return sum(part.sprung for part in self.held)
 
     def enter(self, states: Sequence[ContactState]) -> None:
         """Begin a step with the memory of friction at each contact; collective."""
@@ -183,9 +193,9 @@ def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]
 
 def _loads(body: Body, material: Material) -> ufl.Form | None:
     """The loads, less the work of the stress of the body without strain."""
-    if material.initial is None:
+    if material.eigenstrain is None:
         return body.loads
     element = body.element
     strain = element.strain(ufl.TestFunction(body.space))
-    work = -ufl.inner(material.initial, strain) * element.elastic_dx(body.domain.dx())
+    work = -ufl.inner(material.eigenstrain.stress, strain) * element.elastic_dx(body.domain.dx())
     return work if body.loads is None else body.loads + work

@@ -18,6 +18,7 @@ from contact_locking.arrays import SMALLEST, FloatArray
 from contact_locking.errors import InputError
 from contact_locking.laws import elasticity as law
 from contact_locking.mesh.domain import Domain
+from contact_locking.problem.eigenstrain import Eigenstrain
 from contact_locking.problem.points import Points, Sampler, Value, least
 
 Stress = Callable[[Expr], Expr]
@@ -33,8 +34,12 @@ class Elasticity:
     A is isotropic with ``young`` and ``poisson``, or with ``lame_lambda`` and ``lame_mu``; or it is
     the Mandel matrix ``stiffness`` (s, s); or ``stress`` maps a UFL strain to a stress, as in
     ``lambda e: C(e) - a*T*I``.  All data are numbers, constants or functions of DOLFINx,
-    expressions of UFL, or functions of points.  ``plane`` is "strain" or "stress".  ``rotational``
-    is a density that has to vanish, and ``key`` names the elasticity in messages.
+    expressions of UFL, or functions of points.  ``plane`` is "strain" or "stress".
+
+    ``eigenstrain`` is eps_0 of ``sigma = A (eps - eps_0)`` as (3, 3) tensors, beside A itself.  In
+    plane strain the entry across the plane counts, with an isotropic A; with ``stiffness`` it must
+    be zero.  In plane stress it has no effect.  ``rotational`` is a density that has to vanish, and
+    ``key`` names the elasticity in messages.
     """
 
     young: Value = None
@@ -43,6 +48,7 @@ class Elasticity:
     lame_mu: Value = None
     stiffness: Value = None
     stress: Stress | None = None
+    eigenstrain: Value = None
     rotational: Expr | None = None
     plane: str = "strain"
     key: str = "elasticity"
@@ -51,25 +57,25 @@ class Elasticity:
 class Material:
     """The elasticity on the mesh, for the forms and the certificate.
 
-    ``stress`` maps a UFL strain to a stress, and ``linear`` to the share A eps of it; ``initial``
-    is the stress of the body without strain, None if there is none.  ``ellipticity`` (alpha) and
-    ``stiffness`` are the smallest and the largest eigenvalue of A over the body, and ``young`` is
-    the smallest Young's modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each
-    point, in the space of strains.  ``across`` (k,) is the elastic stress across the plane over the
-    trace of that in the plane at the points of the strains, None where it is not known.  The
-    constructor and :meth:`refresh` are collective and raise
+    ``stress`` maps a UFL strain to a stress, and ``linear`` to the share A eps of it;
+    ``eigenstrain`` has the rest, None if there is none.  ``ellipticity`` (alpha) and ``stiffness``
+    are the smallest and the largest eigenvalue of A over the body, and ``young`` is the smallest
+    Young's modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, in the
+    space of strains.  The constructor, :meth:`refresh` and :meth:`advance` are collective and raise
     InputError if A is not symmetric or not elliptic somewhere.
     """
 
     ellipticity: float
     stiffness: float
     young: float
-    across: FloatArray | None = None
+    # nu and E at the points of the strains, where they are known.
+    _poisson: FloatArray | None = None
+    _young: FloatArray | None = None
 
     def __init__(self, given: Elasticity, points: Points) -> None:
         self._given, self._points = given, points
         self.largest_eigenvalue = points.function()
-        self.initial: Expr | None = None
+        self.eigenstrain: Eigenstrain | None = None
         domain = points.domain
         self._pairs = domain.kinematics.mandel_pairs(domain.dim)
         self._size = domain.kinematics.tensor_size(domain.dim)
@@ -77,11 +83,12 @@ class Material:
             initial = given.stress(ufl.classes.Zero((self._size, self._size)))
             self.stress = self.linear = given.stress
             if not isinstance(initial, ufl.classes.Zero):
-                self.initial = initial
                 share = partial(_linear_share, given.stress, initial)
                 # UFL does not see that the initial stress cancels out, for any other strain.
                 of_share = matrix_of(share, self._pairs, self._size)
                 self.linear = partial(law.anisotropic_stress, stiffness=of_share)
+                self.eigenstrain = Eigenstrain.of_stress(points, self.linear, initial)
+                self._eigenstrain = points.sampler(initial, given.key, initial.ufl_shape)
             matrix = matrix_of(self.linear, self._pairs, self._size)
             self._matrix = points.sampler(matrix, given.key, matrix.ufl_shape)
             self._rotational = points.sampler(given.rotational or 0.0, given.key)
@@ -99,6 +106,12 @@ class Material:
                 lame_lambda=self._lame_fields[0],
                 lame_mu=self._lame_fields[1],
             )
+        if given.eigenstrain is not None:
+            key = f"{given.key}.eigenstrain"
+            self._eigenstrain = points.sampler(given.eigenstrain, key, (3, 3))
+            across = given.stiffness is None and given.plane == "strain"
+            self.eigenstrain = Eigenstrain.in_space(points, self.linear, self._size, across)
+            self.stress = partial(_affine_stress, self.linear, self.eigenstrain.stress)
         self.refresh()
 
     def refresh(self) -> None:
@@ -115,7 +128,8 @@ class Material:
                     self._points.write(field, row)
             with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
                 young = law.young_from_lame(*in_space)
-                self.across = 0.5 * in_space[0] / (in_space[0] + in_space[1])
+                self._poisson = 0.5 * in_space[0] / (in_space[0] + in_space[1])
+            self._young = young
             eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], self._size))
         else:
             matrices = self._matrix()
@@ -128,10 +142,45 @@ class Material:
             with np.errstate(all="ignore"):
                 young = law.mean_young(matrices, self._size)
         self.ellipticity, self.stiffness = _eigenvalue_range(self._points, eigenvalues, given.key)
-        if given.plane == "stress":
-            self.across = np.zeros(len(self._points.all))
         self.young = least(domain, young)
         self._points.write(self.largest_eigenvalue, eigenvalues.max(axis=0))
+        self.advance()
+
+    def advance(self) -> None:
+        """Take the present eigenstrain; collective."""
+        if self.eigenstrain is None:
+            return
+        given, values = self._given, self._eigenstrain()
+        if given.stress is not None:
+            vectors = law.mandel_values(values, self._pairs)
+            strains = -np.asarray(np.linalg.solve(self._matrix(), vectors[..., None]))[..., 0]
+            values = law.tensor_values(strains, self._pairs, self._size)
+        elif given.stiffness is not None and self._size == 2:
+            self._require_in_plane(values[:, 2, 2])
+        self._points.write(self.eigenstrain.values, values)
+
+    def _require_in_plane(self, across: FloatArray) -> None:
+        if least(self._points.domain, -np.abs(across)) < 0.0:
+            raise InputError(
+                "has a part across the plane, and a stiffness matrix of the plane does not tell "
+                "its stress; give the components in the plane alone, as in [0.01, 0.01]",
+                f"{self._given.key}.eigenstrain",
+            )
+
+    def across(self, stress: FloatArray) -> FloatArray | None:
+        """The stress (k,) across the plane beside elastic stresses (k, 2, 2) in the plane.
+
+        It is ``nu (sigma_xx + sigma_yy) - E eps_0,zz`` in plane strain, 0 in plane stress, and None
+        where it is not known.
+        """
+        if self._given.plane == "stress":
+            return np.zeros(len(stress))
+        if self._poisson is None or self._young is None:
+            return None
+        found = self._poisson * np.trace(stress, axis1=1, axis2=2)
+        if self.eigenstrain is not None:
+            found -= self._young * self.eigenstrain.across(self._points)
+        return np.asarray(found)
 
     def _require_strains(self, matrices: FloatArray) -> None:
         size = -least(self._points.domain, -np.abs(matrices))
@@ -192,6 +241,10 @@ def require_symmetric(domain: Domain, matrices: FloatArray, key: str) -> None:
     skew = np.abs(matrices - np.swapaxes(matrices, 1, 2))
     if -least(domain, -skew) > _ROUNDING * -least(domain, -np.abs(matrices)):
         raise InputError("the stiffness matrix is not symmetric", key)
+
+
+def _affine_stress(linear: Stress, initial: Expr, eps: Expr) -> Expr:
+    return linear(eps) + initial
 
 
 def _linear_share(stress: Stress, initial: Expr, eps: Expr) -> Expr:

@@ -22,6 +22,8 @@ from contact_locking.laws.friction import (
     friction_energy,
     friction_traction,
 )
+from contact_locking.problem.eigenstrain import Eigenstrain
+from contact_locking.problem.springs import Springs
 from contact_locking.problem.strain_sets import NormSet, StrainSet
 
 
@@ -36,7 +38,8 @@ class ProblemData:
     penalty parameters.  ``element`` is the element of the displacements.  ``limits`` are the sets
     of strains beside the ball.  ``tools`` are the foundations that a force pushes.  ``own_energy``
     is for a law that this package does not have: it maps u to a convex and differentiable
-    functional J(u), whose derivative is added to (25).
+    functional J(u), whose derivative is added to (25).  The work of an ``eigenstrain`` is a part of
+    ``loads``, and ``springs`` on the boundary are a part of a(., .).
     """
 
     elasticity: Callable[[Expr, Expr], ufl.Form]
@@ -52,6 +55,8 @@ class ProblemData:
     limits: tuple[StrainSet, ...] = ()
     tools: tuple[PushedFoundation, ...] = ()
     own_energy: Callable[[fem.Function], Expr] | None = None
+    eigenstrain: Eigenstrain | None = None
+    springs: tuple[Springs, ...] = ()
 
     def strain(self, u: Expr) -> Expr:
         """``eps(u)`` of the body."""
@@ -87,8 +92,8 @@ class ProblemData:
 
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
-    """``a(u, v) = int A eps(u) : eps(v)``, or the form that was given."""
-    return data.elasticity(u, v)
+    """``a(u, v) = int A eps(u) : eps(v)``, or the form that was given, with the springs."""
+    return sum((item.form(u, v) for item in data.springs), data.elasticity(u, v))
 
 
 def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:

@@ -26,6 +26,7 @@ from contact_locking.problem.motion_in_words import (
     spin,
 )
 from contact_locking.problem.motions_at_contact import MotionsAtContact
+from contact_locking.problem.springs import motions_past
 from contact_locking.supports.conditions import Constraints
 from contact_locking.supports.rigid_motions import (
     driven_motion,
@@ -46,8 +47,9 @@ _REACHED = 1e-3
 class Held:
     """A part of the body, the boundary parts that hold the part, and its free rigid motions.
 
-    ``free`` is the number of rigid motions that the displacement conditions leave free, and
-    ``sliding`` is the number of these motions that friction alone can stop.
+    ``free`` is the number of rigid motions that displacement conditions and springs leave free, and
+    ``sliding`` is the number of these motions that friction alone can stop.  ``sprung`` is the
+    number of motions that springs stop and no displacement condition does.
     """
 
     name: str
@@ -56,6 +58,8 @@ class Held:
     supports: tuple[str, ...]
     free: int
     sliding: int
+    springs: tuple[str, ...] = ()
+    sprung: int = 0
 
     def __str__(self) -> str:
         words = []
@@ -63,6 +67,8 @@ class Held:
             words.append(f"displacements on {', '.join(self.displacements)}")
         if self.supports:
             words.append(f"supports on {', '.join(self.supports)}")
+        if self.springs:
+            words.append(f"springs on {', '.join(self.springs)}")
         if self.contact and self.free:
             friction = " and friction" if self.sliding else ""
             words.append(f"contact{friction} on {', '.join(self.contact)}")
@@ -93,6 +99,9 @@ def parts_held(
                 _touching(domain, number, list(dict.fromkeys(supports))),
                 motions.of_body,
                 sliding_motions(motions.normals).shape[1],
+                _touching(domain, number, list(dict.fromkeys(item.on for item in data.springs))),
+                free_motions(domain, space, constraints, _dofs(domain, space, number)).shape[1]
+                - motions.of_body,
             )
         )
     return found
@@ -160,30 +169,38 @@ def describe_loose(
     return None
 
 
-def loose_fields(domain: Domain, space: fem.FunctionSpace, constraints: Constraints) -> FloatArray:
-    """The rigid motions of each part that the displacement conditions leave free; collective.
+def loose_fields(
+    domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
+) -> FloatArray:
+    """The rigid motions of each part that conditions and springs leave free; collective.
 
     The values (f, n) are those at the local dofs, ghosts included.
     """
-    return np.vstack([values for _, values in loose_by_part(domain, space, constraints)])
+    return np.vstack([values for _, values in loose_by_part(domain, space, data, constraints)])
 
 
 def loose_by_part(
-    domain: Domain, space: fem.FunctionSpace, constraints: Constraints
+    domain: Domain, space: fem.FunctionSpace, data: forms.ProblemData, constraints: Constraints
 ) -> list[tuple[FloatArray, FloatArray]]:
     """For each part the coefficients (m, f) of its free motions, and their values; collective."""
     return [
-        _loose_fields(domain, space, constraints, _dofs(domain, space, number))
+        _loose_fields(domain, space, data, constraints, _dofs(domain, space, number))
         for number in range(len(domain.part_names))
     ]
 
 
 def _loose_fields(
-    domain: Domain, space: fem.FunctionSpace, constraints: Constraints, part: BoolArray
+    domain: Domain,
+    space: fem.FunctionSpace,
+    data: forms.ProblemData,
+    constraints: Constraints,
+    part: BoolArray,
 ) -> tuple[FloatArray, FloatArray]:
     """The coefficients (m, f) of the free motions of a part, and their values (f, n)."""
     free = free_motions(domain, space, constraints, part)
-    return free, (free.T @ rigid_motions(space, domain.axisymmetric)) * part
+    fields = (free.T @ rigid_motions(space, domain.axisymmetric)) * part
+    past = motions_past(data.springs, space, fields)
+    return free @ past, past.T @ fields
 
 
 class _Motions:
@@ -207,7 +224,7 @@ class _Motions:
         number: int,
     ) -> None:
         part = _dofs(domain, space, number)
-        free, motions = _loose_fields(domain, space, constraints, part)
+        free, motions = _loose_fields(domain, space, data, constraints, part)
         self._domain, self._space, self._data = domain, space, data
         self._of_body, self.of_body = motions, len(motions)
         self._tools = [tool for tool in data.tools if _is_at(tool, part)]

@@ -155,12 +155,18 @@ class PenalisedSystem:
         return largest_displacement(self.u)
 
     def energy(self) -> float:
-        """The elastic energy ``a(u, u)/2``; collective."""
+        """``a(u, u)/2``, the elastic energy without an eigenstrain; collective."""
         return self.forms.energy(self.u)
 
+    def elastic_energy(self) -> float:
+        """``a(u, u)/2 - (A eps_0, eps(u)) + (A eps_0, eps_0)/2``; collective."""
+        eigen = self.forms.eigenstrain_work(self.u) + self.forms.eigenstrain_energy()
+        return self.energy() + eigen
+
     def compliance(self) -> float:
-        """The work ``(f, u)`` of the loads; collective."""
-        return float(self.comm.allreduce(self.load @ self.u.x.array[: self._owned]))
+        """The work ``(f, u)`` of the loads, without that of an eigenstrain; collective."""
+        work = float(self.comm.allreduce(self.load @ self.u.x.array[: self._owned]))
+        return work + self.forms.eigenstrain_work(self.u)
 
     def _norm(self, forces: FloatArray) -> float:
         square = float(np.sum(forces[: self._owned] ** 2))

@@ -112,7 +112,7 @@ def _loose_motion(problem: DiscreteProblem) -> LooseMotion | None:
         return None
     domain, space, constraints = problem.domain, problem.u.function_space, problem.constraints
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    motions = loose_fields(domain, space, constraints)
+    motions = loose_fields(domain, space, problem.data, constraints)
     return LooseMotion(domain.comm, motions, owned, constraints, problem.contacts)
 
 

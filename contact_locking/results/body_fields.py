@@ -115,15 +115,16 @@ class BodyFields:
         Across the plane acts the elastic stress alone in plane strain, where the ball, whose
         multiplier is parallel to the strain, is the only set; and nothing acts in plane stress.
         """
-        points, across = problem.limits.points, problem.material.across
+        points = problem.limits.points
         elastic = points.values(self.elastic_stress)
         size, stress = elastic.shape[1], np.zeros((len(elastic), 3, 3))
         stress[:, :size, :size] = elastic + points.values(self.locking_stress)
         if size == 2:
             in_space = problem.body.elasticity.plane != "stress"
+            across = problem.material.across(elastic)
             if across is None or (in_space and not self.system.data.only_ball):
                 return None
-            stress[:, 2, 2] = across * np.trace(elastic, axis1=1, axis2=2)
+            stress[:, 2, 2] = across
         stress -= np.trace(stress, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3.0
         field = fem.Function(points.space, name="von_mises")
         points.write(field, np.sqrt(1.5) * np.linalg.norm(stress, axis=(1, 2)))

@@ -221,8 +221,8 @@ def compliance(body: BodyFields) -> Any:
 
 @quantity("body", "elastic energy", "energy", detail=True)
 def elastic_energy(body: BodyFields) -> Any:
-    """½ a(u, u)."""
-    return body.system.energy()
+    """½ a(u, u), or ½ ∫ A(ε − ε₀) : (ε − ε₀) with an eigenstrain ε₀, and the energy of springs."""
+    return body.system.elastic_energy()
 
 
 def _error(key: str, name: str, meaning: str) -> Quantity:

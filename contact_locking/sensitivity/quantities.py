@@ -2,7 +2,7 @@
 
 ========================== ====================================================================
 compliance                 ``(f, u)``
-elastic_energy             ``a(u, u)/2``
+elastic_energy             ``a(u, u)/2``, that of ``eps(u) - eps_0`` with an eigenstrain
 contact_force.i            ``-int p nu_i`` over all contacts, or contacts.N.contact_force.i
 friction_force.i           ``int sigma_tau_i`` over all contacts, or contacts.N.friction_force.i
 reactions.PART.i           the resultant of the reactions of a boundary part
@@ -106,19 +106,21 @@ def _compliance(equations: Equations, residual: Residual) -> float:
 
 
 def _of_load(equations: Equations, residual: Residual) -> Gradient:
-    found = _nothing(equations)
-    found[: len(equations.system.load)] = equations.system.load
+    found, system = _nothing(equations), equations.system
+    count = len(system.load)
+    found[:count] = system.load + system.forms.eigenstrain_forces()[:count]
     return Gradient(found, {})
 
 
 def _energy(equations: Equations, residual: Residual) -> float:
-    return equations.system.energy()
+    return equations.system.elastic_energy()
 
 
 def _of_energy(equations: Equations, residual: Residual) -> Gradient:
     found, system = _nothing(equations), equations.system
     count = len(system.load)
-    found[:count] = system.forms.elastic_forces(system.u)[:count]
+    forces = system.forms.elastic_forces(system.u) + system.forms.eigenstrain_forces()
+    found[:count] = forces[:count]
     return Gradient(found, {})
 
 

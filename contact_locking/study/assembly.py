@@ -29,6 +29,7 @@ from contact_locking.study.loads import build_loads
 from contact_locking.study.material import MaterialOfStudy
 from contact_locking.study.places import with_placed_parts
 from contact_locking.study.probe_points import locate
+from contact_locking.study.springs import springs_of
 from contact_locking.study_file.named_numbers import resolved
 from contact_locking.study_file.parameters import LoadParameters, Parameters
 from contact_locking.supports.conditions import ComponentCondition, constrain
@@ -47,7 +48,6 @@ class StudyProblem(DiscreteProblem):
         self.parameters, parameters = parameters, resolved(parameters)
         told = [f"{domain.origin}: {warning}" for warning in domain.warnings]
         parameters.check_dimension(domain.dim)
-        given = MaterialOfStudy(domain, parameters.material)
         space = element.displacement_space(domain.mesh)
         _check_parts(domain, parameters)
         self.probes = locate(domain, parameters.output.probes)
@@ -55,6 +55,7 @@ class StudyProblem(DiscreteProblem):
         times = (0.0,) if steps is None else steps.planned
         tables = read_tables(domain.comm, parameters.tables or {})
         self.clock = clock = Clock(domain.mesh, times[0], tables, times)
+        given = MaterialOfStudy(domain, parameters.material, clock)
         constraints = constrain(
             domain,
             space,
@@ -63,6 +64,7 @@ class StudyProblem(DiscreteProblem):
         )
         contacts = [contact_of(domain, item, clock, times) for item in parameters.contacts]
         self.loads = build_loads(domain, parameters.loads, element, clock)
+        springs, of_springs = springs_of(domain, parameters.loads.springs)
         v = ufl.TestFunction(space)
         body = Body(
             domain=domain,
@@ -73,13 +75,14 @@ class StudyProblem(DiscreteProblem):
             loads=self.loads.work(v),
             limits=given.limits,
             regions=given.regions,
+            springs=springs,
             displacements=[name for item in parameters.loads.displacements for name in item.on],
             supports=[name for item in parameters.loads.supports for name in item.on],
         )
         penalty = parameters.penalty
         super().__init__(body, contacts, penalty.n, penalty.epsilon)
         self.require_held()
-        told += given.warnings()
+        told += given.warnings() + of_springs
         for item in parameters.contacts:
             told += friction_warnings(domain, item, clock)
         told += self.loads.warnings(self.material.stiffness)
@@ -91,11 +94,12 @@ class StudyProblem(DiscreteProblem):
         self.warnings = list(dict.fromkeys([*told, *self.warnings]))
 
     def advance(self, time: float) -> None:
-        """Put loads, prescribed displacements, gaps and forces of tools to a time; collective.
+        """Put the data that depend on the time to a time; collective.
 
         Raises InputError for a value that is not finite, and for a force that turns.
         """
         self.clock.set(time)
+        self.material.advance()
         self.warnings += self.loads.advance()
         self.place()
 
@@ -182,6 +186,7 @@ def _check_parts(domain: Domain, parameters: Parameters) -> None:
         *((load.on, f"loads.tractions.{i}.on") for i, load in enumerate(loads.tractions)),
         *((load.on, f"loads.pressures.{i}.on") for i, load in enumerate(loads.pressures)),
         *((load.on, f"loads.forces.{i}.on") for i, load in enumerate(loads.forces)),
+        *((item.on, f"loads.springs.{i}.on") for i, item in enumerate(loads.springs)),
     ):
         require_surface(domain, on, key)
     for place, condition in parameters.loads.held():

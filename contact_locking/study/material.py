@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.expressions import parse
+from contact_locking.fields.clock import Clock
 from contact_locking.fields.sampling import Entities, features
 from contact_locking.fields.values import evaluate
 from contact_locking.laws import elasticity as law
@@ -26,6 +28,7 @@ from contact_locking.problem.limits import (
     require_positive,
 )
 from contact_locking.problem.points import Points
+from contact_locking.study.eigenstrain import EigenstrainOfStudy
 from contact_locking.study_file.parameters import Elasticity as ElasticityParameters
 from contact_locking.study_file.parameters import MaterialParameters, Region, StrainLimit
 
@@ -98,11 +101,12 @@ class Entries:
 class MaterialOfStudy:
     """The elasticity, the limits of the strain and the regions that a study file describes.
 
-    ``regions`` are the cells of each region of the material.  The constructor is collective and
-    raises InputError for a region that the mesh does not have.
+    ``regions`` are the cells of each region of the material, and of each eigenstrain on a part of
+    the body.  The constructor is collective and raises InputError for a region that the mesh does
+    not have.
     """
 
-    def __init__(self, domain: Domain, given: MaterialParameters) -> None:
+    def __init__(self, domain: Domain, given: MaterialParameters, clock: Clock) -> None:
         self._domain, self._given = domain, given
         index_map = domain.mesh.topology.index_map(domain.dim)
         self._all = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
@@ -111,13 +115,18 @@ class MaterialOfStudy:
         }
         self.regions = [self._cells[name] for name in sorted(given.regions)]
         self._pieces: list[tuple[Piece, bool]] = []
+        self._eigenstrain: EigenstrainOfStudy | None = None
+        if given.eigenstrains:
+            self._eigenstrain = EigenstrainOfStudy(domain, given, clock)
+            self.regions += self._eigenstrain.regions
         self.elasticity = self._elasticity()
         self.limits = self._limits()
 
     def warnings(self) -> list[str]:
         """Features of the data between the points of the strains; collective."""
         found = [piece.warnings(self._domain, infinite) for piece, infinite in self._pieces]
-        return [text for texts in found for text in texts]
+        eigen = [] if self._eigenstrain is None else self._eigenstrain.warnings()
+        return [*(text for texts in found for text in texts), *eigen]
 
     def _piece(self, cells: IndexArray, value: Scalar, key: str, infinite: bool = False) -> Piece:
         piece = Piece(cells, value, key)
@@ -134,12 +143,14 @@ class MaterialOfStudy:
                 key = f"material.regions.{name}.elasticity"
                 sections.append((self._cells[name], region.elasticity, key))
         parts = [self._part(*section) for section in sections]
-        key = parts[-1].key
+        found = partial(
+            Elasticity, eigenstrain=self._eigenstrain, plane=given.plane, key=parts[-1].key
+        )
         if any(isinstance(part, _AnisotropicPart) for part in parts):
-            return Elasticity(stiffness=_Stiffness(parts), plane=given.plane, key=key)
+            return found(stiffness=_Stiffness(parts))
         moduli = [part for part in parts if isinstance(part, _IsotropicPart)]
         first, second = (_Lame(moduli, number) for number in (0, 1))
-        return Elasticity(lame_lambda=first, lame_mu=second, plane=given.plane, key=key)
+        return found(lame_lambda=first, lame_mu=second)
 
     def _part(self, cells: IndexArray, given: ElasticityParameters, key: str) -> _Part:
         if given.stiffness is not None:

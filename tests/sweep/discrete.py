@@ -48,12 +48,14 @@ class Contact:
 class Discrete:
     """min 1/2 u'Ku - f'u over u = ``prescribed`` at the dofs that are not free, and the laws.
 
-    ``strain`` maps u to strains, ``law`` (c, m, m) is A by cells, ``limit`` (c,) is M.
+    ``strain`` maps u to strains, ``law`` (c, m, m) is A by cells, ``limit`` (c,) is M.  K has the
+    ``springs``, and f the forces of an eigenstrain.
     """
 
     geometry: Geometry
     volumes: FloatArray
     strain: Matrix
+    springs: Matrix
     law: FloatArray
     limit: FloatArray
     load: FloatArray
@@ -72,7 +74,7 @@ class Discrete:
     @property
     def stiffness(self) -> Matrix:
         blocks = sp.block_diag(list(self.law * self.volumes[:, None, None]), "csr")
-        return (self.strain.T @ blocks @ self.strain).tocsr()
+        return (self.strain.T @ blocks @ self.strain + self.springs).tocsr()
 
     def strains(self, u: FloatArray) -> FloatArray:
         """(c, m)."""
@@ -90,6 +92,10 @@ def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
     free, prescribed = _conditions(parameters, geometry)
     load, load_size = _loads(parameters, geometry, body)
     law, limit = _material(parameters, geometry)
+    stress = body.volumes[:, None] * _thermal_stress(parameters, geometry, law)
+    strain = body.strain.tocsr()
+    load = load + strain.T @ stress.ravel()
+    load_size = load_size + abs(strain).T @ np.abs(stress).ravel()
     given = parameters.penalty
     said = given.model_fields_set
     # Who says nothing of penalties asks for the inequality itself.
@@ -102,7 +108,8 @@ def discretise(parameters: Parameters, domain: Domain, space: Any) -> Discrete:
     return Discrete(
         geometry=geometry,
         volumes=body.volumes,
-        strain=body.strain.tocsr(),
+        strain=strain,
+        springs=_springs(parameters, geometry),
         law=law,
         limit=limit,
         load=load,
@@ -173,6 +180,47 @@ def _material(parameters: Parameters, geometry: Geometry) -> tuple[FloatArray, F
         if region.locking_limit is not None:
             limit[where] = at(region.locking_limit, middle[where])
     return law, limit
+
+
+def _thermal_stress(parameters: Parameters, geometry: Geometry, law: FloatArray) -> FloatArray:
+    """``A eps_0`` (c, m) by cells; across a plane acts Lame's lambda of an isotropic law."""
+    dim = geometry.x.shape[1]
+    middle = geometry.x[geometry.cells].mean(axis=1)
+    found = np.zeros(law.shape[:2])
+    for _, item in parameters.material.eigenstrains:
+        _, tensor = item.tensor
+        given = tensor if isinstance(tensor, tuple) else (tensor,) * 3
+        warm = 1.0 if item.temperature is None else at(item.temperature, middle)
+        normal = np.stack([at(value, middle) * warm for value in given], axis=1)
+        stress = np.einsum("cij,cj->ci", law[:, :, :dim], normal[:, :dim])
+        if dim == 2 and len(given) == 3:
+            stress[:, :2] += law[:, 0, 1, None] * normal[:, 2:]
+        names = () if item.on is None else item.on
+        inside = [geometry.domain.cells(name) for name in names] or [np.arange(len(middle))]
+        found[np.concatenate(inside)] += stress[np.concatenate(inside)]
+    return found
+
+
+def _springs(parameters: Parameters, geometry: Geometry) -> Matrix:
+    """``int k (u . m)(v . m)`` for a constant k."""
+    dim, size = geometry.x.shape[1], geometry.x.size
+    found = sp.csr_matrix((size, size))
+    share = (np.ones((dim, dim)) + np.eye(dim)) / (dim * (dim + 1))
+    for spring in parameters.loads.springs:
+        facets = geometry.facets(spring.on)
+        normals = geometry.normals(facets)
+        areas = np.linalg.norm(normals, axis=1)
+        along = np.tile(np.eye(dim), (len(facets), 1, 1))
+        if spring.along is not None:
+            unit = normals if spring.along == "normal" else np.tile(spring.along, (len(facets), 1))
+            unit = unit / np.linalg.norm(unit, axis=1)[:, None]
+            along = np.einsum("fi,fj->fij", unit, unit)
+        blocks = np.einsum("f,ab,fij->faibj", float(spring.stiffness) * areas, share, along)
+        dofs = (facets[:, :, None] * dim + np.arange(dim)).reshape(len(facets), -1)
+        rows = np.repeat(dofs, dofs.shape[1], axis=1).ravel()
+        columns = np.tile(dofs, (1, dofs.shape[1])).ravel()
+        found = found + sp.csr_matrix((blocks.ravel(), (rows, columns)), (size, size))
+    return found.tocsr()
 
 
 def _stiffness(given: Elasticity, x: FloatArray) -> FloatArray:

@@ -138,6 +138,44 @@ def limit_in_space(random: Random) -> Case:
 
 
 @family
+def heated(random: Random) -> Case:
+    """Heat, or strains along the axes, in the body or its inclusion; on springs or clamped."""
+    dim, limit = pick(random, [2, 2, 3]), some_limit(random)
+    size = strain_size(limit)
+    core = dim == 2 and chance(random, 0.3)
+    mesh = {"builder": "inclusion", "dim": 2, "h": 0.15} if core else unit_block(random, dim)
+    case = _pressed(random, mesh, limit, poisson=pick(random, [0.0, 0.3, 0.45]))
+    strain = size * between(random, -2.0, 2.0)
+    kinds: list[Study] = [
+        {"value": strain},
+        {"value": f"{strain}*(1 - 2*y)"},
+        {"value": vector(random, dim, size)},
+        {"expansion": 1e-5, "temperature": f"{1e5 * strain}*x"},
+    ]
+    chosen: Study = dict(pick(random, kinds))
+    given = [chosen | {"on": "inclusion"} if core else chosen]
+    if chance(random, 0.3):
+        given.append({"value": vector(random, dim, 0.3 * size)})
+    case.study["material"]["eigenstrain"] = given
+    loads = case.study["loads"]
+    if chance(random, 0.6):
+        beds: list[Study] = [
+            {"on": "right", "stiffness": decades(random, -2.0, 2.0)},
+            {"on": "top", "stiffness": decades(random, -2.0, 2.0), "along": "normal"},
+            {
+                "on": "right",
+                "stiffness": decades(random, -1.0, 1.0),
+                "along": vector(random, dim, 1.0),
+            },
+        ]
+        loads["springs"] = [pick(random, beds)]
+        if chance(random):
+            del loads["displacements"]
+            loads["springs"].append({"on": "left", "stiffness": decades(random, -1.0, 2.0)})
+    return case
+
+
+@family
 def anisotropic(random: Random) -> Case:
     """A random elliptic matrix in Mandel's notation."""
     dim = pick(random, [2, 2, 3])

@@ -80,6 +80,13 @@ class Transform:
                 self._elasticity(part["elasticity"])
             if part.get("locking_limit") is not None:
                 part["locking_limit"] = self._value(part["locking_limit"], 1.0)
+        for item in material.get("eigenstrain", []):
+            for key in {"value", "temperature"} & set(item):
+                item[key] = self._strains(item[key])
+        for spring in loads.get("springs", []):
+            spring["stiffness"] *= self.stress / self.length
+            if isinstance(spring.get("along"), list):
+                spring["along"] = (self.matrix @ np.array(spring["along"])).tolist()
         force = self.load * self.stress
         if "body_force" in loads:
             loads["body_force"] = self._vector(loads["body_force"], force / self.length)
@@ -105,6 +112,13 @@ class Transform:
         if penalty.get("epsilon") is not None:
             penalty["epsilon"] *= self.length / self.stress
         return study
+
+    def _strains(self, given: Any) -> Any:
+        """A number, or normal strains, which are those of the axes where Q turns right angles."""
+        if not isinstance(given, list):
+            return self._value(given, 1.0)
+        places = np.abs(self.matrix).argmax(axis=1)
+        return [self._value(given[place], 1.0) for place in places]
 
     def _elasticity(self, given: Study) -> None:
         if "stiffness" in given:

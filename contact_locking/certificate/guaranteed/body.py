@@ -224,7 +224,7 @@ class Body:
 
     def _stiffness(self, size: int) -> FloatArray:
         """A as Mandel matrices (n, points, 3, 3)."""
-        law = self._state.problem.data.elastic_stress
+        law = self._state.problem.material.linear
         columns = [
             mandel_vector(law(mandel_tensor(ufl.as_vector([float(i == j) for j in range(3)]), 2)))
             for i in range(3)

@@ -202,6 +202,10 @@ def _require_applicable(state: SolvedState) -> None:
     require_still_foundations(state)
     if problem.data.own_energy is not None:
         raise NotApplicable("no proof covers the user's own energy")
+    if problem.data.eigenstrain is not None:
+        raise NotApplicable("no proof covers an eigenstrain")
+    if problem.data.springs:
+        raise NotApplicable("no proof covers springs on the boundary")
     memories = [contact.references for contact in problem.contacts]
     if on_any_rank(state.comm, any(bool(np.any(values)) for values in memories)):
         if any(contact.foundation.moves for contact in problem.contacts):

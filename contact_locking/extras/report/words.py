@@ -77,6 +77,7 @@ _LOADS: Mapping[str, str] = {
     "forces": "force",
     "displacements": "displacement",
     "supports": "support",
+    "springs": "spring",
 }
 # The names of values of a certificate and of stages that are not their keys with blanks.
 _WORDS: Mapping[str, str] = {

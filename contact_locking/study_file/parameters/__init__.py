@@ -16,7 +16,7 @@ from contact_locking.expressions import ANY_TABLE, POSITION, TIME, parse
 from contact_locking.plain_text import nearest
 
 from .base import Fault, Place, Section, below, entry, marks
-from .boundary import LoadParameters, TableParameters, name_faults
+from .boundary import LoadParameters, Spring, TableParameters, name_faults
 from .contact_sections import (
     ContactParameters,
     ContactSection,
@@ -24,6 +24,7 @@ from .contact_sections import (
     OneOrSeveral,
     Smoothing,
 )
+from .eigenstrain import Eigenstrain
 from .material import Elasticity, MaterialParameters, Region, StrainLimit
 from .mesh import MeshParameters
 from .numerics import (
@@ -49,6 +50,7 @@ __all__ = [
     "ContactParameters",
     "ContactSection",
     "DiscretisationParameters",
+    "Eigenstrain",
     "Elasticity",
     "Foundation",
     "FrictionParameters",
@@ -62,6 +64,7 @@ __all__ = [
     "SensitivityParameters",
     "Smoothing",
     "SolverParameters",
+    "Spring",
     "StepParameters",
     "StrainLimit",
     "StudyParameters",
@@ -274,7 +277,10 @@ class Parameters(Section):
         cells, facets = self.mesh.geometry.cell_names, self.mesh.facet_names
         for name in self.material.regions:
             yield from _unknown_name(("material", "regions", name), name, cells, "the body")
-        for kind in ("tractions", "pressures", "forces", "displacements", "supports"):
+        for place, eigenstrain in self.material.eigenstrains:
+            for name in eigenstrain.on or ():
+                yield from _unknown_name(("material", *place, "on"), name, cells, "the body")
+        for kind in ("tractions", "pressures", "forces", "displacements", "supports", "springs"):
             for index, load in enumerate(getattr(self.loads, kind)):
                 for name in load.on:
                     place = ("loads", kind, index, "on")

@@ -11,7 +11,7 @@ from pydantic import Field
 from contact_locking.expressions import CONSTANTS, FUNCTIONS, POSITION, TIME
 
 from .base import Fault, Place, Section, entry, vector_faults
-from .values import Along, Names, Text, TimedScalar, TimeScalar
+from .values import Along, Names, PositiveScalar, Text, TimedScalar, TimeScalar
 
 # All tractions and pressures are compiled into one form, which takes seconds for 200 of them and
 # fails for some 2000.
@@ -70,6 +70,18 @@ class Support(Section):
     value: TimedScalar = entry(0.0, "the displacement along m", "length", scalar="t")
 
 
+class Spring(Section):
+    """sigma nu = -k (u . m) m on a part of the boundary: an elastic foundation, or a spring bed."""
+
+    on: Names = entry(..., "name(s) of parts of the boundary")
+    stiffness: PositiveScalar = entry(..., "k > 0", "stress/length", scalar=True)
+    along: Along | None = entry(
+        None,
+        "the direction m: normal, or a vector of any length; null: springs in all directions",
+        optional=True,
+    )
+
+
 class LoadParameters(Section):
     """Body force f0, tractions g, pressures, prescribed displacements and supports, (2)-(4)."""
 
@@ -88,6 +100,10 @@ class LoadParameters(Section):
     displacements: tuple[Displacement, ...] = entry((), "parts of Gamma_D with their u")
     supports: tuple[Support, ...] = entry(
         (), "parts of Gamma_D that are held along their normal or along a given direction"
+    )
+
+    springs: Annotated[tuple[Spring, ...], Field(max_length=_MOST_TRACTIONS)] = entry(
+        (), "parts of the boundary on springs, which hold the body"
     )
 
     def _faults(self) -> Iterator[Fault]:
@@ -131,6 +147,9 @@ class LoadParameters(Section):
         for index, support in enumerate(self.supports):
             if support.along != "normal":
                 yield from vector_faults(("supports", index, "along"), support.along, dim)
+        for index, spring in enumerate(self.springs):
+            if spring.along != "normal":
+                yield from vector_faults(("springs", index, "along"), spring.along, dim)
 
 
 #: Names that a table may not have.

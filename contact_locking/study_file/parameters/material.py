@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from .base import Fault, Place, Section, below, entry, refuse_if
+from .eigenstrain import Eigenstrain, Eigenstrains
+from .material_kinds import BodyKind
 from .values import (
     NegativeScalarOrInfinite,
     PoissonScalar,
@@ -32,28 +33,6 @@ _WITH_LOWER_LIMIT = ("volume", "direction")
 
 #: The norms that contain the strain across the plane of a body in two dimensions.
 _ACROSS_THE_PLANE = ("deviator", "volume")
-
-
-@dataclass(frozen=True)
-class BodyKind:
-    """The body as far as the sizes of tensors depend on it; ``str`` tells it in words."""
-
-    dim: int
-    axisymmetric: bool = False
-    plane_stress: bool = False
-
-    def __str__(self) -> str:
-        return "for an axisymmetric body" if self.axisymmetric else f"in {self.dim}D"
-
-    @property
-    def strains(self) -> int:
-        """The number of normal strains."""
-        return 3 if self.axisymmetric else self.dim
-
-    @property
-    def components(self) -> int:
-        """The number of components of Mandel vectors."""
-        return 4 if self.axisymmetric else self.dim * (self.dim + 1) // 2
 
 
 class StrainLimit(Section):
@@ -303,10 +282,22 @@ class MaterialParameters(Section):
         "in 2D: plane strain, eps_zz = 0, or plane stress, sigma_zz = 0, where limits are those of "
         "the strain in the plane",
     )
+    eigenstrain: Eigenstrains = entry(
+        (),
+        "strains that are not elastic: one section, or a list of sections, which add up; the "
+        "limits are those of the whole strain eps(u)",
+    )
     regions: dict[str, Region] = entry({}, "other materials, by name of the group of cells")
 
     def _faults(self) -> Iterator[Fault]:
         return limit_faults(self.locking, self.locking_limit)
+
+    @property
+    def eigenstrains(self) -> list[tuple[Place, Eigenstrain]]:
+        """The sections of strains that are not elastic, with their places in the material."""
+        if isinstance(self.eigenstrain, tuple):
+            return [(("eigenstrain", i), item) for i, item in enumerate(self.eigenstrain)]
+        return [(("eigenstrain",), self.eigenstrain)]
 
     @property
     def limits(self) -> tuple[StrainLimit, ...]:
@@ -321,7 +312,10 @@ class MaterialParameters(Section):
             yield Fault(("plane",), f"stress is for bodies in 2D, not for {where}")
             return
         body = BodyKind(dim, axisymmetric, plane_stress)
-        sections: dict[Place, Elasticity | StrainLimit] = {("elasticity",): self.elasticity}
+        sections: dict[Place, Elasticity | StrainLimit | Eigenstrain] = {
+            ("elasticity",): self.elasticity
+        }
+        sections |= dict(self.eigenstrains)
         sections |= {("locking", i): limit for i, limit in enumerate(self.locking)}
         for name, region in self.regions.items():
             if region.elasticity is not None:
@@ -330,6 +324,15 @@ class MaterialParameters(Section):
                 sections["regions", name, "locking", i] = limit
         for place, section in sections.items():
             yield from below(place, section.dimension_faults(body))
+        given = [self.elasticity, *(region.elasticity for region in self.regions.values())]
+        anisotropic = any(item is not None and item.stiffness is not None for item in given)
+        for place, eigenstrain in self.eigenstrains:
+            if anisotropic and body.strains == 2 and eigenstrain.is_across:
+                yield Fault(
+                    (*place, eigenstrain.tensor[0]),
+                    "has a part across the plane, and a stiffness matrix of the plane does not "
+                    "tell its stress; give the normal strains in the plane, as in [0.01, 0.01]",
+                )
 
 
 def _limits(limits: tuple[StrainLimit, ...], ball: float | str | None) -> tuple[StrainLimit, ...]:

@@ -1,0 +1,78 @@
+"""Springs on the boundary: an elastic foundation that pulls as well as pushes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from ufl.core.expr import Expr
+
+from contact_locking.arrays import FloatArray
+from contact_locking.fem.joint_forms import JointForm
+
+# Rigid motions whose spring energy is below this share of that of springs in all directions.
+_FREE = 1e-12
+
+
+@dataclass(frozen=True)
+class Springs:
+    """``int k (u . m)(v . m)`` over a part of the boundary, or ``int k u . v``.
+
+    ``stiffness`` is k in UFL, a stress per length, ``along`` the unit vector m in UFL, or None for
+    springs in all directions.  ``on`` is the name of the part, and ``measure`` that of the part.
+    """
+
+    on: str
+    stiffness: Expr
+    along: Expr | None
+    measure: ufl.Measure
+
+    def form(self, u: Expr, v: Expr) -> ufl.Form:
+        """The share of ``a(u, v)``."""
+        if self.along is None:
+            return self.all_around(u, v)
+        stretched = ufl.dot(u, self.along) * ufl.dot(v, self.along)
+        return self.stiffness * stretched * self.measure
+
+    def all_around(self, u: Expr, v: Expr) -> ufl.Form:
+        """The same for springs in all directions."""
+        return self.stiffness * ufl.inner(u, v) * self.measure
+
+    def forces(self, u: fem.Function) -> FloatArray:
+        """The forces on the body at local dofs, ghosts included; collective."""
+        return -_assembled(self.form(u, ufl.TestFunction(u.function_space)), u)
+
+
+def motions_past(
+    springs: Sequence[Springs], space: fem.FunctionSpace, motions: FloatArray
+) -> FloatArray:
+    """Coefficients (f, g) of the g motions, of some (f, n) at local dofs, that stretch no spring.
+
+    Collective.
+    """
+    count, owned = len(motions), space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    if not springs or not count:
+        return np.eye(count)
+    u, v = fem.Function(space), ufl.TestFunction(space)
+    grams = np.zeros((2, count, count))
+    for kind, name in enumerate(("form", "all_around")):
+        forms = sum(getattr(item, name)(u, v) for item in springs)
+        for number, motion in enumerate(motions):
+            u.x.array[:] = motion
+            grams[kind, number] = motions[:, :owned] @ _assembled(forms, u)[:owned]
+    stretched, everywhere = space.mesh.comm.allreduce(grams)
+    sizes = np.diag(everywhere)
+    scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
+    values, vectors = np.linalg.eigh(stretched * np.outer(scale, scale))
+    return np.asarray(scale[:, None] * vectors[:, values <= _FREE])
+
+
+def _assembled(form: ufl.Form, u: fem.Function) -> FloatArray:
+    dofmap = u.function_space.dofmap
+    vector = la.vector(dofmap.index_map, dofmap.index_map_bs)
+    JointForm(form).assemble_vector(vector)
+    vector.scatter_forward()
+    return np.asarray(vector.array)

@@ -1,0 +1,271 @@
+"""Strains that are not elastic: free and restrained, in sums and regions, energies, limits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import with_changes
+
+from contact_locking import InputError, solve
+from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.parallel import maximum
+from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
+
+YOUNG, POISSON, WARM = 2.0, 0.3, 0.004
+LAME_LAMBDA, LAME_MU = lame_from_young(YOUNG, POISSON)
+BODIES = [(2, False), (3, False), (2, True)]
+
+
+def body(dim: int = 2, axisymmetric: bool = False, **changes: Any) -> Parameters:
+    """A block that is free to expand away from its lower left corner, with an eigenstrain."""
+    rollers = [{"on": "bottom", "value": [None] * (dim - 1) + [0.0]}]
+    if not axisymmetric:
+        rollers.append({"on": "left", "value": [0.0] + [None] * (dim - 1)})
+    if dim == 3:
+        rollers.append({"on": "front", "value": [None, 0.0, None]})
+    data: dict[str, Any] = {
+        "mesh": {"builder": "block", "dim": dim, "size": [1.0] * dim, "h": 0.5},
+        "material": {
+            "elasticity": {"young": YOUNG, "poisson": POISSON},
+            "eigenstrain": {"value": WARM},
+        },
+        "loads": {"displacements": rollers},
+        "contact": {"on": []},
+    }
+    if axisymmetric:
+        data["mesh"]["axisymmetric"] = True
+    return with_changes(data, **changes)
+
+
+def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
+    found = solve(parameters, comm)
+    assert found.converged, found.summary["reason"]
+    return found
+
+
+def distance(found: StudySolution, strains: Any) -> float:
+    """The largest distance of the displacement from ``x_i e_i``."""
+    dim = found.domain.dim
+    x = found.displacement.function_space.tabulate_dof_coordinates()[:, :dim]
+    u = found.displacement.x.array.reshape(-1, dim)
+    return maximum(found.domain.comm, np.abs(u - np.asarray(strains) * x))
+
+
+def stresses(found: StudySolution) -> Any:
+    size = found.elastic_stress.ufl_shape[0]
+    return found.elastic_stress.x.array.reshape(-1, size, size)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("dim", "axisymmetric"), BODIES)
+def test_a_free_body_expands_without_a_stress(
+    dim: int, axisymmetric: bool, degree: int, comm: MPI.Intracomm
+) -> None:
+    """In plane strain the plane is held across: ``(1 + nu) e`` in it, and ``-E e`` across."""
+    found = solved(body(dim, axisymmetric, discretisation__degree=degree), comm)
+    across = dim == 2 and not axisymmetric
+    wide = (1.0 + POISSON) * WARM if across else WARM
+    assert distance(found, wide) < 1e-12
+    assert maximum(comm, np.abs(stresses(found))) < 1e-12
+    summary = found.summary
+    assert summary["von_mises_max"] == pytest.approx(YOUNG * WARM * across, abs=1e-12)
+    assert summary["elastic_energy"] == pytest.approx(0.5 * YOUNG * WARM**2 * across, abs=1e-15)
+    assert summary["compliance"] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(("dim", "axisymmetric"), BODIES)
+def test_a_body_held_all_around_has_the_stress_of_its_eigenstrain(
+    dim: int, axisymmetric: bool, comm: MPI.Intracomm
+) -> None:
+    parts = [["left", "right"], *([["front", "back"]] if dim == 3 else []), ["bottom", "top"]]
+    held = [
+        {"on": names, "value": [0.0 if axis == number else None for axis in range(dim)]}
+        for number, names in enumerate(parts)
+    ]
+    found = solved(body(dim, axisymmetric, loads={"displacements": held}), comm)
+    stress = -(3.0 * LAME_LAMBDA + 2.0 * LAME_MU) * WARM
+    assert np.allclose(stresses(found), stress * np.eye(stresses(found).shape[1]), atol=1e-12)
+    assert found.summary["von_mises_max"] == pytest.approx(0.0, abs=1e-12)
+    volume = math.pi if axisymmetric else 1.0
+    energy = -1.5 * stress * WARM * volume
+    assert found.summary["elastic_energy"] == pytest.approx(energy, rel=1e-10)
+    assert found.summary["reactions"]["top"][-1] == pytest.approx(stress * volume, rel=1e-10)
+
+
+def test_plane_stress_expands_as_a_sheet_does(comm: MPI.Intracomm) -> None:
+    found = solved(body(material__plane="stress"), comm)
+    assert distance(found, WARM) < 1e-12
+    assert found.summary["von_mises_max"] == pytest.approx(0.0, abs=1e-12)
+    assert found.summary["elastic_energy"] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_entries_add_up(comm: MPI.Intracomm) -> None:
+    given = [{"value": [0.001, 0.002]}, {"expansion": [1e-5, 2e-5, 0.0], "temperature": "100"}]
+    found = solved(body(material__eigenstrain=given), comm)
+    assert distance(found, [0.002, 0.004]) < 1e-12
+    assert maximum(comm, np.abs(stresses(found))) < 1e-12
+
+
+def test_a_shear_strain_is_free_where_nothing_holds_it_back(comm: MPI.Intracomm) -> None:
+    """``u = (2 g y, 0)`` has the strain ``g`` that the eigenstrain asks for."""
+    shear = 0.003
+    given = {"value": [[0.0, shear], [shear, 0.0]]}
+    held = [
+        {"on": "bottom", "value": [0.0, 0.0]},
+        {"on": "top", "value": [2.0 * shear, 0.0]},
+        {"on": "left", "value": [f"{2.0 * shear}*y", 0.0]},
+    ]
+    found = solved(body(material__eigenstrain=given, loads__displacements=held), comm)
+    assert maximum(comm, np.abs(stresses(found))) < 1e-12
+
+
+def test_an_orthotropic_stiffness_takes_the_strains_in_the_plane(comm: MPI.Intracomm) -> None:
+    matrix = [[3.0, 0.4, 0.0], [0.4, 2.0, 0.0], [0.0, 0.0, 1.0]]
+    given: dict[str, Any] = {"material__elasticity": {"stiffness": matrix}}
+    found = solved(body(material__eigenstrain={"value": [0.001, -0.002]}, **given), comm)
+    assert distance(found, [0.001, -0.002]) < 1e-12
+    with pytest.raises(ValueError, match="has a part across the plane"):
+        body(material__eigenstrain={"value": 0.01}, **given)
+
+
+def test_a_strain_on_a_region_is_that_of_an_expression(comm: MPI.Intracomm) -> None:
+    mesh = {"builder": "inclusion", "h": 0.2}
+    inside = solved(body(mesh=mesh, material__eigenstrain={"value": WARM, "on": "inclusion"}), comm)
+    there = f"{WARM} if (x - 0.5)**2 + (y - 0.5)**2 < 0.0625 else 0"
+    told = solved(body(mesh=mesh, material__eigenstrain={"value": there}), comm)
+    apart = np.abs(inside.displacement.x.array - told.displacement.x.array)
+    assert maximum(comm, apart) < 1e-14
+    # The mesh follows the circle with chords, which the expression does not.
+    assert "material.eigenstrain.value" in " ".join(told.summary["warnings"])
+    assert not inside.summary["warnings"]
+    both = {"value": WARM, "on": ["body", "inclusion"]}
+    whole = solved(body(mesh=mesh, material__eigenstrain=both), comm)
+    assert distance(whole, (1.0 + POISSON) * WARM) < 1e-12
+
+
+def test_steps_heat_and_load_with_a_balance_of_energies(comm: MPI.Intracomm) -> None:
+    """Heat without restraint stores nothing; with a load on the top it lifts the load."""
+    steps = {"to": 2.0, "count": 4}
+    warm = {"expansion": WARM, "temperature": "min(t, 1)"}
+    free = solved(body(3, material__eigenstrain=warm, steps=steps), comm)
+    for row in free.history.rows:
+        for key in ("stored", "work", "numerical", "elastic_energy"):
+            assert row[key] == pytest.approx(0.0, abs=1e-15), key
+        assert row["energy_defect"] < 1e-8
+    push = 0.01
+    tractions = [{"on": "top", "value": [0.0, 0.0, "-0.01*min(t, 1)"]}]
+    later = {"expansion": WARM, "temperature": "max(t - 1, 0)"}
+    loaded = solved(
+        body(3, material__eigenstrain=later, loads__tractions=tractions, steps=steps), comm
+    )
+    pressed, lifted = loaded.history.rows[1], loaded.history.rows[3]
+    stored = 0.5 * push**2 / YOUNG
+    assert pressed["stored"] == pytest.approx(stored, rel=1e-8)
+    # The heat does the work that lifts the load, and the body stores what it had stored.
+    assert lifted["stored"] == pytest.approx(stored, rel=1e-8)
+    assert lifted["work"] == pytest.approx(0.0, abs=1e-12)
+    assert lifted["compliance"] == pytest.approx(push**2 / YOUNG - push * WARM, rel=1e-8)
+    assert abs(lifted["numerical"]) < 1e-12
+
+
+def test_a_table_heats_the_body_over_time(comm: MPI.Intracomm, tmp_path_factory: Any) -> None:
+    folder = comm.bcast(str(tmp_path_factory.mktemp("table")) if comm.rank == 0 else None)
+    if comm.rank == 0:
+        with open(f"{folder}/oven.csv", "w") as stream:
+            stream.write("t,degrees\n0,0\n1,100\n2,50\n")
+    comm.barrier()
+    given = {"expansion": 1e-5, "temperature": "oven(t)*(1 + 0*x)"}
+    tables = {"oven": {"file": f"{folder}/oven.csv", "over": "t", "column": "degrees"}}
+    found = solved(
+        body(3, material__eigenstrain=given, tables=tables, steps={"to": 2.0, "count": 2}), comm
+    )
+    tops = [row["strain_norm_max"] for row in found.history.rows]
+    assert tops == pytest.approx([1e-3 * math.sqrt(3.0), 0.5e-3 * math.sqrt(3.0)], rel=1e-8)
+
+
+@pytest.mark.parametrize(("dim", "axisymmetric"), [(3, False), (2, True)])
+def test_heat_locks_the_body_at_the_limit_of_the_whole_strain(
+    dim: int, axisymmetric: bool, comm: MPI.Intracomm
+) -> None:
+    """``eps = M I/sqrt(3)``, and Z is ``(3 lambda + 2 mu) (e - M/sqrt(3)) I``."""
+    limit = 0.004
+    given = {"material__locking_limit": limit, "penalty__n": math.inf}
+    found = solved(body(dim, axisymmetric, **given), comm)
+    side = limit / math.sqrt(3.0)
+    assert distance(found, side) < 1e-8
+    wanted = (3.0 * LAME_LAMBDA + 2.0 * LAME_MU) * (WARM - side)
+    locking = found.locking_stress.x.array.reshape(-1, 3, 3)
+    assert np.allclose(locking, wanted * np.eye(3), rtol=1e-4, atol=1e-4 * wanted)
+    assert found.summary["locked_fraction"] == 1.0
+
+
+def test_the_proved_bound_says_that_it_does_not_know_an_eigenstrain(comm: MPI.Intracomm) -> None:
+    found = solved(body(certificate__error_bound=True), comm)
+    told = found.summary["certificate"]["errors"]["guaranteed"]
+    assert told["applicable"] is False and "no proof covers an eigenstrain" in told["reason"]
+
+
+def test_the_indicator_does_not_see_a_free_expansion(comm: MPI.Intracomm) -> None:
+    found = solved(body(3), comm)
+    assert found.summary["certificate"]["errors"]["mesh"]["relative"] < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "give either value, or expansion and temperature"),
+        ({"value": 1.0, "expansion": 1.0}, "give either value"),
+        ({"value": 0.1, "temperature": 3.0}, "belongs to expansion, not"),
+        ({"expansion": 1e-5}, "is missing beside expansion"),
+        ({"value": [0.1]}, "must have 2 or 3 normal strains in 2D, not 1"),
+        ({"value": [[0.1, 0.2], [0.3, 0.1]]}, "not symmetric"),
+        ({"value": [[0.1, 0.2], 0.3]}, "mixes numbers and rows"),
+        ({"value": [[0.1, 0.2, 0.0]] * 2}, "rows of a square tensor"),
+        ({"value": np.ones((3, 3)).tolist()}, "must be 0 in 2D"),
+        ({"value": 0.1, "on": "core"}, "no part of the body is named 'core'"),
+        ({"value": "0.1*t"}, "the file has no steps"),
+        ({"value": "0.1*z"}, "unknown name 'z'"),
+    ],
+)
+def test_what_is_no_eigenstrain_is_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        body(material__eigenstrain=given)
+
+
+def test_a_strain_that_is_no_number_names_its_key(comm: MPI.Intracomm) -> None:
+    with pytest.raises(InputError) as caught:
+        solve(body(material__eigenstrain=[{"value": 0.0}, {"value": ["sqrt(-1 - x)", 0.0]}]), comm)
+    assert caught.value.key == "material.eigenstrain.1.value.0"
+
+
+def test_derivatives_by_heat_and_springs_are_those_of_differences(comm: MPI.Intracomm) -> None:
+    names = ["contact_force.1", "elastic_energy", "compliance"]
+    keys = ["material.eigenstrain.value", "loads.springs.0.stiffness"]
+    loads = {
+        "springs": [{"on": "left", "stiffness": 1.0}],
+        "tractions": [{"on": "top", "value": [0.0, -0.02]}],
+    }
+    given: dict[str, Any] = {
+        "loads": loads,
+        "contact": {"on": "bottom"},
+        "friction": {"coefficient": 0.0},
+        "penalty": {"n": math.inf},
+    }
+    found = solved(body(**given, sensitivities={"of": names, "to": keys}), comm).summary
+    for key, centre in zip(keys, (WARM, 1.0), strict=True):
+        ends = []
+        for value in (1.001 * centre, 0.999 * centre):
+            changed: dict[str, Any] = {"material__eigenstrain__value": value}
+            if key == keys[1]:
+                springs = [{"on": "left", "stiffness": value}]
+                changed = {"loads": loads | {"springs": springs}}
+            summary = solved(body(**(given | changed)), comm).summary
+            ends.append([summary["contact_force"][1], *(summary[name] for name in names[1:])])
+        slopes = (np.array(ends[0]) - np.array(ends[1])) / (0.002 * centre)
+        told = [found["sensitivities"][name][key]["derivative"] for name in names]
+        assert told == pytest.approx(slopes.tolist(), rel=1e-3, abs=1e-7), key

@@ -1,0 +1,125 @@
+"""Springs on the boundary: they hold the body, and their forces are reactions."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import block, with_changes
+
+from contact_locking import InputError, solve
+from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.parameters import Parameters
+
+YOUNG, STIFFNESS, PUSH = 2.0, 0.5, 0.01
+
+
+def pillar(dim: int = 2, axisymmetric: bool = False, **changes: Any) -> Parameters:
+    """A block on springs alone, without a lateral strain, with a pressure on its top."""
+    data: dict[str, Any] = {
+        "mesh": {"builder": "block", "dim": dim, "size": [1.0] * dim, "h": 0.5},
+        "material": {"elasticity": {"young": YOUNG, "poisson": 0.0}},
+        "loads": {
+            "pressures": [{"on": "top", "value": PUSH}],
+            "springs": [{"on": "bottom", "stiffness": STIFFNESS}],
+        },
+        "contact": {"on": []},
+    }
+    if axisymmetric:
+        data["mesh"]["axisymmetric"] = True
+    return with_changes(data, **changes)
+
+
+def solved(parameters: Parameters, comm: MPI.Intracomm) -> StudySolution:
+    found = solve(parameters, comm)
+    assert found.converged, found.summary["reason"]
+    return found
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("dim", "axisymmetric"), [(2, False), (3, False), (2, True)])
+def test_springs_alone_hold_the_body(
+    dim: int, axisymmetric: bool, degree: int, comm: MPI.Intracomm
+) -> None:
+    found = solved(pillar(dim, axisymmetric, discretisation__degree=degree), comm)
+    area = math.pi if axisymmetric else 1.0
+    summary = found.summary
+    sinks = PUSH / STIFFNESS + PUSH / YOUNG
+    assert summary["displacement_max"] == pytest.approx(sinks, rel=1e-8)
+    assert summary["compliance"] == pytest.approx(PUSH * sinks * area, rel=1e-8)
+    assert summary["elastic_energy"] == pytest.approx(0.5 * PUSH * sinks * area, rel=1e-8)
+    assert summary["reactions"]["bottom"][-1] == pytest.approx(PUSH * area, rel=1e-8)
+    assert summary["certificate"]["resultants"]["reactions"][-1] == pytest.approx(PUSH * area)
+    for entry in summary["bounds"].values():
+        assert entry["bound"] is None and "springs hold a rigid motion" in entry["reason"]
+    assert summary["certificate"]["constants"]["uniqueness"]["verdict"] == "covered by theory"
+
+
+def test_a_stiff_body_tilts_on_its_bed(comm: MPI.Intracomm) -> None:
+    """``u_y = -F/(k L) - (M/(k L^3/12)) (x - L/2)`` for a force at the right end."""
+    loads = {
+        "tractions": [{"on": "top", "value": [0.0, "-0.02*x"]}],
+        "springs": [{"on": "bottom", "stiffness": STIFFNESS, "along": "normal"}],
+        "supports": [{"on": "right", "along": [1, 0]}],
+    }
+    held = {"springs": loads["springs"], "tractions": loads["tractions"]}
+    held["displacements"] = [{"on": "bottom", "value": [0.0, None]}]
+    found = solved(pillar(loads=held, material__elasticity__young=1e7), comm)
+    force, moment = 0.01, 0.02 / 3.0 - 0.005
+    x = found.displacement.function_space.tabulate_dof_coordinates()
+    bottom = x[:, 1] < 1e-9
+    wanted = -force / STIFFNESS - 12.0 * moment / STIFFNESS * (x[:, 0] - 0.5)
+    u = found.displacement.x.array.reshape(-1, 2)
+    assert np.allclose(u[bottom, 1], wanted[bottom], rtol=1e-4)
+    with pytest.raises(InputError, match="leave a rigid motion free"):
+        solve(pillar(loads=loads | {"supports": []}), comm)
+
+
+def test_a_stiffness_may_vary_and_must_be_positive(comm: MPI.Intracomm) -> None:
+    bed: dict[str, Any] = {"on": "bottom", "stiffness": "0.4 + 0.2*x", "along": [0.0, 2.0]}
+    sides = [{"on": ["left", "right"], "value": [0.0, None]}]
+    given: dict[str, Any] = {"loads__springs": [bed], "material__elasticity__young": 1e7}
+    found = solved(pillar(**given, loads__displacements=sides), comm)
+    assert found.summary["reactions"]["bottom"][1] == pytest.approx(PUSH, rel=1e-6)
+    with pytest.raises(InputError, match="must be positive everywhere"):
+        solve(pillar(loads__springs=[bed | {"stiffness": "x - 0.5"}]), comm)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"stiffness": 0.0}, "greater than 0|must be > 0"),
+        ({"stiffness": 1.0, "along": [1.0]}, "must have 2 components"),
+        ({"stiffness": 1.0, "on": "nowhere"}, "no part of the boundary is named 'nowhere'"),
+    ],
+)
+def test_what_is_no_spring_is_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        pillar(loads__springs=[{"on": "bottom"} | given])
+
+
+def test_springs_beside_contact_and_friction_keep_every_balance(comm: MPI.Intracomm) -> None:
+    """The model case on springs in place of its clamp, in steps, with a balance of energies."""
+    loads = {
+        "tractions": [{"on": "top", "value": ["0.02*t", "-0.05*t"]}],
+        "springs": [{"on": "left", "stiffness": 2.0}, {"on": "right", "stiffness": "1 + y"}],
+    }
+    found = solved(block(2, 0.25, loads=loads, steps={"to": 1.0, "count": 2}), comm)
+    summary = found.summary
+    assert summary["certificate"]["criteria"]["force_balance"]["value"] < 1e-8
+    forces = [summary["contact_force"], summary["friction_force"], *summary["reactions"].values()]
+    assert np.sum(forces, axis=0) == pytest.approx([-0.02, 0.05], rel=1e-6)
+    assert set(summary["reactions"]) == {"left", "right"}
+    row = found.history.rows[-1]
+    assert row["energy_defect"] < 1e-6 and row["stored"] > row["elastic_energy"] * 0.99
+    assert "reaction_left_x" in row
+
+
+def test_the_proved_bound_says_that_it_does_not_know_springs(comm: MPI.Intracomm) -> None:
+    found = solved(pillar(certificate__error_bound=True), comm)
+    told = found.summary["certificate"]["errors"]["guaranteed"]
+    assert told["applicable"] is False
+    assert "no proof covers springs on the boundary" in told["reason"]
