@@ -56,7 +56,6 @@ def restored_step(
         )
     problem.advance(saved.step.time)
     solver.begin()
-    saved.step.enter(problem.contacts)
     row = saved.step.history.rows[-1]
     state = _in_place(saved, problem, solver, int(row["tangents"]), int(row["linear"]))
     return state, saved.step, EnergyBalance.of_row(row)
@@ -71,6 +70,9 @@ def _in_place(
 ) -> SolvedState:
     """The saved state in place of what the solver would find, and what it took; collective."""
     saved.state.enter(solver.system)
+    # The travel of a foundation, which is part of the state, changes what slips refer to.
+    if saved.step is not None:
+        saved.step.enter(problem.contacts)
     for contact, bound in zip(problem.contacts, saved.bounds, strict=True):
         contact.bounds = bound
     return solver.state(

@@ -123,10 +123,13 @@ class Parameters(Section):
     def _name_numbers(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         """Let the expressions below use the names of ``parameters``."""
         given = data.get("parameters") if isinstance(data, dict) else None
-        names = tuple(name for name in given if isinstance(name, str)) if given else ()
-        token = NAMED.set(names if isinstance(given, dict) else ())
+        names = given if isinstance(given, dict) else {}
+        token = NAMED.set(tuple(name for name in names if isinstance(name, str)))
         try:
             return handler(data)
+        except UnicodeEncodeError:
+            # Pydantic cannot tell of a text that holds no character.
+            raise ValueError("contains an escape that is no character") from None
         finally:
             NAMED.reset(token)
 
