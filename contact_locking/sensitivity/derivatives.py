@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
 from contact_locking.sensitivity.parameters import Frozen, Parameter, width
@@ -50,7 +51,11 @@ class Derivatives:
         with frozen.system.preserved():
             equations = frozen.equations()
             self._linear = Linearisation(equations, task)
-            require_solved(equations)
+            try:
+                require_solved(equations)
+            except InputError:
+                self.destroy()
+                raise
 
     @property
     def solves(self) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
+from petsc4py import PETSc
 
 from contact_locking.errors import InputError
 from contact_locking.problem.discrete_problem import DiscreteProblem
@@ -91,3 +92,8 @@ class LazyDerivatives:
         if self._made is not None:
             self._made.destroy()
             self._made = None
+
+    def __del__(self) -> None:
+        # The garbage collector clears the contexts of PETSc's objects before PETSc destroys these.
+        if self._problem.domain.comm.size == 1 and not PETSc.Sys.isFinalized():
+            self.close()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from differences import errors
-from differentiated_block import NAMES, block, quantities
+from differentiated_block import NAMES, Block, block, quantities
 
 import contact_locking as cl
 from contact_locking.sensitivity.parameters import Entry
@@ -28,11 +29,28 @@ CASES: dict[str, dict[str, Any]] = {
 SLOW = ("penalty", "quadratic", "filter", "three dimensions")
 
 
+Make = Callable[..., Block]
+
+
+@pytest.fixture
+def make() -> Iterator[Make]:
+    """Blocks that are closed after the test."""
+    made: list[Block] = []
+
+    def new(**given: Any) -> Block:
+        made.append(block(**given))
+        return made[-1]
+
+    yield new
+    for one in made:
+        one.problem.close()
+
+
 @pytest.mark.parametrize(
     "case", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES]
 )
-def test_derivatives_are_those_of_central_differences(case: str) -> None:
-    made = block(**CASES[case])
+def test_derivatives_are_those_of_central_differences(case: str, make: Make) -> None:
+    made = make(**CASES[case])
     solution = made.problem.solve()
     assert solution.converged
     found = {
@@ -48,19 +66,17 @@ def test_derivatives_are_those_of_central_differences(case: str) -> None:
         assert np.all(wrong <= 1e-3), (name, wrong)
     # Most differences of two widths agree, so that they tell something.
     assert counted >= 0.6 * total
-    made.problem.close()
 
 
-def test_a_solve_with_an_iterative_linear_solver_has_no_derivatives() -> None:
-    made = block(linear="iterative", tolerance=1e-8, friction_tolerance=1e-8)
+def test_a_solve_with_an_iterative_linear_solver_has_no_derivatives(make: Make) -> None:
+    made = make(linear="iterative", tolerance=1e-8, friction_tolerance=1e-8)
     solution = made.problem.solve()
     with pytest.raises(cl.InputError, match="direct linear solves"):
         solution.derivative("compliance", made.given["E"])
-    made.problem.close()
 
 
-def test_forward_and_adjoint_agree() -> None:
-    made = block(n=1e3, method="newton")
+def test_forward_and_adjoint_agree(make: Make) -> None:
+    made = make(n=1e3, method="newton")
     solution = made.problem.solve()
     lazy: Any = solution.differentiable
     entries = [made.given["mu"], *(Entry(made.given[name], 0, name) for name in ("E", "M", "pull"))]
@@ -70,8 +86,8 @@ def test_forward_and_adjoint_agree() -> None:
     np.testing.assert_allclose(forward.values, quantities(solution), rtol=1e-5)
 
 
-def test_few_solves_serve_many_parameters() -> None:
-    made = block(coefficient=lambda mu: 0.0)
+def test_few_solves_serve_many_parameters(make: Make) -> None:
+    made = make(coefficient=lambda mu: 0.0)
     solution = made.problem.solve()
     for given in made.given.values():
         solution.derivative("compliance", given)
@@ -80,8 +96,8 @@ def test_few_solves_serve_many_parameters() -> None:
     assert lazy.made.solves <= 5
 
 
-def test_a_derivative_is_refused_with_its_reason() -> None:
-    made = block()
+def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:
+    made = make()
     solution = made.problem.solve()
     with pytest.raises(cl.InputError, match="count of points"):
         solution.derivative("locked_fraction", made.given["E"])
@@ -102,8 +118,8 @@ def test_a_derivative_is_refused_with_its_reason() -> None:
         solution.derivative("compliance", made.given["E"])
 
 
-def test_deriving_leaves_the_problem_as_it_was() -> None:
-    made = block()
+def test_deriving_leaves_the_problem_as_it_was(make: Make) -> None:
+    made = make()
     solution = made.problem.solve()
     before = made.problem.displacement.x.array.copy()
     solution.derivative("compliance", made.given["gap"])
@@ -113,8 +129,8 @@ def test_deriving_leaves_the_problem_as_it_was() -> None:
     np.testing.assert_array_equal(again.displacement.x.array, solution.displacement.x.array)
 
 
-def test_an_elastic_body_has_derivatives() -> None:
-    made = block()
+def test_an_elastic_body_has_derivatives(make: Make) -> None:
+    made = make()
     made.given["pull"].value, made.given["press"].value = -0.002, -0.005
     solution = made.problem.solve()
     compliance = solution.summary["compliance"]
