@@ -126,7 +126,9 @@ def test_deriving_leaves_the_problem_as_it_was(make: Make) -> None:
     assert np.array_equal(before, made.problem.displacement.x.array)
     assert made.given["gap"].value == 0.002
     again = made.problem.solve()
-    np.testing.assert_array_equal(again.displacement.x.array, solution.displacement.x.array)
+    # On several ranks sums are rounded in another order.
+    values, wanted = again.displacement.x.array, solution.displacement.x.array
+    np.testing.assert_allclose(values, wanted, rtol=0.0, atol=1e-12)
 
 
 def test_an_elastic_body_has_derivatives(make: Make) -> None:
