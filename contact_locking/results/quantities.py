@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 Of = Literal["body", "contact", "certificate", "solver"]
 
-# A moment below this share of the moments that it is the sum of is rounding.
+# A moment below this share of the moments that it is the sum of is rounding, and so is a coordinate
+# below this share of the largest.
 _ROUNDING = 1e-12
 
 
@@ -129,6 +130,7 @@ def contact_moment(contacts: Contacts) -> Any:
     if not area > 0.0 or contacts.domain.axisymmetric:
         return np.zeros(3 if dim == 3 else ()), None
     centre = contacts.integral(lambda f: touches(f)[:, None] * f.surface.points, dim) / area
+    centre[np.abs(centre) <= _ROUNDING * np.abs(contacts.domain.bounding_box()).max()] = 0.0
 
     def each(fields: ContactFields) -> FloatArray:
         forces = fields.traction - fields.pressure[:, None] * fields.normal
