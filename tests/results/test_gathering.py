@@ -30,7 +30,7 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.running import writing
 
 # The direct solver of several ranks partitions the graph of its matrix, whose size is limited.
-LIMITED = "separator.py"
+LIMITED = ("substructuring.py", "__init__")
 OUTPUT = {
     "output__picture": False,
     "output__formats": ["vtx", "xdmf"],
@@ -45,7 +45,8 @@ def messages() -> Iterator[list[int]]:
 
     def dumps(*arguments: Any, **named: Any) -> bytes:
         found = pickle.dumps(*arguments, **named)
-        if not any(frame.filename.endswith(LIMITED) for frame in traceback.extract_stack()):
+        frames = {(Path(f.filename).name, f.name) for f in traceback.extract_stack()}
+        if LIMITED not in frames:
             sizes.append(len(found))
         return found
 
