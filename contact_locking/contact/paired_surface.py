@@ -7,15 +7,16 @@ from dolfinx import fem
 from scipy.sparse import csr_matrix, diags
 
 from contact_locking import _compat
-from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.pairing import Pairing, Side, pair
-from contact_locking.contact.surface import ContactSurface
+from contact_locking.contact.surface import PRESCRIBED, ContactSurface
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.fem.jump import JumpValues
 from contact_locking.fem.spaces import Element
 from contact_locking.laws.kinematics import WeightedMeasure
 from contact_locking.mesh.domain import Domain
+from contact_locking.supports.conditions import Constraints
 
 # An overlap that is deeper than this share of the thinnest extent of the bodies is a mistake.
 _DEEPEST = 0.1
@@ -68,14 +69,32 @@ class PairedSurface(ContactSurface):
         self.ds = WeightedMeasure(self.ds, self.scalar_function(weights / self.weights))
         self.weights = weights
         self._coarser = float(np.median(one.sizes()) / np.median(two.sizes()))
-        self._key, self._dim = key, domain.dim
+        self._key, self._blocks = key, np.union1d(mine, theirs)
 
     @property
     def jump(self) -> JumpValues:
         return self._jump
 
+    def free_nodes(self, normal: FloatArray, constraints: Constraints) -> BoolArray:
+        """(k,) the nodes that face the other side where conditions leave a part of the jump free.
+
+        ``normal`` (k, d) is the contact normal; collective.
+        """
+        dim, index_map = self.domain.dim, self.vector_space.dofmap.index_map
+        low, high = index_map.local_range
+        own = self._blocks[(self._blocks >= low) & (self._blocks < high)] - low
+        # The projections to the free directions at the nodes of both sides.
+        axes = [constraints.free_part(np.tile(axis, high - low)) for axis in np.eye(dim)]
+        local = np.stack([values.reshape(-1, dim)[own] for values in axes], axis=1)
+        projections = np.concatenate(self.domain.comm.allgather(local))
+        rows = self._jump.by_blocks.tocoo()
+        at = projections[np.searchsorted(self._blocks, rows.col)]
+        parts = rows.data[:, None] * np.einsum("eai,ea->ei", at, normal[rows.row])
+        sizes = np.bincount(rows.row, np.sum(parts**2, axis=1), len(normal))
+        return np.sqrt(sizes) > PRESCRIBED
+
     def warnings(self) -> list[str]:
-        ratio = self._coarser ** (1.0 / (self._dim - 1))
+        ratio = self._coarser ** (1.0 / (self.domain.dim - 1))
         if ratio <= _COARSER:
             return []
         return [

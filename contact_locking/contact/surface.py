@@ -30,8 +30,8 @@ from contact_locking.supports.conditions import Constraints
 if TYPE_CHECKING:
     from contact_locking.fem.jump import JumpValues
 
-# The normal displacement is prescribed where the free directions hold less of the unit normal.
-_PRESCRIBED = 1e-6
+#: The normal displacement is prescribed where the free directions hold less of the unit normal.
+PRESCRIBED = 1e-6
 # The cosines of the angles by which contact normals turn between two sides of Gamma_C, and by which
 # they are off the normals of the body: 40 and 60 degrees.
 _TURNED, _FACING = 0.766, 0.5
@@ -154,7 +154,7 @@ class ContactSurface:
         """
         normals = self.vector_function(normal).x.array
         free = constraints.free_part(normals).reshape(-1, self.domain.dim)[self.blocks]
-        return np.asarray(np.linalg.norm(free, axis=1) > _PRESCRIBED)
+        return np.asarray(np.linalg.norm(free, axis=1) > PRESCRIBED)
 
     def warnings(self) -> list[str]:
         """Warnings about data that the user probably did not intend."""

@@ -73,7 +73,7 @@ class JumpValues(PointValues):
     def at_nodes(self, values: FloatArray) -> FloatArray:
         self._values.array_w[:] = values[: self._values.getLocalSize()]
         self._map.mult(self._values, self._at_nodes)
-        return np.array(self._at_nodes.array_r.reshape(len(self._nodes), -1))
+        return np.array(self._at_nodes.array_r.reshape(len(self._nodes), self.space.dofmap.index_map_bs))
 
     def carried(self, forces: FloatArray) -> FloatArray:
         """The forces at all local dofs of displacements for forces on the dofs of :attr:`space`.
