@@ -200,7 +200,7 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] =
 
         with build(geometry, contact=contact) as model:
             mesh = extract(model, origin)
-        return mesh, Diagnosis.of_sound(mesh)
+        return mesh, Diagnosis.of_sound(mesh, geometry.bodies)
 
     return with_key("mesh.builder", lambda: distributed(make, comm, origin))
 

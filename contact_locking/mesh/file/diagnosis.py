@@ -41,10 +41,18 @@ class Diagnosis:
     warnings: list[str]
 
     @staticmethod
-    def of_sound(mesh: MeshData) -> Diagnosis:
-        """The result for a mesh of a builder: one part, all groups of facets on the boundary."""
+    def of_sound(mesh: MeshData, bodies: int = 1) -> Diagnosis:
+        """The result for a mesh of a builder, with all groups of facets on the boundary.
+
+        ``bodies`` is the number of its parts that share no nodes.
+        """
         named = mesh.facets.take(mesh.facets.groups != 0)
-        return Diagnosis(("the body",), np.zeros(len(mesh.cells), dtype=np.int64), named, {}, [])
+        labels = np.zeros(len(mesh.cells), dtype=np.int64)
+        if bodies > 1:
+            facets = Facets(mesh.cells.nodes, len(mesh.points))
+            joined, _ = facets.pairs(np.flatnonzero(facets.shared == 2))
+            bodies, labels = components(joined, len(mesh.cells))
+        return Diagnosis(_part_names(mesh, bodies, labels), labels, named, {}, [])
 
 
 def diagnose(mesh: MeshData, origin: str) -> Diagnosis:
