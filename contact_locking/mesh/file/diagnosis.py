@@ -13,7 +13,7 @@ import numpy as np
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.file import places
-from contact_locking.mesh.file.contiguity import check_contiguity
+from contact_locking.mesh.file.contiguity import Touching, check_contiguity
 from contact_locking.mesh.file.data import MeshData, Simplices
 from contact_locking.mesh.file.topology import Facets, components, longest_edges, signed_measures
 
@@ -55,15 +55,18 @@ class Diagnosis:
         return Diagnosis(_part_names(mesh, bodies, labels), labels, named, {}, [])
 
 
-def diagnose(mesh: MeshData, origin: str) -> Diagnosis:
-    """Check a mesh, which messages call ``origin``; raises InputError if it cannot be a body."""
+def diagnose(mesh: MeshData, origin: str, touching: Touching = ()) -> Diagnosis:
+    """Check a mesh, which messages call ``origin``; raises InputError if it cannot be a body.
+
+    ``touching`` are pairs of boundary parts that may touch each other without shared nodes.
+    """
     try:
-        return _diagnose(mesh)
+        return _diagnose(mesh, touching)
     except InputError as error:
         raise InputError(f"{origin}: {error}", error.key) from None
 
 
-def _diagnose(mesh: MeshData) -> Diagnosis:
+def _diagnose(mesh: MeshData, touching: Touching) -> Diagnosis:
     warnings: list[str] = []
     check_coordinates(mesh)
     _check_groups_of_cells(mesh)
@@ -73,7 +76,7 @@ def _diagnose(mesh: MeshData) -> Diagnosis:
     _check_folds(mesh, facets)
     joined, _ = facets.pairs(np.flatnonzero(facets.shared >= 2))
     count, labels = components(joined, len(mesh.cells))
-    check_contiguity(mesh, facets, labels, warnings)
+    check_contiguity(mesh, facets, labels, warnings, touching)
     if count > MOST_PARTS:
         raise InputError(
             f"the body falls into {count} parts that share no edges or faces; at most "
