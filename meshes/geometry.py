@@ -202,7 +202,7 @@ class Geometry(ABC):
         model.occ.synchronize()
         facets: dict[str, list[int]] = {name: [] for name in self.facet_names}
         # The outer boundary only: an interface between two regions has no name.
-        for dim, tag in model.getBoundary(model.getEntities(self.dim), oriented=False):
+        for _, tag in model.getBoundary(model.getEntities(self.dim), oriented=False):
             facets[self.name_of(model, tag, parts)].append(tag)
         for dim, groups in ((self.dim, parts), (self.dim - 1, facets)):
             for number, (name, tags) in enumerate(groups.items(), start=1):

@@ -39,7 +39,9 @@ class Stack(Box):
         object.__setattr__(self, "slope", real("slope", self.slope))
         if self.fine > self.h:
             raise ValueError(f"h_upper: {self.fine:g} is more than h, {self.h:g}")
-        if 0.5 * abs(self.slope) * max(self.size[0], edges[0]) > 0.5 * min(self.size[-1], edges[-1]):
+        if 0.5 * abs(self.slope) * max(self.size[0], edges[0]) > 0.5 * min(
+            self.size[-1], edges[-1]
+        ):
             raise ValueError(f"slope: {self.slope:g} takes more than half of the height of a block")
 
     @property

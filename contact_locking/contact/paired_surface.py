@@ -7,7 +7,7 @@ from dolfinx import fem
 from scipy.sparse import csr_matrix, diags
 
 from contact_locking import _compat
-from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.contact import Contact
 from contact_locking.contact.pairing import Pairing, Side, pair
 from contact_locking.contact.surface import PRESCRIBED, ContactSurface
@@ -103,7 +103,7 @@ class PairedSurface(ContactSurface):
         ]
 
 
-def _side(domain: Domain, space: fem.FunctionSpace, facets: IntArray) -> tuple[Side, IntArray]:
+def _side(domain: Domain, space: fem.FunctionSpace, facets: IndexArray) -> tuple[Side, IntArray]:
     """The side with the given local facets, and the global blocks (k,) of its points; collective.
 
     All ranks have the same side.
@@ -150,7 +150,7 @@ def _outward(corners: FloatArray, inside: FloatArray) -> FloatArray:
 def _require_apart(
     domain: Domain, one: Side, two: Side, mine: IntArray, theirs: IntArray, given: Contact
 ) -> None:
-    """Raise InputError for sides that have a facet in common, or more nodes than a tip of a crack."""
+    """Raise InputError for sides that have a facet in common; a crack has a node at its tip."""
     both = np.isin(mine, theirs)
     shared = both[one.facets].all(axis=1)
     if not shared.any():

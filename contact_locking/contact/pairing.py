@@ -8,9 +8,9 @@ field u at the node i of side 1 is
 
 with the hat functions phi of both sides and the dual basis psi of side 1,
 ``int psi_i phi_j = delta_ij int phi_j`` (Wohlmuth, doi:10.1137/S0036142999350929).  All integrals
-are over the part of side 1 that side 2 covers, and the dual basis is that of this part (Popp et al.,
-doi:10.1016/j.cma.2010.11.004).  The facets of side 2 are projected into the plane of each facet of
-side 1 and cut there, so that every integral is exact.
+are over the part of side 1 that side 2 covers, and the dual basis is that of this part (Popp et
+al., doi:10.1016/j.cma.2010.11.004).  The facets of side 2 are projected into the plane of each
+facet of side 1 and cut there, so that every integral is exact.
 """
 
 from __future__ import annotations
@@ -110,7 +110,9 @@ def pair(one: Side, other: Side) -> Pairing:
 
     count = len(one.points)
     corners = one.facets[facet]
-    every = np.bincount(one.facets[is_covered].reshape(-1), integral[is_covered].reshape(-1), count)
+    every: FloatArray = np.bincount(
+        one.facets[is_covered].reshape(-1), integral[is_covered].reshape(-1), count
+    ).astype(float)
     faces = every > 0.0
     total = np.where(faces, every, 1.0)
     dim = corners.shape[1]

@@ -91,12 +91,14 @@ class JointForm:
     """
 
     def __init__(self, form: ufl.Form, jumps: Sequence[JumpValues] = ()) -> None:
-        every = by_space(form, jumps)
-        own = {id(item.space): [part for part in every if _space(part) is item.space] for item in jumps}
-        self._parts = [part for part in every if id(_space(part)) not in own]
+        every, spaces = by_space(form, jumps), [item.space for item in jumps]
+        self._parts = [part for part in every if not any(_space(part) is space for space in spaces)]
         self._forms = [compiled.form(part) for part in self._parts]
         self._jumps = [
-            _FormOfJump(item, part) for item in jumps for part in own[id(item.space)]
+            _FormOfJump(jump, part)
+            for jump in jumps
+            for part in every
+            if _space(part) is jump.space
         ]
 
     def create_matrix(self, kind: str | None = None) -> PETSc.Mat:

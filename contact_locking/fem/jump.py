@@ -35,8 +35,8 @@ class JumpValues(PointValues):
     ) -> None:
         super().__init__(trace, scalars, vectors.clone(), nodes, blocks)
         self._vectors, self._rows = vectors, rows
-        self._map = displacement_map(rows, vectors)
-        self._at_nodes, self._values = self._map.createVecLeft(), self._map.createVecRight()
+        self._matrix = displacement_map(rows, vectors)
+        self._at_nodes, self._values = self._matrix.createVecLeft(), self._matrix.createVecRight()
         self._jumps: list[tuple[fem.Function, fem.Function]] = []
 
     @property
@@ -72,8 +72,10 @@ class JumpValues(PointValues):
 
     def at_nodes(self, values: FloatArray) -> FloatArray:
         self._values.array_w[:] = values[: self._values.getLocalSize()]
-        self._map.mult(self._values, self._at_nodes)
-        return np.array(self._at_nodes.array_r.reshape(len(self._nodes), self.space.dofmap.index_map_bs))
+        self._matrix.mult(self._values, self._at_nodes)
+        return np.array(
+            self._at_nodes.array_r.reshape(len(self._nodes), self.space.dofmap.index_map_bs)
+        )
 
     def carried(self, forces: FloatArray) -> FloatArray:
         """The forces at all local dofs of displacements for forces on the dofs of :attr:`space`.
@@ -85,7 +87,7 @@ class JumpValues(PointValues):
 
     def forces(self, at_nodes: FloatArray) -> FloatArray:
         self._at_nodes.array_w[:] = at_nodes.reshape(-1)
-        self._map.multTranspose(self._at_nodes, self._values)
+        self._matrix.multTranspose(self._at_nodes, self._values)
         forces = fem.Function(self._vectors)
         forces.x.array[: self._values.getLocalSize()] = self._values.array_r
         forces.x.scatter_forward()
@@ -109,5 +111,5 @@ class JumpValues(PointValues):
         return matrix
 
     def destroy(self) -> None:
-        for item in (self._map, self._at_nodes, self._values):
+        for item in (self._matrix, self._at_nodes, self._values):
             item.destroy()

@@ -165,8 +165,8 @@ def describe_slide(
             continue
         told = found.describe_unheld() or found.describe_push() or found.describe_slide()
         if told is not None:
-            several = len(domain.part_names) > 1
-            return f"{domain.part_names[number]}: {told}" if several else told
+            names = " and ".join(domain.part_names[number] for number in group)
+            return f"{names}: {told}" if len(domain.part_names) > 1 else told
     return None
 
 
@@ -177,8 +177,8 @@ def describe_loose(
 
     Tools may press the body less than at other times.  Collective.
     """
-    for number in range(len(domain.part_names)):
-        found = _Motions(domain, space, data, constraints, number)
+    for group in _groups(domain, data):
+        found = _Motions(domain, space, data, constraints, group)
         try:
             found.require_held(found.work)
         except InputError as error:
@@ -225,9 +225,10 @@ class _Motions:
 
     Parts that touch each other are taken together, and ``parts`` has the name of each with the
     coefficients (m, .) of its motions.  The first motions, ``of_body`` of them, move the parts, and
-    each of the others moves one tool that presses on these parts alone along its force.  ``free`` (m, f) are the coefficients of the
-    motions of the part, zero for a tool, and ``work`` (f,) is the work of the loads and of the
-    present forces of tools along the motions; ``most_work`` is this with the largest forces of the
+    each of the others moves one tool that presses on these parts alone along its force.  ``free``
+    (m, f) are the coefficients of all motions of parts, zero for a tool, and ``work`` (f,) is the
+    work of the loads and of the present forces of tools along the motions; ``most_work`` is this
+    with the largest forces of the
     process.  ``normals`` (n, f) are the normal components at all nodes of Gamma_C on the part,
     relative to tools, and ``rubs`` (n,) marks the nodes with friction.  The constructor is
     collective.
@@ -242,7 +243,8 @@ class _Motions:
         group: tuple[int, ...],
     ) -> None:
         self.parts: list[tuple[str, FloatArray]] = []
-        fields, part = [], np.zeros(0, dtype=bool)
+        fields: list[FloatArray] = []
+        part: BoolArray = np.zeros(0, dtype=bool)
         for number in group:
             own = _dofs(domain, space, number)
             free, moved = _loose_fields(domain, space, data, constraints, own)

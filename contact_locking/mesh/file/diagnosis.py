@@ -47,7 +47,7 @@ class Diagnosis:
         ``bodies`` is the number of its parts that share no nodes.
         """
         named = mesh.facets.take(mesh.facets.groups != 0)
-        labels = np.zeros(len(mesh.cells), dtype=np.int64)
+        labels: IntArray = np.zeros(len(mesh.cells), dtype=np.int64)
         if bodies > 1:
             facets = Facets(mesh.cells.nodes, len(mesh.points))
             joined, _ = facets.pairs(np.flatnonzero(facets.shared == 2))

@@ -1,0 +1,274 @@
+"""Two bodies, or the two sides of a cut, that touch each other."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import with_changes
+
+from contact_locking import StudySolution, assemble, solve
+from contact_locking.errors import InputError
+from contact_locking.problem.body_forms import BodyForms
+from contact_locking.study_file.parameters import Parameters
+
+pytest.importorskip("gmsh")
+
+YOUNG, POISSON = 2.0, 0.3
+
+
+def stack(dim: int = 2, h: float = 0.25, **changes: Any) -> Parameters:
+    """Two blocks with unmatched meshes; the lower one rests on its bottom."""
+    data: dict[str, Any] = {
+        "mesh": {"builder": "stack", "dim": dim, "h": h},
+        "material": {"elasticity": {"young": YOUNG, "poisson": POISSON}},
+        "loads": {
+            "displacements": [{"on": "bottom", "value": [0.0] * dim}],
+            "tractions": [{"on": "top", "value": [0.0] * (dim - 1) + [-0.01]}],
+        },
+        "contact": {"on": "upper_bottom", "against": "lower_top"},
+        "friction": {"coefficient": 0.0, "smoothing": {"kernel": "none"}},
+        "penalty": {"n": math.inf},
+    }
+    return with_changes(data, **changes)
+
+
+def solved(parameters: Parameters) -> StudySolution:
+    solution = solve(parameters)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+def largest(solution: StudySolution, values: Any) -> float:
+    return float(solution.domain.comm.allreduce(np.abs(values).max(initial=0.0), op=MPI.MAX))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
+    dim: int, swapped: bool, slope: float
+) -> None:
+    sides = ["lower_top", "upper_bottom"] if swapped else ["upper_bottom", "lower_top"]
+    problem = assemble(
+        stack(
+            dim,
+            0.25 if dim == 2 else 0.4,
+            mesh__slope=slope,
+            contact={"on": sides[0], "against": sides[1]},
+        ),
+        MPI.COMM_WORLD,
+    )
+    (contact,) = problem.contacts
+    gradient = np.arange(1.0, dim * dim + 1.0).reshape(dim, dim)
+    u = problem.u
+    u.interpolate(lambda x: gradient @ x[:dim])
+    # No jump, and forces in equilibrium with any stress: at the outer boundary alone are reactions.
+    jump = contact.surface.limited.of_function(u)
+    assert np.abs(jump).max(initial=0.0) <= 1e-12
+    stress = elastic_stress(0.5 * (gradient + gradient.T))
+    forces = BodyForms(u.function_space, problem.data).elastic_forces(u)
+    forces -= contact.surface.nodal_forces(contact.normals @ stress)
+    x = u.function_space.tabulate_dof_coordinates()
+    inside = np.ones(len(x), dtype=bool)
+    for axis in range(dim):
+        low, high = (0.0, 1.0) if axis < dim - 1 else (0.0, 2.0)
+        inside &= (x[:, axis] > low + 1e-9) & (x[:, axis] < high - 1e-9)
+    assert np.abs(forces.reshape(-1, dim)[inside]).max(initial=0.0) <= 1e-12
+    area = problem.domain.comm.allreduce(contact.surface.weights.sum())
+    assert area == pytest.approx(math.hypot(1.0, slope), rel=1e-12)
+
+
+def elastic_stress(strain: Any) -> Any:
+    shear = YOUNG / (2.0 * (1.0 + POISSON))
+    lame = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
+    return lame * np.trace(strain) * np.eye(len(strain)) + 2.0 * shear * strain
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("n", "share"), [(1e3, 1e-10), (math.inf, 1e-7)])
+def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
+    dim: int, n: float, share: float
+) -> None:
+    # Free sides: the lower face widens as it wants to.
+    factor = (1.0 + POISSON) / YOUNG if dim == 2 else 1.0 / YOUNG
+    widening = factor * POISSON * 0.01
+    bottom = [f"{widening}*{axis}" for axis in "xy"[: dim - 1]]
+    solution = solved(
+        stack(
+            dim,
+            0.25 if dim == 2 else 0.5,
+            mesh__slope=0.2,
+            loads__displacements=[{"on": "bottom", "value": [*bottom, 0.0]}],
+            friction__coefficient=1.0,
+            penalty__n=n,
+            solver__tolerance=1e-8 if n == math.inf else 1e-12,
+        )
+    )
+    exact = np.zeros((dim, dim))
+    exact[-1, -1] = -0.01
+    stress = solution.elastic_stress.x.array.reshape(-1, dim, dim)
+    assert largest(solution, stress - exact) <= 0.01 * share
+
+
+def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
+    solution = solved(
+        stack(
+            2,
+            0.2,
+            loads__tractions=[{"on": "top", "value": [0.001, -0.01]}],
+            friction__coefficient=0.3,
+            mesh__upper=[0.6, 0.5],
+        )
+    )
+    summary = solution.summary
+    assert summary["certificate"]["resultants"]["contact"] == pytest.approx([0.0, 0.0], abs=1e-15)
+    (contact,) = summary["contacts"]
+    assert contact["against"] == ["lower_top"]
+    # On the upper block, which nothing else holds.
+    assert contact["contact_force"] == pytest.approx([-0.0006, 0.006], rel=1e-6)
+    assert solution.reactions["bottom"] == pytest.approx([-0.0006, 0.006], rel=1e-6)
+
+
+def test_a_block_on_a_stiff_block_is_one_on_a_rigid_foundation() -> None:
+    held = [{"on": ["upper_left", "upper_right"], "value": [0.0, None]}]
+    held.append({"on": "bottom", "value": [0.0, 0.0]})
+    load = [{"on": "top", "value": ["0.0", "-0.02*(1 + x)"]}]
+    common: dict[str, Any] = {
+        "loads": {"displacements": held, "tractions": load},
+        "material__locking_limit": 0.008,
+    }
+    rigid = solved(stack(2, 0.2, **common, contact={"on": "upper_bottom"}))
+    differences, tangents = [], []
+    for young in (1e3, 1e5):
+        lower = {"lower": {"elasticity": {"young": young, "poisson": POISSON}}}
+        one = solved(stack(2, 0.2, **common, material__regions=lower))
+        pressures = [item.summary["pressure_max"] for item in (one, rigid)]
+        displacements = [item.summary["displacement_max"] for item in (one, rigid)]
+        assert pressures[0] == pytest.approx(pressures[1], rel=0.1)
+        differences.append(abs(displacements[0] - displacements[1]))
+        tangents.append(one.summary["iterations"]["tangents"])
+    # As 1/E of the stiff block.
+    assert differences[1] <= 0.02 * differences[0] <= 1e-3
+    assert max(tangents) <= rigid.summary["iterations"]["tangents"] + 3
+
+
+def fit(**changes: Any) -> Parameters:
+    """A ring in a ring, in plane stress, which overlap by 0.01."""
+    data: dict[str, Any] = {
+        "mesh": {"builder": "disc_in_ring", "quarter": True, "hole": 0.5, "h": 0.08},
+        "material": {
+            "elasticity": {"young": 1.0, "poisson": 0.3},
+            "regions": {"ring": {"elasticity": {"young": 3.0, "poisson": 0.2}}},
+            "plane": "stress",
+        },
+        "loads": {
+            "displacements": [
+                {"on": "left", "value": [0.0, None]},
+                {"on": "bottom", "value": [None, 0.0]},
+            ]
+        },
+        "contact": {"on": "inner", "against": "rim", "gap": -0.01},
+        "penalty": {"n": math.inf},
+    }
+    return with_changes(data, **changes)
+
+
+def lame_pressure(overlap: float) -> float:
+    """The pressure between the rings 0.5 < r < 1 and 1 < r < 2."""
+    inner = ((1.0 + 0.25) / (1.0 - 0.25) - 0.3) / 1.0
+    outer = ((4.0 + 1.0) / (4.0 - 1.0) + 0.2) / 3.0
+    return overlap / (inner + outer)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_press_fitted_rings_have_the_pressure_of_lame(swapped: bool) -> None:
+    sides = ("rim", "inner") if swapped else ("inner", "rim")
+    contact = {"on": sides[0], "against": sides[1], "gap": -0.01}
+    errors = []
+    for h in (0.16, 0.08):
+        solution = solved(fit(contact=contact, mesh__h=h))
+        points, area = solution.contact, solution.summary["contact_area"]
+        assert area == pytest.approx(math.pi / 2, rel=0.01)
+        if points is not None:
+            errors.append(np.abs(points.pressure / lame_pressure(0.01) - 1.0).max())
+    if errors:
+        assert errors[1] <= 0.6 * errors[0] and errors[1] <= 0.03
+
+
+def test_the_overlap_may_be_that_of_the_drawing() -> None:
+    solution = solved(fit(mesh__radius=1.01, contact={"on": "inner", "against": "rim"}))
+    force = solution.summary["contacts"][0]["contact_force"]
+    # Of a quarter: the pressure times the radius along each axis.
+    assert np.abs(force) == pytest.approx([lame_pressure(0.01)] * 2, rel=0.03)
+
+
+def test_friction_between_bodies_remembers_its_slip() -> None:
+    """The upper block is pushed there and back, and dissipates what the slip takes."""
+    shear = {"on": "top", "value": ["0.012*sin(pi*t)", -0.01]}
+    solution = solved(
+        stack(
+            2,
+            0.25,
+            friction__coefficient=0.3,
+            loads={
+                "displacements": [
+                    {"on": "bottom", "value": [0.0, 0.0]},
+                    {"on": "top", "value": ["0.03*sin(pi*t)", -0.005]},
+                ]
+            },
+            steps={"to": 1.5, "count": 6},
+        )
+    )
+    del shear
+    history = solution.history.rows
+    force = [row["friction_force_x"] for row in history]
+    normal = [row["contact_force_y"] for row in history]
+    assert np.abs(force) == pytest.approx(0.3 * np.abs(normal), rel=1e-5)
+    assert np.sign(force[2]) == -np.sign(force[-1])
+    assert all(row["dissipated"] >= -1e-12 for row in history)
+    assert sum(row["dissipated"] for row in history) > 1e-4
+
+
+def test_a_body_that_only_others_hold_is_accepted_where_nothing_moves_it() -> None:
+    solved(stack(2, 0.25, friction__coefficient=0.5))
+    with pytest.raises(InputError, match=r"the displacement conditions leave a rigid motion free"):
+        solve(stack(2, 0.25))
+    with pytest.raises(InputError, match=r"loads do not press|upper"):
+        solve(
+            stack(
+                2,
+                0.25,
+                friction__coefficient=0.5,
+                loads__tractions=[{"on": "top", "value": [0.0, 0.01]}],
+            )
+        )
+
+
+def test_wrong_sides_are_refused_with_words() -> None:
+    with pytest.raises(InputError, match=r"meet no facet of top that faces them"):
+        solve(stack(contact={"on": "bottom", "against": "top"}, loads__displacements=[]))
+    with pytest.raises(InputError, match=r"reaches 0\.4\d* deep into rim"):
+        solve(fit(mesh__radius=1.4, contact={"on": "inner", "against": "rim"}))
+    with pytest.raises(ValueError, match=r"'lower_top' is in on as well"):
+        stack(contact={"on": "lower_top", "against": "lower_top"})
+    with pytest.raises(ValueError, match=r"leave out one of both"):
+        half = {"half_space": {"point": [0, 0], "normal": [0, 1]}}
+        stack(contact={"on": "upper_bottom", "against": "lower_top", "foundation": half})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"discretisation": {"degree": 2}},
+        {"solver": {"linear": "iterative"}},
+        {"adapt": {}},
+        {"sensitivities": {"to": ["friction.coefficient"]}},
+    ],
+)
+def test_what_is_missing_is_refused(change: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"does not go with .* yet"):
+        stack(**change)
