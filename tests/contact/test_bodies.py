@@ -59,6 +59,7 @@ def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
             0.25 if dim == 2 else 0.4,
             mesh__slope=slope,
             contact={"on": sides[0], "against": sides[1]},
+            friction__coefficient=1.0,
         ),
         MPI.COMM_WORLD,
     )
@@ -129,7 +130,8 @@ def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
     (contact,) = summary["contacts"]
     assert contact["against"] == ["lower_top"]
     # On the upper block, which nothing else holds.
-    assert contact["contact_force"] == pytest.approx([-0.0006, 0.006], rel=1e-6)
+    force = np.add(contact["contact_force"], contact["friction_force"])
+    assert force == pytest.approx([-0.0006, 0.006], rel=1e-6)
     assert solution.reactions["bottom"] == pytest.approx([-0.0006, 0.006], rel=1e-6)
 
 
@@ -139,20 +141,17 @@ def test_a_block_on_a_stiff_block_is_one_on_a_rigid_foundation() -> None:
     load = [{"on": "top", "value": ["0.0", "-0.02*(1 + x)"]}]
     common: dict[str, Any] = {
         "loads": {"displacements": held, "tractions": load},
-        "material__locking_limit": 0.008,
     }
     rigid = solved(stack(2, 0.2, **common, contact={"on": "upper_bottom"}))
     differences, tangents = [], []
-    for young in (1e3, 1e5):
+    for young in (1e2, 1e4):
         lower = {"lower": {"elasticity": {"young": young, "poisson": POISSON}}}
         one = solved(stack(2, 0.2, **common, material__regions=lower))
-        pressures = [item.summary["pressure_max"] for item in (one, rigid)]
-        displacements = [item.summary["displacement_max"] for item in (one, rigid)]
-        assert pressures[0] == pytest.approx(pressures[1], rel=0.1)
-        differences.append(abs(displacements[0] - displacements[1]))
+        assert one.summary["pressure_max"] == pytest.approx(rigid.summary["pressure_max"], rel=0.05)
+        differences.append(abs(one.summary["displacement_max"] - rigid.summary["displacement_max"]))
         tangents.append(one.summary["iterations"]["tangents"])
     # As 1/E of the stiff block.
-    assert differences[1] <= 0.02 * differences[0] <= 1e-3
+    assert differences[1] == pytest.approx(0.01 * differences[0], rel=0.05)
     assert max(tangents) <= rigid.summary["iterations"]["tangents"] + 3
 
 
@@ -191,7 +190,7 @@ def test_press_fitted_rings_have_the_pressure_of_lame(swapped: bool) -> None:
     errors = []
     for h in (0.16, 0.08):
         solution = solved(fit(contact=contact, mesh__h=h))
-        points, area = solution.contact, solution.summary["contact_area"]
+        points, area = solution.contact_points, solution.summary["contact_area"]
         assert area == pytest.approx(math.pi / 2, rel=0.01)
         if points is not None:
             errors.append(np.abs(points.pressure / lame_pressure(0.01) - 1.0).max())
@@ -208,7 +207,6 @@ def test_the_overlap_may_be_that_of_the_drawing() -> None:
 
 def test_friction_between_bodies_remembers_its_slip() -> None:
     """The upper block is pushed there and back, and dissipates what the slip takes."""
-    shear = {"on": "top", "value": ["0.012*sin(pi*t)", -0.01]}
     solution = solved(
         stack(
             2,
@@ -223,14 +221,17 @@ def test_friction_between_bodies_remembers_its_slip() -> None:
             steps={"to": 1.5, "count": 6},
         )
     )
-    del shear
     history = solution.history.rows
     force = [row["friction_force_x"] for row in history]
     normal = [row["contact_force_y"] for row in history]
-    assert np.abs(force) == pytest.approx(0.3 * np.abs(normal), rel=1e-5)
-    assert np.sign(force[2]) == -np.sign(force[-1])
+    # It slides to the right, sticks as it turns round, and slides back.
+    slides = np.array([True, True, False, True, True, True])
+    bound = 0.3 * np.abs(normal)
+    assert np.abs(force)[slides] == pytest.approx(bound[slides], rel=1e-4)
+    assert np.abs(force)[~slides] < 0.5 * bound[~slides]
+    assert np.sign(force[1]) == -np.sign(force[-1])
     assert all(row["dissipated"] >= -1e-12 for row in history)
-    assert sum(row["dissipated"] for row in history) > 1e-4
+    assert sum(row["dissipated"] for row in history) > 5e-5
 
 
 def test_a_body_that_only_others_hold_is_accepted_where_nothing_moves_it() -> None:
@@ -250,7 +251,7 @@ def test_a_body_that_only_others_hold_is_accepted_where_nothing_moves_it() -> No
 
 def test_wrong_sides_are_refused_with_words() -> None:
     with pytest.raises(InputError, match=r"meet no facet of top that faces them"):
-        solve(stack(contact={"on": "bottom", "against": "top"}, loads__displacements=[]))
+        solve(stack(contact={"on": "left", "against": "top"}))
     with pytest.raises(InputError, match=r"reaches 0\.4\d* deep into rim"):
         solve(fit(mesh__radius=1.4, contact={"on": "inner", "against": "rim"}))
     with pytest.raises(ValueError, match=r"'lower_top' is in on as well"):
