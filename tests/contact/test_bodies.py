@@ -5,13 +5,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import basix.ufl
 import numpy as np
 import pytest
+from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import with_changes
 
+import contact_locking as cl
 from contact_locking import StudySolution, assemble, solve
 from contact_locking.errors import InputError
+from contact_locking.mesh.file.gmsh_model import extract
+from contact_locking.meshes import BUILDERS, build
 from contact_locking.problem.body_forms import BodyForms
 from contact_locking.study_file.parameters import Parameters
 
@@ -132,7 +138,7 @@ def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
     # On the upper block, which nothing else holds.
     force = np.add(contact["contact_force"], contact["friction_force"])
     assert force == pytest.approx([-0.0006, 0.006], rel=1e-6)
-    assert solution.reactions["bottom"] == pytest.approx([-0.0006, 0.006], rel=1e-6)
+    assert summary["reactions"]["bottom"] == pytest.approx([-0.0006, 0.006], rel=1e-6)
 
 
 def test_a_block_on_a_stiff_block_is_one_on_a_rigid_foundation() -> None:
@@ -273,3 +279,81 @@ def test_wrong_sides_are_refused_with_words() -> None:
 def test_what_is_missing_is_refused(change: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"does not go with .* yet"):
         stack(**change)
+
+
+def two_discs(radii: tuple[float, float], h: float, fine: float) -> tuple[dmesh.Mesh, Any]:
+    """Quarters of discs that touch at the origin, and their facets by names; collective."""
+
+    def quarter(radius: float, h: float, fine: float) -> Any:
+        disc = BUILDERS["disc"](radius=radius, quarter=True, h=h, h_contact=fine)
+        with build(disc) as model:
+            return extract(model, "disc")
+
+    comm = MPI.COMM_WORLD
+    points, cells = np.zeros((0, 2)), np.zeros((0, 3), dtype=np.int64)
+    if comm.rank == 0:
+        upper, lower = quarter(radii[0], h, fine), quarter(radii[1], h, 0.7 * fine)
+        points = np.concatenate([upper.points, lower.points * [1.0, -1.0]])
+        cells = np.concatenate([upper.cells.nodes, lower.cells.nodes + len(upper.points)])
+    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+    mesh = dmesh.create_mesh(comm, cells, points, element)
+    of_cells = dmesh.compute_midpoints
+
+    def on(marker: Any) -> Any:
+        return dmesh.locate_entities_boundary(mesh, 1, marker)
+
+    def round_part(side: float, radius: float) -> Any:
+        def inside(x: Any) -> Any:
+            away = np.hypot(x[0], x[1] - side * radius)
+            return (np.abs(away - radius) < 1e-6) & (side * x[1] < 0.2 * radius)
+
+        facets = on(inside)
+        middles = of_cells(mesh, 1, facets)
+        return facets[side * middles[:, 1] > 0.0]
+
+    facets = {
+        "top": on(lambda x: np.abs(x[1] - radii[0]) < 1e-9),
+        "bottom": on(lambda x: np.abs(x[1] + radii[1]) < 1e-9),
+        "axis": on(lambda x: np.abs(x[0]) < 1e-9),
+        "upper": round_part(1.0, radii[0]),
+        "lower": round_part(-1.0, radii[1]),
+    }
+    return mesh, facets
+
+
+@pytest.mark.parametrize("n", [math.inf, 1e4])
+def test_two_discs_press_as_hertz_says(n: float) -> None:
+    radii, youngs, poisson = (1.0, 2.0), (1.0, 3.0), 0.3
+    mesh, facets = two_discs(radii, 0.25, 0.02)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    young = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    young.interpolate(lambda x: np.where(x[1] > 0.0, *youngs))
+    problem = cl.ContactProblem(
+        cl.Elasticity(young=young, poisson=poisson),
+        None,
+        [
+            cl.Support(facets["axis"], (1.0, 0.0), 0.0),
+            cl.Support(facets["bottom"], (0.0, 1.0), 0.0),
+            cl.Support(facets["top"], (0.0, 1.0), -0.02),
+        ],
+        [],
+        [cl.Contact(facets["upper"], against=facets["lower"])],
+        space=space,
+        n=n,
+    )
+    solution = problem.solve()
+    assert solution.converged, solution.summary["reason"]
+    force = 2.0 * solution.summary["contact_force"][1]
+    stiffness = 1.0 / sum((1.0 - poisson**2) / modulus for modulus in youngs)
+    radius = 1.0 / sum(1.0 / r for r in radii)
+    half = math.sqrt(4.0 * force * radius / (math.pi * stiffness))
+    peak = 2.0 * force / (math.pi * half)
+    assert solution.summary["pressure_max"] == pytest.approx(peak, rel=0.03)
+    # To half a facet.
+    assert solution.summary["contact_area"] == pytest.approx(half, abs=0.015)
+    points = solution.contact_points
+    if points is not None:
+        exact = peak * np.sqrt(np.maximum(1.0 - (points.x[:, 0] / half) ** 2, 0.0))
+        inside = points.x[:, 0] < 0.8 * half
+        assert np.abs(points.pressure - exact)[inside].max() <= 0.03 * peak
+    problem.close()
