@@ -192,13 +192,17 @@ def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
 
     middles, around = zip(*(_balls(side) for side in (one, other)), strict=True)
     tree = cKDTree(middles[1])
-    distance = tree.query(middles[0])[0]
-    reach = _REACH * distance + around[0] + around[1].max(initial=0.0)
+    largest = around[1].max(initial=0.0)
+    distance = np.maximum(tree.query(middles[0])[0] - largest, 0.0)
+    reach = _REACH * distance + around[0] + 2.0 * largest
     found = tree.query_ball_point(middles[0], reach, return_sorted=True)
     facet = np.repeat(np.arange(len(found)), [len(some) for some in found])
     facing = np.concatenate([np.empty(0, np.int64), *(np.asarray(x, np.int64) for x in found)])
-    normals = np.sum(one.outward[facet] * other.outward[facing], axis=1)
-    kept = normals < _FACING
+    away = middles[1][facing] - middles[0][facet]
+    outward = one.outward[facet]
+    aside = np.sum(away**2, axis=1) - np.sum(away * outward, axis=1) ** 2
+    near = aside <= (around[0][facet] + around[1][facing]) ** 2
+    kept = near & (np.sum(outward * other.outward[facing], axis=1) < _FACING)
     return facet[kept], facing[kept]
 
 
