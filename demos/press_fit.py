@@ -1,8 +1,8 @@
 # %% [markdown]
 # # A ring pressed on a ring
 #
-# Two elastic bodies touch each other. Each has a mesh of its own, and the meshes do not match on the
-# circle where they meet. In the study file the contact names both sides:
+# Two elastic bodies touch each other. Each has a mesh of its own, and the meshes do not match on
+# the circle where they meet. In the study file the contact names both sides:
 #
 #     contact: {on: inner, against: rim, gap: -0.01}
 #
@@ -50,7 +50,7 @@ if points is not None:
 # %% [markdown]
 # ## Action and reaction
 #
-# What one ring gains the other one loses: the sum of the contact forces on both is zero to rounding.
+# The forces on both rings are opposite: their sum is zero to rounding.
 
 # %%
 total = solution.summary["certificate"]["resultants"]["contact"]

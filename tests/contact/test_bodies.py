@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import basix.ufl
@@ -12,9 +13,10 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import with_changes
+from small_meshes import Groups, grid, shared, side_by_side
 
 import contact_locking as cl
-from contact_locking import StudySolution, assemble, solve
+from contact_locking import StudySolution, assemble, save, solve
 from contact_locking.errors import InputError
 from contact_locking.mesh.file.gmsh_model import extract
 from contact_locking.meshes import BUILDERS, build
@@ -357,3 +359,86 @@ def test_two_discs_press_as_hertz_says(n: float) -> None:
         inside = points.x[:, 0] < 0.8 * half
         assert np.abs(points.pressure - exact)[inside].max() <= 0.03 * peak
     problem.close()
+
+
+def from_file(path: Path, contact: dict[str, Any], **changes: Any) -> Parameters:
+    """A body from a mesh file, held on the left and pressed from the right."""
+    data: dict[str, Any] = {
+        "mesh": {"file": str(path)},
+        "material": {"elasticity": {"young": YOUNG, "poisson": 0.0}},
+        "loads": {
+            "displacements": [{"on": "left", "value": [0.0, 0.0]}],
+            "tractions": [{"on": "right", "value": [-0.01, 0.0]}],
+        },
+        "contact": contact,
+        "friction": {"coefficient": 0.5, "smoothing": {"kernel": "none"}},
+    }
+    return with_changes(data, **changes)
+
+
+def test_nodes_of_both_sides_may_be_at_one_place_in_a_file(tmp_path: Path) -> None:
+    comm, n, m = MPI.COMM_WORLD, 4, 6
+    points, groups = side_by_side(n, m)
+    rest = len(grid(0, 0, 1, n)[0])
+    groups["left"] = [(1 + j * (n + 1), 1 + (j + 1) * (n + 1)) for j in range(n)]
+    groups["face"] = [((j + 1) * (n + 1), (j + 2) * (n + 1)) for j in range(n)]
+    groups["back"] = [(rest + 1 + j * (m + 1), rest + 1 + (j + 1) * (m + 1)) for j in range(m)]
+    groups["right"] = [(rest + (j + 1) * (m + 1), rest + (j + 2) * (m + 1)) for j in range(m)]
+    path = shared(comm, tmp_path, points, groups)
+    with pytest.raises(InputError, match="two parts of the body touch and share no nodes"):
+        solve(from_file(path, {"on": []}))
+    solution = solved(from_file(path, {"on": "back", "against": "face"}))
+    stress = solution.elastic_stress.x.array.reshape(-1, 2, 2)
+    assert largest(solution, stress - np.diag([-0.01, 0.0])) <= 1e-8
+
+
+def test_the_lips_of_a_closed_crack_that_sticks_are_one_body(tmp_path: Path) -> None:
+    """A cut from the right to the middle, whose lips share the node at its tip."""
+    comm, n = MPI.COMM_WORLD, 8
+    points, cells = grid(0, 0, 1, n)
+    row = [1 + (n // 2) * (n + 1) + i for i in range(n + 1)]
+    twins = {node: len(points) + k + 1 for k, node in enumerate(row[n // 2 + 1 :])}
+    cut = [*points, *(points[node - 1] for node in twins)]
+
+    def above(cell: Any) -> bool:
+        return float(np.mean([points[node - 1][1] for node in cell])) > 0.5
+
+    body = [tuple(twins.get(i, i) for i in cell) if above(cell) else cell for cell in cells]
+    lower = list(zip(row[n // 2 :], row[n // 2 + 1 :], strict=False))
+    upper = [tuple(twins.get(i, i) for i in facet) for facet in lower]
+    last = (n + 1) * (n + 1)
+    sides: Groups = {
+        "left": [(i + 1, i + 2) for i in range(n)],
+        "right": [(last - i, last - i - 1) for i in range(n)],
+    }
+    contact = {"on": "upper", "against": "lower"}
+    # Here left is the bottom, and right the top.
+    load = [{"on": "right", "value": [0.001, -0.01]}]
+    whole = shared(comm, tmp_path, points, {**sides, "body": cells})
+    one = solved(from_file(whole, {"on": []}, loads__tractions=load))
+    folder = Path(comm.bcast(str(tmp_path))) / "cut"
+    if comm.rank == 0:
+        folder.mkdir()
+    comm.Barrier()
+    groups: Groups = {**sides, "upper": upper, "lower": lower, "body": body}
+    path = shared(comm, folder, cut, groups)
+    two = solved(from_file(path, contact, loads__tractions=load))
+    for key in ("displacement_max", "elastic_energy"):
+        assert two.summary[key] == pytest.approx(one.summary[key], rel=1e-6)
+    slips = solved(from_file(path, contact, loads__tractions=load, friction__coefficient=0.0))
+    assert slips.summary["elastic_energy"] > (1.0 + 1e-4) * one.summary["elastic_energy"]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_saved_step_goes_on_as_without_a_break(dim: int, tmp_path: Path) -> None:
+    folder = Path(MPI.COMM_WORLD.bcast(str(tmp_path))) / "saved"
+    push = ["0.02*t*(2-t)", *[0.0] * (dim - 2), -0.005]
+    held = [{"on": "bottom", "value": [0.0] * dim}, {"on": "top", "value": push}]
+    given: dict[str, Any] = {"loads": {"displacements": held}, "friction__coefficient": 0.3}
+    h = 0.25 if dim == 2 else 0.5
+    whole = solved(stack(dim, h, **given, steps={"to": 2.0, "count": 4}))
+    half = solved(stack(dim, h, **given, steps={"to": 1.0, "count": 2}))
+    save(half, folder)
+    rest = solve(stack(dim, h, **given, steps={"to": 2.0, "count": 4}), restart=folder)
+    for key in ("friction_force", "slip_max", "elastic_energy"):
+        assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-5, abs=1e-9)
