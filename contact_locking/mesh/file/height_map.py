@@ -73,8 +73,11 @@ def _heading(path: Path) -> int:
 def _at_spacing(
     heights: FloatArray, spacing: Sequence[float]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    rows, columns = heights.shape
-    return spacing[0] * np.arange(columns), spacing[1] * np.arange(rows), heights
+    x, y = (
+        np.asarray(step * np.arange(count), dtype=float)
+        for step, count in zip(spacing, heights.T.shape, strict=True)
+    )
+    return x, y, heights
 
 
 def _of_rows(rows: FloatArray, path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
