@@ -309,7 +309,11 @@ def _between(
     for corner in one.facets.T:
         np.add.at(normals, corner, one.outward * one.sizes()[:, None])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    along = sp.block_diag([normal[None] for normal in normals], "csr") @ seen @ sp.diags(free.astype(float))
+    along = (
+        sp.block_diag([normal[None] for normal in normals], "csr")
+        @ seen
+        @ sp.diags(free.astype(float))
+    )
     decides = np.sqrt(np.asarray(along.power(2).sum(axis=1)).ravel()) > 1e-6
     extent = float(np.ptp(geometry.x, axis=0).max())
     gap = np.where(found.faces, found.gap, extent) + added

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
@@ -127,8 +129,16 @@ def _inverse(
 
 
 def _loose(discrete: Discrete) -> bool:
-    """Whether a rigid motion is left by the prescribed displacements."""
-    x, dim = discrete.geometry.x, discrete.dim
+    """Whether a rigid motion of a part of the body is left by the prescribed displacements."""
+    parts, cells = discrete.geometry.domain.parts, discrete.geometry.cells
+    return any(
+        _is_loose(discrete, np.unique(cells[parts[: len(cells)] == part]))
+        for part in np.unique(parts)
+    )
+
+
+def _is_loose(discrete: Discrete, nodes: npt.NDArray[Any]) -> bool:
+    x, dim = discrete.geometry.x[nodes], discrete.dim
     x = (x - x.mean(axis=0)) / np.ptp(x, axis=0).max()
     motions = [np.tile(np.eye(dim)[i], (len(x), 1)) for i in range(dim)]
     for i in range(dim):
@@ -136,7 +146,8 @@ def _loose(discrete: Discrete) -> bool:
             turn = np.zeros_like(x)
             turn[:, i], turn[:, j] = -x[:, j], x[:, i]
             motions.append(turn)
-    held = np.array([m.ravel()[~discrete.free] for m in motions]).T
+    fixed = ~discrete.free.reshape(-1, dim)[nodes].ravel()
+    held = np.array([m.ravel()[fixed] for m in motions]).T
     return bool(np.linalg.matrix_rank(held, tol=1e-6) < len(motions))
 
 
