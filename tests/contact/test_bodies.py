@@ -13,13 +13,13 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import with_changes
-from small_meshes import Groups, grid, shared, side_by_side
+from small_meshes import Groups, builder, grid, shared, side_by_side
 
 import contact_locking as cl
 from contact_locking import StudySolution, assemble, save, solve
 from contact_locking.errors import InputError
 from contact_locking.mesh.file.gmsh_model import extract
-from contact_locking.meshes import BUILDERS, build
+from contact_locking.meshes import build
 from contact_locking.problem.body_forms import BodyForms
 from contact_locking.study_file.parameters import Parameters
 
@@ -287,7 +287,7 @@ def two_discs(radii: tuple[float, float], h: float, fine: float) -> tuple[dmesh.
     """Quarters of discs that touch at the origin, and their facets by names; collective."""
 
     def quarter(radius: float, h: float, fine: float) -> Any:
-        disc = BUILDERS["disc"](radius=radius, quarter=True, h=h, h_contact=fine)
+        disc = builder("disc", radius=radius, quarter=True, h=h, h_contact=fine)
         with build(disc) as model:
             return extract(model, "disc")
 

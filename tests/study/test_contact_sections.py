@@ -159,7 +159,10 @@ WRONG: list[tuple[Any, str]] = [
         [3],
         "contact.0: must be a mapping with keys among on, against, gap, foundation, friction,",
     ),
-    ([{}, {"gapp": 1}], r"contact.1.gapp: unknown key (did you mean 'gap'?); known here: on, gap"),
+    (
+        [{}, {"gapp": 1}],
+        r"contact.1.gapp: unknown key (did you mean 'gap'?); known here: on, against",
+    ),
     ([{}, {"on": "botom"}], "contact.1.on: no part of the boundary is named 'botom' (did you"),
     ([{}, {"gap": "z"}], "contact.1.gap: in the expression 'z': unknown name 'z'"),
     ([{}, {"gap": 1, "foundation": SPHERE}], "contact.1.gap: the foundation defines the gap"),
