@@ -442,3 +442,53 @@ def test_a_saved_step_goes_on_as_without_a_break(dim: int, tmp_path: Path) -> No
     rest = solve(stack(dim, h, **given, steps={"to": 2.0, "count": 4}), restart=folder)
     for key in ("friction_force", "slip_max", "elastic_energy"):
         assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-5, abs=1e-9)
+
+
+def test_two_blocks_without_slip_are_one_block() -> None:
+    load = [{"on": "top", "value": [0.001, -0.01]}]
+    glued = solved(stack(2, 0.1, friction__coefficient=math.inf, loads__tractions=load))
+    one = stack(2, 0.07, loads__tractions=load, contact={"on": []})
+    whole = one.model_dump() | {"mesh": {"builder": "block", "size": [1.0, 2.0], "h": 0.07}}
+    block = solved(Parameters.model_validate(whole))
+    for key, share in (("elastic_energy", 0.01), ("displacement_max", 0.01)):
+        assert glued.summary[key] == pytest.approx(block.summary[key], rel=share)
+    assert glued.summary["slip_max"] < 1e-12
+
+
+def test_newton_and_the_interior_point_method_agree_on_two_bodies() -> None:
+    held = [
+        {"on": "bottom", "value": [0.0, 0.0]},
+        {"on": "upper_left", "value": [0.001, None]},
+    ]
+    given: dict[str, Any] = {
+        "friction__coefficient": 0.3,
+        "material__locking_limit": 0.006,
+        "penalty__n": 1e3,
+        "loads__displacements": held,
+    }
+    found = [
+        solved(stack(2, 0.2, **given, solver__method=method))
+        for method in ("newton", "interior_point")
+    ]
+    energies = [one.summary["elastic_energy"] for one in found]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-8)
+
+
+def test_two_locking_blocks_that_are_squeezed_too_far_are_proved_to_be() -> None:
+    """Blocks of height 1 and strains of 0.005 at most give way by 0.01."""
+    held = [{"on": "bottom", "value": [0.0, 0.0]}, {"on": "top", "value": [0.0, -0.05]}]
+    solution = solve(stack(2, 0.25, material__locking_limit=0.005, loads={"displacements": held}))
+    assert not solution.converged and "infeasible" in solution.summary["reason"]
+    assert "20 % of the prescribed displacements" in solution.summary["reason"]
+
+
+def test_a_pushed_foundation_presses_one_body_on_another() -> None:
+    plate = {"half_space": {"point": [0, 2], "normal": [0, -1]}, "force": [0, -0.01]}
+    contact = [
+        {"on": "upper_bottom", "against": "lower_top"},
+        {"on": "top", "foundation": plate},
+    ]
+    held = {"displacements": [{"on": "bottom", "value": [0.0, 0.0]}]}
+    solution = solved(stack(2, 0.25, contact=contact, loads=held, friction__coefficient=0.3))
+    forces = [part["contact_force"][1] for part in solution.summary["contacts"]]
+    assert forces == pytest.approx([0.01, -0.01], rel=1e-6)
