@@ -260,6 +260,9 @@ def test_a_body_that_only_others_hold_is_accepted_where_nothing_moves_it() -> No
 def test_wrong_sides_are_refused_with_words() -> None:
     with pytest.raises(InputError, match=r"meet no facet of top that faces them"):
         solve(stack(contact={"on": "left", "against": "top"}))
+    with pytest.raises(InputError, match=r"same and lower_top share the nodes of 4 facets, as at"):
+        named = {"same": {"on": ["lower_top"]}}
+        solve(stack(mesh__parts=named, contact={"on": "same", "against": "lower_top"}))
     with pytest.raises(InputError, match=r"reaches 0\.4\d* deep into rim"):
         solve(fit(mesh__radius=1.4, contact={"on": "inner", "against": "rim"}))
     with pytest.raises(ValueError, match=r"'lower_top' is in on as well"):
@@ -267,6 +270,15 @@ def test_wrong_sides_are_refused_with_words() -> None:
     with pytest.raises(ValueError, match=r"leave out one of both"):
         half = {"half_space": {"point": [0, 0], "normal": [0, 1]}}
         stack(contact={"on": "upper_bottom", "against": "lower_top", "foundation": half})
+
+
+def test_a_side_that_is_much_coarser_is_warned_of() -> None:
+    contact = {"on": "lower_top", "against": "upper_bottom"}
+    solution = solved(
+        stack(2, 0.25, mesh__h_upper=0.05, contact=contact, friction__coefficient=0.3)
+    )
+    (warning,) = solution.summary["warnings"]
+    assert "let the finer side be on" in warning
 
 
 @pytest.mark.parametrize(
