@@ -504,3 +504,28 @@ def test_a_pushed_foundation_presses_one_body_on_another() -> None:
     solution = solved(stack(2, 0.25, contact=contact, loads=held, friction__coefficient=0.3))
     forces = [part["contact_force"][1] for part in solution.summary["contacts"]]
     assert forces == pytest.approx([0.01, -0.01], rel=1e-6)
+
+
+def test_a_row_of_three_bodies_passes_the_force_on(tmp_path: Path) -> None:
+    """Each body is held by the next alone; the body in the middle is side 1 and side 2."""
+    points: Any = []
+    groups: Groups = {}
+    for number, n in enumerate((3, 5, 4)):
+        first = len(points) + 1
+        own, cells = grid(float(number), 0.0, first, n)
+        points += own
+        groups[f"body{number}"] = cells
+        columns = {f"west{number}": first, f"east{number}": first + n}
+        for name, start in columns.items():
+            groups[name] = [(start + j * (n + 1), start + (j + 1) * (n + 1)) for j in range(n)]
+    contact = [{"on": f"east{i}", "against": f"west{i + 1}"} for i in range(2)]
+    path = shared(MPI.COMM_WORLD, tmp_path, points, groups)
+    loads = {
+        "displacements": [{"on": "west0", "value": [0.0, 0.0]}],
+        "tractions": [{"on": "east2", "value": [-0.01, 0.002]}],
+    }
+    given = from_file(path, {"on": []}).model_dump() | {"contact": contact, "loads": loads}
+    solution = solved(Parameters.model_validate(given))
+    for part in solution.summary["contacts"]:
+        assert part["contact_force"] == pytest.approx([-0.01, 0.0], abs=1e-9)
+        assert part["friction_force"] == pytest.approx([0.0, 0.002], abs=1e-9)
