@@ -6,42 +6,19 @@ import math
 from pathlib import Path
 from typing import Any
 
-import basix.ufl
 import numpy as np
 import pytest
-from dolfinx import fem
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from problems import with_changes
-from small_meshes import Groups, builder, grid, shared, side_by_side
+from small_meshes import Groups, grid, shared, side_by_side
+from two_bodies import POISSON, YOUNG, fit, lame_pressure, stack
 
-import contact_locking as cl
 from contact_locking import StudySolution, assemble, save, solve
 from contact_locking.errors import InputError
-from contact_locking.mesh.file.gmsh_model import extract
-from contact_locking.meshes import build
 from contact_locking.problem.body_forms import BodyForms
 from contact_locking.study_file.parameters import Parameters
 
 pytest.importorskip("gmsh")
-
-YOUNG, POISSON = 2.0, 0.3
-
-
-def stack(dim: int = 2, h: float = 0.25, **changes: Any) -> Parameters:
-    """Two blocks with unmatched meshes; the lower one rests on its bottom."""
-    data: dict[str, Any] = {
-        "mesh": {"builder": "stack", "dim": dim, "h": h},
-        "material": {"elasticity": {"young": YOUNG, "poisson": POISSON}},
-        "loads": {
-            "displacements": [{"on": "bottom", "value": [0.0] * dim}],
-            "tractions": [{"on": "top", "value": [0.0] * (dim - 1) + [-0.01]}],
-        },
-        "contact": {"on": "upper_bottom", "against": "lower_top"},
-        "friction": {"coefficient": 0.0, "smoothing": {"kernel": "none"}},
-        "penalty": {"n": math.inf},
-    }
-    return with_changes(data, **changes)
 
 
 def solved(parameters: Parameters) -> StudySolution:
@@ -143,69 +120,6 @@ def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
     assert summary["reactions"]["bottom"] == pytest.approx([-0.0006, 0.006], rel=1e-6)
 
 
-def test_a_block_on_a_stiff_block_is_one_on_a_rigid_foundation() -> None:
-    held = [{"on": ["upper_left", "upper_right"], "value": [0.0, None]}]
-    held.append({"on": "bottom", "value": [0.0, 0.0]})
-    load = [{"on": "top", "value": ["0.0", "-0.02*(1 + x)"]}]
-    common: dict[str, Any] = {
-        "loads": {"displacements": held, "tractions": load},
-    }
-    rigid = solved(stack(2, 0.2, **common, contact={"on": "upper_bottom"}))
-    differences, tangents = [], []
-    for young in (1e2, 1e4):
-        lower = {"lower": {"elasticity": {"young": young, "poisson": POISSON}}}
-        one = solved(stack(2, 0.2, **common, material__regions=lower))
-        assert one.summary["pressure_max"] == pytest.approx(rigid.summary["pressure_max"], rel=0.05)
-        differences.append(abs(one.summary["displacement_max"] - rigid.summary["displacement_max"]))
-        tangents.append(one.summary["iterations"]["tangents"])
-    # As 1/E of the stiff block.
-    assert differences[1] == pytest.approx(0.01 * differences[0], rel=0.05)
-    assert max(tangents) <= rigid.summary["iterations"]["tangents"] + 3
-
-
-def fit(**changes: Any) -> Parameters:
-    """A ring in a ring, in plane stress, which overlap by 0.01."""
-    data: dict[str, Any] = {
-        "mesh": {"builder": "disc_in_ring", "quarter": True, "hole": 0.5, "h": 0.08},
-        "material": {
-            "elasticity": {"young": 1.0, "poisson": 0.3},
-            "regions": {"ring": {"elasticity": {"young": 3.0, "poisson": 0.2}}},
-            "plane": "stress",
-        },
-        "loads": {
-            "displacements": [
-                {"on": "left", "value": [0.0, None]},
-                {"on": "bottom", "value": [None, 0.0]},
-            ]
-        },
-        "contact": {"on": "inner", "against": "rim", "gap": -0.01},
-        "penalty": {"n": math.inf},
-    }
-    return with_changes(data, **changes)
-
-
-def lame_pressure(overlap: float) -> float:
-    """The pressure between the rings 0.5 < r < 1 and 1 < r < 2."""
-    inner = ((1.0 + 0.25) / (1.0 - 0.25) - 0.3) / 1.0
-    outer = ((4.0 + 1.0) / (4.0 - 1.0) + 0.2) / 3.0
-    return overlap / (inner + outer)
-
-
-@pytest.mark.parametrize("swapped", [False, True])
-def test_press_fitted_rings_have_the_pressure_of_lame(swapped: bool) -> None:
-    sides = ("rim", "inner") if swapped else ("inner", "rim")
-    contact = {"on": sides[0], "against": sides[1], "gap": -0.01}
-    errors = []
-    for h in (0.16, 0.08):
-        solution = solved(fit(contact=contact, mesh__h=h))
-        points, area = solution.contact_points, solution.summary["contact_area"]
-        assert area == pytest.approx(math.pi / 2, rel=0.01)
-        if points is not None:
-            errors.append(np.abs(points.pressure / lame_pressure(0.01) - 1.0).max())
-    if errors:
-        assert errors[1] <= 0.6 * errors[0] and errors[1] <= 0.03
-
-
 def test_the_overlap_may_be_that_of_the_drawing() -> None:
     solution = solved(fit(mesh__radius=1.01, contact={"on": "inner", "against": "rim"}))
     force = solution.summary["contacts"][0]["contact_force"]
@@ -293,84 +207,6 @@ def test_a_side_that_is_much_coarser_is_warned_of() -> None:
 def test_what_is_missing_is_refused(change: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"does not go with .* yet"):
         stack(**change)
-
-
-def two_discs(radii: tuple[float, float], h: float, fine: float) -> tuple[dmesh.Mesh, Any]:
-    """Quarters of discs that touch at the origin, and their facets by names; collective."""
-
-    def quarter(radius: float, h: float, fine: float) -> Any:
-        disc = builder("disc", radius=radius, quarter=True, h=h, h_contact=fine)
-        with build(disc) as model:
-            return extract(model, "disc")
-
-    comm = MPI.COMM_WORLD
-    points, cells = np.zeros((0, 2)), np.zeros((0, 3), dtype=np.int64)
-    if comm.rank == 0:
-        upper, lower = quarter(radii[0], h, fine), quarter(radii[1], h, 0.7 * fine)
-        points = np.concatenate([upper.points, lower.points * [1.0, -1.0]])
-        cells = np.concatenate([upper.cells.nodes, lower.cells.nodes + len(upper.points)])
-    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-    mesh = dmesh.create_mesh(comm, cells, points, element)
-    of_cells = dmesh.compute_midpoints
-
-    def on(marker: Any) -> Any:
-        return dmesh.locate_entities_boundary(mesh, 1, marker)
-
-    def round_part(side: float, radius: float) -> Any:
-        def inside(x: Any) -> Any:
-            away = np.hypot(x[0], x[1] - side * radius)
-            return (np.abs(away - radius) < 1e-6) & (side * x[1] < 0.2 * radius)
-
-        facets = on(inside)
-        middles = of_cells(mesh, 1, facets)
-        return facets[side * middles[:, 1] > 0.0]
-
-    facets = {
-        "top": on(lambda x: np.abs(x[1] - radii[0]) < 1e-9),
-        "bottom": on(lambda x: np.abs(x[1] + radii[1]) < 1e-9),
-        "axis": on(lambda x: np.abs(x[0]) < 1e-9),
-        "upper": round_part(1.0, radii[0]),
-        "lower": round_part(-1.0, radii[1]),
-    }
-    return mesh, facets
-
-
-@pytest.mark.parametrize("n", [math.inf, 1e4])
-def test_two_discs_press_as_hertz_says(n: float) -> None:
-    radii, youngs, poisson = (1.0, 2.0), (1.0, 3.0), 0.3
-    mesh, facets = two_discs(radii, 0.25, 0.02)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    young = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    young.interpolate(lambda x: np.where(x[1] > 0.0, *youngs))
-    problem = cl.ContactProblem(
-        cl.Elasticity(young=young, poisson=poisson),
-        None,
-        [
-            cl.Support(facets["axis"], (1.0, 0.0), 0.0),
-            cl.Support(facets["bottom"], (0.0, 1.0), 0.0),
-            cl.Support(facets["top"], (0.0, 1.0), -0.02),
-        ],
-        [],
-        [cl.Contact(facets["upper"], against=facets["lower"])],
-        space=space,
-        n=n,
-    )
-    solution = problem.solve()
-    assert solution.converged, solution.summary["reason"]
-    force = 2.0 * solution.summary["contact_force"][1]
-    stiffness = 1.0 / sum((1.0 - poisson**2) / modulus for modulus in youngs)
-    radius = 1.0 / sum(1.0 / r for r in radii)
-    half = math.sqrt(4.0 * force * radius / (math.pi * stiffness))
-    peak = 2.0 * force / (math.pi * half)
-    assert solution.summary["pressure_max"] == pytest.approx(peak, rel=0.03)
-    # To half a facet.
-    assert solution.summary["contact_area"] == pytest.approx(half, abs=0.015)
-    points = solution.contact_points
-    if points is not None:
-        exact = peak * np.sqrt(np.maximum(1.0 - (points.x[:, 0] / half) ** 2, 0.0))
-        inside = points.x[:, 0] < 0.8 * half
-        assert np.abs(points.pressure - exact)[inside].max() <= 0.03 * peak
-    problem.close()
 
 
 def from_file(path: Path, contact: dict[str, Any], **changes: Any) -> Parameters:
