@@ -1,0 +1,113 @@
+"""The branch of solutions ``G = t Phi(G)`` over the share t of the friction coefficient.
+
+It begins at ``G = 0`` for ``t = 0``.  Where Phi is continuous, the solutions (G, t) that are
+connected to this one reach as far as there are any (Rabinowitz, doi:10.1016/0022-1236(71)90030-9):
+where Phi is bounded, they reach ``t = 1``, but t need not grow along the branch.  So the branch is
+followed by pseudo-arclength, past folds.  One value of Phi serves all shares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged
+from contact_locking.solver.equilibria.bound_map import BoundMap
+
+# The relative residual along the branch, and the corrections that a step may take.
+_ACCURACY, _MOST, _FEW = 1e-4, 8, 4
+# The first step, in shares of friction, the longest and the shortest.  The bounds may become so
+# many times those of a body without friction; where there is no equilibrium they grow without end.
+_FIRST, _LONGEST, _SHORTEST, _FARTHEST = 0.1, 0.25, 1e-5, 1e3
+_LONGER, _SHORTER = 1.5, 0.5
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """Bounds ``G = t Phi(G)`` and their share t; ``sign`` is that of ``det(I - t Phi'(G))``."""
+
+    bounds: FloatArray
+    share: float
+    sign: float
+
+    def between(self, other: BranchPoint, share: float) -> FloatArray:
+        """The bounds for a share on the line from this point to another one."""
+        part = (share - self.share) / (other.share - self.share)
+        return np.asarray(self.bounds + part * (other.bounds - self.bounds))
+
+
+class Branch:
+    """The points of the branch of a map, step by step; each takes some values of the map."""
+
+    def __init__(self, problem: BoundMap) -> None:
+        self._problem, self._vectors = problem, problem.vectors
+        self._size = 1.0
+
+    def points(self) -> Iterator[BranchPoint]:
+        """The points in order, as long as a step leads on; collective."""
+        bounds, size = np.zeros(self._vectors.size), self._vectors.size
+        try:
+            wanted = self._problem(bounds)
+        except NotConverged:
+            return
+        self._size = self._vectors.norm(wanted)
+        if self._size == 0.0:
+            return
+        tangent = self._unit(np.append(wanted, 1.0))
+        at, length = np.append(bounds, 0.0), _FIRST
+        yield BranchPoint(bounds, 0.0, 1.0)
+        while True:
+            found = self._correct(at + length * tangent, tangent)
+            while found is None:
+                length *= _SHORTER
+                if length < _SHORTEST:
+                    return
+                found = self._correct(at + length * tangent, tangent)
+            at, tangent, sign, count = found
+            reach = self._vectors.norm(at[:size]) / self._size
+            if at[-1] < 0.0 or reach > _FARTHEST:
+                return
+            if count <= _FEW:
+                length = min(_LONGER * length, _LONGEST * (1.0 + reach))
+            yield BranchPoint(at[:-1], float(at[-1]), sign)
+
+    def _correct(
+        self, start: FloatArray, tangent: FloatArray
+    ) -> tuple[FloatArray, FloatArray, float, int] | None:
+        """The point of the branch on the plane across the tangent, the tangent there, and its sign.
+
+        The last number is that of the corrections.
+        """
+        at, size, vectors = start, self._vectors.size, self._vectors
+        row = self._covector(tangent)
+        for count in range(_MOST):
+            try:
+                wanted = self._problem(at[:-1])
+            except NotConverged:
+                return None
+            left = np.append(at[:-1] - at[-1] * wanted, row @ (at - start))
+            slope = np.eye(size) - at[-1] * self._problem.derivative()
+            matrix = np.block([[slope, -wanted[:, None]], [row[None, :]]])
+            if vectors.norm(left[:-1]) <= _ACCURACY * self._size:
+                # The determinant with the tangent as the last row keeps its sign along a branch.
+                ahead, turn = vectors.solved(matrix, np.append(np.zeros(size), 1.0))
+                if turn == 0.0:
+                    return None
+                sign = vectors.solved(slope, wanted)[1]
+                return at, self._unit(turn * ahead), sign, count
+            step = vectors.solved(matrix, left)[0]
+            if not np.all(np.isfinite(step)):
+                return None
+            at = at - step
+        return None
+
+    def _covector(self, tangent: FloatArray) -> FloatArray:
+        return np.append(self._vectors.weights * tangent[:-1] / self._size**2, tangent[-1])
+
+    def _unit(self, tangent: FloatArray) -> FloatArray:
+        square = self._vectors.dot(tangent[:-1], tangent[:-1]) / self._size**2 + tangent[-1] ** 2
+        return np.asarray(tangent / math.sqrt(square))

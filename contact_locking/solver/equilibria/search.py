@@ -1,0 +1,95 @@
+"""Equilibria where the interior point method finds none, and further ones beside a known one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.solver.equilibria.bound_map import BoundMap
+from contact_locking.solver.equilibria.branch import Branch, BranchPoint
+from contact_locking.solver.equilibria.newton import MapNewton
+from contact_locking.solver.task import SolverReport, Task
+
+# Tresca's problems need to be solved this much more sharply than the bounds.
+_SHARPER = 0.1
+# The most nodes with friction that the dense derivative is made for, and the most points of a
+# branch.
+_MOST_NODES, _MOST_POINTS = 1500, 150
+
+
+def has_map(task: Task) -> bool:
+    """Whether Tresca's problem has a solution for each bound, and the map a derivative; collective.
+
+    A body that friction alone holds slides away under a bound that is too small.
+    """
+    system, rubbing = task.system, task.system.rubbing
+    knows = all(item.friction.is_coulomb and not item.friction.stands for item in rubbing)
+    if not (rubbing and knows) or system.held_by_friction:
+        return False
+    nodes = system.comm.allreduce(sum(int(np.count_nonzero(item.free)) for item in rubbing))
+    return bool(0 < nodes <= _MOST_NODES)
+
+
+class Equilibria:
+    """The fixed points of the map of the friction bounds of a task, found one after the other.
+
+    ``report`` counts what they take.  The constructor is collective, as all methods are.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._task, self.report = task, SolverReport()
+        aside = task.aside(self.report).with_settings(tolerance=_SHARPER * task.settings.tolerance)
+        self.map = BoundMap(aside)
+        self._newton = MapNewton(self.map, task.settings.friction_tolerance)
+
+    def on_branch(self) -> Iterator[tuple[FloatArray, int]]:
+        """The solutions on the branch over the share of friction, and the folds before each."""
+        folds, before = 0, BranchPoint(np.zeros(self.map.vectors.size), 0.0, 1.0)
+        for _, point in zip(range(_MOST_POINTS), Branch(self.map).points(), strict=False):
+            folds += point.sign != before.sign
+            if (point.share - 1.0) * (before.share - 1.0) <= 0.0 and point.share != before.share:
+                found = self._newton.solve(before.between(point, 1.0))
+                if found is not None:
+                    yield found, folds
+            before = point
+
+    def enter(self, bounds: FloatArray, report: SolverReport) -> None:
+        """Put the solution with these bounds into the system and a report; collective."""
+        wanted = self.map(bounds)
+        vectors = self.map.vectors
+        report.friction_change = vectors.norm(wanted - bounds) / (vectors.norm(wanted) or 1.0)
+        report.multipliers, report.last = self.map.multipliers, self.report.last
+        report.duality_gap, report.is_infeasible = self.report.duality_gap, False
+
+    def destroy(self) -> None:
+        """Free the PETSc objects, and count what was taken in the report of the task."""
+        self._task.report.tangents += self.report.tangents
+        self._task.report.linear += self.report.linear
+        self.map.destroy()
+
+
+def solve_on_branch(task: Task) -> int | None:
+    """Solve by the branch of solutions over the share of friction; collective.
+
+    Returns how many folds lie before the solution, None where none was found; the system is then
+    left as it was.
+    """
+    if not has_map(task):
+        return None
+    equilibria = Equilibria(task)
+    try:
+        with task.system.preserved(only_on_failure=True):
+            for bounds, folds in equilibria.on_branch():
+                equilibria.enter(bounds, task.report)
+                return folds
+            raise _NothingFound
+    except _NothingFound:
+        return None
+    finally:
+        equilibria.destroy()
+
+
+class _NothingFound(Exception):
+    """Nothing lies on the branch for all of the friction."""
