@@ -77,6 +77,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("proved", _proved(summary)),
         ("guaranteed bound", None if bound.get("applicable", True) else bound["reason"]),
         ("limit load", _limit_load(certificate.get("limit_load"))),
+        ("critical friction", _critical_friction(certificate.get("critical_friction"))),
         ("estimated", _estimated(summary)),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
@@ -94,6 +95,19 @@ def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
         is_there = quantity.of == "body" or (quantity.of == "contact" and summary["contacts"])
         if is_there and is_known and not quantity.detail:
             yield quantity.name, value_in_words(quantity, summary[key], summary.get(f"{key}_at"))
+
+
+def _critical_friction(found: Mapping[str, Any] | None) -> str | None:
+    """The friction at which the linearised problem is singular."""
+    if found is None:
+        return None
+    if found["share"] is None:
+        return str(found["reason"])
+    mu = "" if found["coefficient"] is None else f", the coefficient {found['coefficient']:.4g}"
+    return (
+        f"{found['share']:.4g} times the given friction{mu}: there the linearised problem is "
+        "singular"
+    )
 
 
 def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None = None) -> str:

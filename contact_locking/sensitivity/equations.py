@@ -128,4 +128,3 @@ class Equations:
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._all.destroy()
-

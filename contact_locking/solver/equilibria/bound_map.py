@@ -80,12 +80,14 @@ class BoundVectors:
 
         A singular system has not-a-number for a solution, and the sign 0.
         """
-        found: tuple[FloatArray, float] = np.full_like(right, np.nan), 0.0
+        solution: FloatArray = np.full_like(right, np.nan)
+        sign = 0.0
         if self._comm.rank == 0 and np.all(np.isfinite(matrix)):
             sign = float(np.linalg.slogdet(matrix)[0])
             if sign != 0.0:
-                found = np.linalg.solve(matrix, right), sign
-        return self._comm.bcast(found)
+                solution = np.asarray(np.linalg.solve(matrix, right))
+        found: tuple[FloatArray, float] = self._comm.bcast((solution, sign))
+        return found
 
 
 class BoundMap:
@@ -137,4 +139,3 @@ class BoundMap:
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self._solver.destroy()
-

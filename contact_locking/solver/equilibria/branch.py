@@ -20,9 +20,8 @@ from contact_locking.solver.equilibria.bound_map import BoundMap
 
 # The relative residual along the branch, and the corrections that a step may take.
 _ACCURACY, _MOST, _FEW = 1e-4, 8, 4
-# The first step, in shares of friction, the longest and the shortest.  The bounds may become so
-# many times those of a body without friction; where there is no equilibrium they grow without end.
-_FIRST, _LONGEST, _SHORTEST, _FARTHEST = 0.1, 0.25, 1e-5, 1e3
+# The first step, in shares of friction, the longest and the shortest.
+_FIRST, _LONGEST, _SHORTEST = 0.1, 0.25, 1e-5
 _LONGER, _SHORTER = 1.5, 0.5
 
 
@@ -41,11 +40,14 @@ class BranchPoint:
 
 
 class Branch:
-    """The points of the branch of a map, step by step; each takes some values of the map."""
+    """The points of the branch of a map, step by step; each takes some values of the map.
+
+    ``reach`` is the size of the bounds, relative to those of the pressure without friction.
+    """
 
     def __init__(self, problem: BoundMap) -> None:
         self._problem, self._vectors = problem, problem.vectors
-        self._size = 1.0
+        self._size, self.reach = 1.0, 0.0
 
     def points(self) -> Iterator[BranchPoint]:
         """The points in order, as long as a step leads on; collective."""
@@ -68,11 +70,11 @@ class Branch:
                     return
                 found = self._correct(at + length * tangent, tangent)
             at, tangent, sign, count = found
-            reach = self._vectors.norm(at[:size]) / self._size
-            if at[-1] < 0.0 or reach > _FARTHEST:
+            self.reach = self._vectors.norm(at[:size]) / self._size
+            if at[-1] < 0.0:
                 return
             if count <= _FEW:
-                length = min(_LONGER * length, _LONGEST * (1.0 + reach))
+                length = min(_LONGER * length, _LONGEST * (1.0 + self.reach))
             yield BranchPoint(at[:-1], float(at[-1]), sign)
 
     def _correct(

@@ -17,6 +17,14 @@ _SHARPER = 0.1
 # The most nodes with friction that the dense derivative is made for, and the most points of a
 # branch.
 _MOST_NODES, _MOST_POINTS = 1500, 150
+# Without a penalty a branch ends where the bounds are so many times those without friction: they
+# grow without a limit where friction wedges the body in.  With a penalty they have a limit.
+_FARTHEST = 300.0
+_ENDS = (
+    "; the branch of solutions from none of the friction on ends near {share:.3g} % of "
+    "friction.coefficient, where the friction bound is {times:.0f} times that of the pressure "
+    "without friction, and grows"
+)
 
 
 def has_map(task: Task) -> bool:
@@ -40,6 +48,8 @@ class Equilibria:
 
     def __init__(self, task: Task) -> None:
         self._task, self.report = task, SolverReport()
+        #: How the branch ends that has no more solutions, in words.
+        self.end = ""
         aside = task.aside(self.report).with_settings(tolerance=_SHARPER * task.settings.tolerance)
         self.map = BoundMap(aside)
         self._newton = MapNewton(self.map, task.settings.friction_tolerance)
@@ -47,7 +57,11 @@ class Equilibria:
     def on_branch(self) -> Iterator[tuple[FloatArray, int]]:
         """The solutions on the branch over the share of friction, and the folds before each."""
         folds, before = 0, BranchPoint(np.zeros(self.map.vectors.size), 0.0, 1.0)
-        for _, point in zip(range(_MOST_POINTS), Branch(self.map).points(), strict=False):
+        branch, is_strict = Branch(self.map), self._task.target.penalty.is_strict
+        for _, point in zip(range(_MOST_POINTS), branch.points(), strict=False):
+            if is_strict and branch.reach > _FARTHEST:
+                self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
+                return
             folds += point.sign != before.sign
             if (point.share - 1.0) * (before.share - 1.0) <= 0.0 and point.share != before.share:
                 found = self._newton.solve(before.between(point, 1.0))
@@ -84,6 +98,7 @@ def solve_on_branch(task: Task) -> int | None:
             for bounds, folds in equilibria.on_branch():
                 equilibria.enter(bounds, task.report)
                 return folds
+            task.report.reason += equilibria.end
             raise _NothingFound
     except _NothingFound:
         return None

@@ -112,6 +112,11 @@ class CertificateParameters(Section):
         "a proved bound of the error of mesh and penalty in the energy norm, for the friction "
         "bound of the solution; in 2D",
     )
+    critical_friction: Switch = entry(
+        False,
+        "the least multiple of the friction coefficient at which the linearised problem at the "
+        "solution is singular, by the eigenvalues on Gamma_C",
+    )
 
 
 class OutputParameters(Section):
