@@ -81,6 +81,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("estimated", _estimated(summary)),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
+        ("solutions found", _several(summary.get("equilibria"))),
         ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
@@ -116,6 +117,29 @@ def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None
         return f"{per_cent(value)} of {quantity.share_of}"
     words = _vector(value) if isinstance(value, list) else f"{value:.4g}"
     return words if place is None else f"{words} {quantity.at} {_vector(place)}"
+
+
+def _several(found: Mapping[str, Any] | None) -> str | None:
+    return None if found is None else f"{found['found']}; {found['missing']}"
+
+
+def equilibria(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The table of several solutions of one problem; none without them."""
+    found = summary.get("equilibria")
+    if not found:
+        return []
+    head = ("equilibria", "contact force", "friction force", "elastic energy", "index")
+    rows = [
+        (
+            entry["folder"],
+            _vector(entry["contact_force"]),
+            _vector(entry["friction_force"]),
+            f"{entry['elastic_energy']:.4g}",
+            f"{entry['index']:+d}",
+        )
+        for entry in found["solutions"]
+    ]
+    return [head, *rows]
 
 
 def sensitivities(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:

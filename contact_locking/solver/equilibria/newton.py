@@ -18,11 +18,13 @@ from contact_locking.errors import NotConverged
 from contact_locking.solver.equilibria.bound_map import BoundMap, BoundVectors
 
 # Steps are halved so often, and a step is good enough that lowers the residual by this share of it.
-_HALVINGS, _DECREASE = 5, 1e-4
+_HALVINGS, _DECREASE = 4, 1e-4
 # Newton's method gives up after so many steps that did not lower the residual.
-_VAIN = 3
+_VAIN = 2
+# With deflation a step is at most so many times as long as the bounds.
+_LONGEST = 1.0
 # Bounds as near as this to each other, relative to their size, belong to one solution.
-_SAME = 1e-5
+_SAME = 1e-4
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class MapNewton:
 
     problem: BoundMap
     tolerance: float
-    limit: int = 25
+    limit: int = 30
     share: float = 1.0
     #: The relative residual of the last iterate.
     left: float = field(default=math.inf, init=False)
@@ -78,7 +80,7 @@ class MapNewton:
                 return None
             merit = known.factor(bounds) * vectors.norm(found[1])
             lowest, vain = min(merit, lowest), 0 if merit < lowest else vain + 1
-            if vain > _VAIN:
+            if vain > _VAIN and not known.known:
                 return None
             wanted, left = found
             size = max(vectors.norm(wanted), np.finfo(float).tiny)
@@ -90,7 +92,13 @@ class MapNewton:
             if not np.all(np.isfinite(step)):
                 return None
             step *= known.stretch(bounds, step)
-            bounds, found = self._search(bounds, step, left, known)
+            if known.known:
+                # A line search would stay near where it begins.
+                step *= min(1.0, _LONGEST * known.size / (vectors.norm(step) or 1.0))
+                bounds = np.maximum(bounds + step, 0.0)
+                found = self._residual(bounds)
+            else:
+                bounds, found = self._search(bounds, step, left, known)
         return None
 
     def _residual(self, bounds: FloatArray) -> tuple[FloatArray, FloatArray] | None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
 from contact_locking.solver.equilibria.bound_map import BoundMap
 from contact_locking.solver.equilibria.branch import Branch, BranchPoint
-from contact_locking.solver.equilibria.newton import MapNewton
+from contact_locking.solver.equilibria.newton import Deflation, MapNewton
 from contact_locking.solver.task import SolverReport, Task
 
 # Tresca's problems need to be solved this much more sharply than the bounds.
@@ -20,6 +24,11 @@ _MOST_NODES, _MOST_POINTS = 1500, 150
 # Without a penalty a branch ends where the bounds are so many times those without friction: they
 # grow without a limit where friction wedges the body in.  With a penalty they have a limit.
 _FARTHEST = 300.0
+# A branch is followed up to this share of the friction.
+_BEYOND = 2.0
+# Known solutions times these are starts of further searches, and so are shares of the bounds that
+# the pressure without friction asks for.
+_BESIDE, _SHARES = (1.02, 0.5, 1.5), (0.0, 1.0, 2.0)
 _ENDS = (
     "; the branch of solutions from none of the friction on ends near {share:.3g} % of "
     "friction.coefficient, where the friction bound is {times:.0f} times that of the pressure "
@@ -62,12 +71,52 @@ class Equilibria:
             if is_strict and branch.reach > _FARTHEST:
                 self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
                 return
+            if point.share > _BEYOND:
+                return
             folds += point.sign != before.sign
             if (point.share - 1.0) * (before.share - 1.0) <= 0.0 and point.share != before.share:
                 found = self._newton.solve(before.between(point, 1.0))
                 if found is not None:
                     yield found, folds
             before = point
+
+    def others(self, first: FloatArray) -> Iterator[FloatArray]:
+        """Solutions beside a known one: those on the branch, then those that deflation finds.
+
+        Nothing tells that there are no others.
+        """
+        vectors = self.map.vectors
+        # Near a fold the bounds of the interior point method are rougher than their tolerance.
+        refined = self._newton.solve(first)
+        known = [first if refined is None else refined]
+        deflation = Deflation(vectors, known, vectors.norm(first))
+        for found, _ in self.on_branch():
+            if not deflation.is_known(found):
+                known.append(found)
+                yield found
+        without = self.map(np.zeros(vectors.size))
+        tried = 0
+        while tried < len(starts := self._starts(without, known)):
+            found = self._newton.solve(starts[tried], deflation)
+            if found is None:
+                tried += 1
+            else:
+                known.append(found)
+                yield found
+
+    @staticmethod
+    def _starts(without: FloatArray, known: Sequence[FloatArray]) -> list[FloatArray]:
+        shares = [share * without for share in _SHARES]
+        return [*shares, *(share * bounds for bounds in known for share in _BESIDE)]
+
+    def index(self) -> int:
+        """The sign of ``det(I - Phi'(G))`` at the last value of the map, 0 if it is singular.
+
+        The signs of all solutions add up to 1 where they are regular and Phi is continuous and
+        bounded, by the degree of Leray and Schauder.
+        """
+        slope = np.eye(self.map.vectors.size) - self.map.derivative()
+        return int(self.map.vectors.solved(slope, slope[0])[1])
 
     def enter(self, bounds: FloatArray, report: SolverReport) -> None:
         """Put the solution with these bounds into the system and a report; collective."""
@@ -104,6 +153,52 @@ def solve_on_branch(task: Task) -> int | None:
         return None
     finally:
         equilibria.destroy()
+
+
+def require_map(task: Task) -> None:
+    """Raise InputError where other equilibria cannot be searched; collective."""
+    if not has_map(task):
+        raise InputError(
+            "needs friction with a coefficient below .inf and a body that more than friction "
+            f"holds, and takes at most {_MOST_NODES} nodes with friction",
+            "equilibria",
+        )
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The report of a solution that is in the system, and its index (:meth:`Equilibria.index`)."""
+
+    report: SolverReport
+    index: int
+
+
+def equilibria(task: Task, most: int) -> Iterator[Equilibrium]:
+    """The solution in the system, and others, so many at most, each in the system in its turn.
+
+    Collective.  Raises InputError as :func:`require_map`.
+    """
+    require_map(task)
+    search = Equilibria(task)
+    try:
+        vectors = search.map.vectors
+        first = vectors.gather([contact.bounds for contact in vectors.contacts])
+        with task.system.preserved():
+            search.map(first)
+            index = search.index()
+        yield Equilibrium(task.report, index)
+        for bounds in itertools.islice(search.others(first), most - 1):
+            before = search.report.tangents, search.report.linear
+            own = dataclasses.replace(task, report=SolverReport())
+            search.enter(bounds, own.report)
+            own.report.tangents = search.report.tangents - before[0]
+            own.report.linear = search.report.linear - before[1]
+            own.add_stage(task.target.penalty, own.report.tangents)
+            with task.system.preserved():
+                index = search.index()
+            yield Equilibrium(own.succeed(), index)
+    finally:
+        search.destroy()
 
 
 class _NothingFound(Exception):

@@ -119,6 +119,16 @@ class CertificateParameters(Section):
     )
 
 
+class EquilibriaParameters(Section):
+    """Several solutions of one problem with friction."""
+
+    find: Count = entry(
+        5,
+        "the most solutions, with the first; those beside it are in folders equilibrium_2, ...",
+        "1",
+    )
+
+
 class OutputParameters(Section):
     """The files with the results."""
 
