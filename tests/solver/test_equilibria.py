@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -104,21 +105,22 @@ def test_the_solution_on_the_branch_is_that_of_the_method_without_friction_that_
     solver.close()
 
 
-def test_deflation_leads_away_from_what_is_known(task: Task) -> None:
+@pytest.mark.slow
+@pytest.mark.serial
+def test_branches_lead_to_solutions_of_both_signs(task: Task) -> None:
+    """The degree of Leray and Schauder wants one of the index -1 between two of +1."""
     equilibria = Equilibria(task)
     problem, vectors = equilibria.map, equilibria.map.vectors
-    newton = MapNewton(problem, 1e-8)
-    start = np.zeros(vectors.size)
-    first = newton.solve(start)
+    first = MapNewton(problem, 1e-8).solve(np.zeros(vectors.size))
     assert first is not None
-    size = vectors.norm(first)
-    assert vectors.norm(problem(first) - first) <= 1e-8 * size
-    others = [found for found, _ in zip(equilibria.others(first), range(2), strict=False)]
-    assert len(others) == 2
-    for number, found in enumerate(others):
-        assert vectors.norm(problem(found) - found) <= 2e-8 * vectors.norm(found)
-        for known in [first, *others[:number]]:
-            assert vectors.norm(found - known) > 1e-2 * size
+    found = [first, *itertools.islice(equilibria.others(first), 2)]
+    indices = []
+    for number, bounds in enumerate(found):
+        assert vectors.norm(problem(bounds) - bounds) <= 2e-8 * vectors.norm(bounds)
+        indices.append(equilibria.index())
+        for known in found[:number]:
+            assert vectors.norm(bounds - known) > 1e-2 * vectors.norm(first)
+    assert set(indices) == {1, -1}
     equilibria.destroy()
 
 

@@ -23,6 +23,8 @@ _ACCURACY, _MOST, _FEW = 1e-4, 8, 4
 # The first step, in shares of friction, the longest and the shortest.
 _FIRST, _LONGEST, _SHORTEST = 0.1, 0.25, 1e-5
 _LONGER, _SHORTER = 1.5, 0.5
+# Corrections may lead aside by this share of the step.
+_ASIDE = 0.6
 
 
 @dataclass(frozen=True)
@@ -47,43 +49,55 @@ class Branch:
 
     def __init__(self, problem: BoundMap) -> None:
         self._problem, self._vectors = problem, problem.vectors
-        self._size, self.reach = 1.0, 0.0
+        self._size, self._side, self.reach = 1.0, 1.0, 0.0
 
-    def points(self) -> Iterator[BranchPoint]:
-        """The points in order, as long as a step leads on; collective."""
-        bounds, size = np.zeros(self._vectors.size), self._vectors.size
+    def points(
+        self, start: FloatArray | None = None, direction: float = 1.0
+    ) -> Iterator[BranchPoint]:
+        """The points from no friction, or from a solution, as long as a step leads on; collective.
+
+        From a solution ``G = Phi(G)`` the branch leads on to both sides: ``direction`` is +1
+        towards more friction and -1 towards less, at first.
+        """
+        size = self._vectors.size
+        bounds: FloatArray = np.zeros(size) if start is None else start
+        share = 0.0 if start is None else 1.0
         try:
             wanted = self._problem(bounds)
         except NotConverged:
             return
         self._size = self._vectors.norm(wanted)
-        if self._size == 0.0:
+        rate, sign = self._vectors.solved(np.eye(size) - share * self._problem.derivative(), wanted)
+        if self._size == 0.0 or sign == 0.0:
             return
-        tangent = self._unit(np.append(wanted, 1.0))
-        at, length = np.append(bounds, 0.0), _FIRST
-        yield BranchPoint(bounds, 0.0, 1.0)
+        self._side = sign * direction
+        tangent = self._unit(direction * np.append(rate, 1.0))
+        at, length = np.append(bounds, share), _FIRST
+        yield BranchPoint(bounds, share, sign)
         while True:
-            found = self._correct(at + length * tangent, tangent)
+            found = self._correct(at, length, tangent)
             while found is None:
                 length *= _SHORTER
                 if length < _SHORTEST:
                     return
-                found = self._correct(at + length * tangent, tangent)
+                found = self._correct(at, length, tangent)
             at, tangent, sign, count = found
             self.reach = self._vectors.norm(at[:size]) / self._size
             if at[-1] < 0.0:
                 return
             if count <= _FEW:
-                length = min(_LONGER * length, _LONGEST * (1.0 + self.reach))
+                length = min(_LONGER * length, _LONGEST * max(1.0, 0.5 * self.reach))
             yield BranchPoint(at[:-1], float(at[-1]), sign)
 
     def _correct(
-        self, start: FloatArray, tangent: FloatArray
+        self, before: FloatArray, length: float, tangent: FloatArray
     ) -> tuple[FloatArray, FloatArray, float, int] | None:
         """The point of the branch on the plane across the tangent, the tangent there, and its sign.
 
-        The last number is that of the corrections.
+        The last number is that of the corrections.  None also where they lead so far that the point
+        may belong to another branch.
         """
+        start = before + length * tangent
         at, size, vectors = start, self._vectors.size, self._vectors
         row = self._covector(tangent)
         for count in range(_MOST):
@@ -95,12 +109,13 @@ class Branch:
             slope = np.eye(size) - at[-1] * self._problem.derivative()
             matrix = np.block([[slope, -wanted[:, None]], [row[None, :]]])
             if vectors.norm(left[:-1]) <= _ACCURACY * self._size:
-                # The determinant with the tangent as the last row keeps its sign along a branch.
+                # The determinant with the tangent as the last row keeps its sign along a branch,
+                # also where a kink turns the tangent round.
                 ahead, turn = vectors.solved(matrix, np.append(np.zeros(size), 1.0))
-                if turn == 0.0:
+                if turn == 0.0 or self._length(at - start) > _ASIDE * length:
                     return None
                 sign = vectors.solved(slope, wanted)[1]
-                return at, self._unit(turn * ahead), sign, count
+                return at, self._unit(turn * self._side * ahead), sign, count
             step = vectors.solved(matrix, left)[0]
             if not np.all(np.isfinite(step)):
                 return None
@@ -110,6 +125,9 @@ class Branch:
     def _covector(self, tangent: FloatArray) -> FloatArray:
         return np.append(self._vectors.weights * tangent[:-1] / self._size**2, tangent[-1])
 
+    def _length(self, step: FloatArray) -> float:
+        square = self._vectors.dot(step[:-1], step[:-1]) / self._size**2 + step[-1] ** 2
+        return math.sqrt(square)
+
     def _unit(self, tangent: FloatArray) -> FloatArray:
-        square = self._vectors.dot(tangent[:-1], tangent[:-1]) / self._size**2 + tangent[-1] ** 2
-        return np.asarray(tangent / math.sqrt(square))
+        return np.asarray(tangent / self._length(tangent))

@@ -12,15 +12,15 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.solver.equilibria.bound_map import BoundMap
-from contact_locking.solver.equilibria.branch import Branch, BranchPoint
+from contact_locking.solver.equilibria.branch import Branch
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
 from contact_locking.solver.task import SolverReport, Task
 
 # Tresca's problems need to be solved this much more sharply than the bounds.
 _SHARPER = 0.1
-# The most nodes with friction that the dense derivative is made for, and the most points of a
-# branch.
-_MOST_NODES, _MOST_POINTS = 1500, 150
+# The most nodes with friction that the dense derivative is made for, and the most points of the
+# branch from no friction and of one from a solution.
+_MOST_NODES, _MOST_POINTS, _FEWER_POINTS = 1500, 150, 40
 # Without a penalty a branch ends where the bounds are so many times those without friction: they
 # grow without a limit where friction wedges the body in.  With a penalty they have a limit.
 _FARTHEST = 300.0
@@ -63,46 +63,64 @@ class Equilibria:
         self.map = BoundMap(aside)
         self._newton = MapNewton(self.map, task.settings.friction_tolerance)
 
-    def on_branch(self) -> Iterator[tuple[FloatArray, int]]:
-        """The solutions on the branch over the share of friction, and the folds before each."""
-        folds, before = 0, BranchPoint(np.zeros(self.map.vectors.size), 0.0, 1.0)
+    def on_branch(
+        self, start: FloatArray | None = None, direction: float = 1.0
+    ) -> Iterator[tuple[FloatArray, int]]:
+        """The solutions on the branch over the share of friction, and the folds before each.
+
+        ``start`` and ``direction`` are those of :meth:`Branch.points`.
+        """
+        folds, before = 0, None
         branch, is_strict = Branch(self.map), self._task.target.penalty.is_strict
-        for _, point in zip(range(_MOST_POINTS), branch.points(), strict=False):
+        most = _MOST_POINTS if start is None else _FEWER_POINTS
+        points = itertools.islice(branch.points(start, direction), most)
+        for point in points:
             if is_strict and branch.reach > _FARTHEST:
                 self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
                 return
             if point.share > _BEYOND:
                 return
-            folds += point.sign != before.sign
-            if (point.share - 1.0) * (before.share - 1.0) <= 0.0 and point.share != before.share:
-                found = self._newton.solve(before.between(point, 1.0))
-                if found is not None:
-                    yield found, folds
+            if before is not None:
+                folds += point.sign != before.sign
+                if (point.share - 1.0) * (before.share - 1.0) < 0.0:
+                    found = self._newton.solve(before.between(point, 1.0))
+                    if found is not None:
+                        yield found, folds
             before = point
 
     def others(self, first: FloatArray) -> Iterator[FloatArray]:
-        """Solutions beside a known one: those on the branch, then those that deflation finds.
+        """Solutions beside a known one: those on branches, then those that deflation finds.
 
-        Nothing tells that there are no others.
+        The branch of each solution over the share of friction may lead to others.  Nothing tells
+        that there are no others.
         """
         vectors = self.map.vectors
         # Near a fold the bounds of the interior point method are rougher than their tolerance.
         refined = self._newton.solve(first)
         known = [first if refined is None else refined]
         deflation = Deflation(vectors, known, vectors.norm(first))
-        for found, _ in self.on_branch():
-            if not deflation.is_known(found):
-                known.append(found)
-                yield found
         without = self.map(np.zeros(vectors.size))
-        tried = 0
-        while tried < len(starts := self._starts(without, known)):
-            found = self._newton.solve(starts[tried], deflation)
-            if found is None:
+        followed, tried = 0, 0
+        branches: Iterator[tuple[FloatArray, int]] = self.on_branch()
+        while True:
+            for found, _ in branches:
+                if not deflation.is_known(found):
+                    known.append(found)
+                    yield found
+            if followed < 2 * len(known):
+                branches = self.on_branch(known[followed // 2], 1.0 - 2.0 * (followed % 2))
+                followed += 1
+                continue
+            starts = self._starts(without, known)
+            while tried < len(starts):
+                new = self._newton.solve(starts[tried], deflation)
                 tried += 1
+                if new is not None:
+                    known.append(new)
+                    yield new
+                    break
             else:
-                known.append(found)
-                yield found
+                return
 
     @staticmethod
     def _starts(without: FloatArray, known: Sequence[FloatArray]) -> list[FloatArray]:
