@@ -86,7 +86,7 @@ def find_equilibria(
     for data that cannot be used, or where there is no map of the friction bounds.
     """
     given = parameters.equilibria
-    most = 1 if given is None else given.find
+    most = None if given is None else given.find
     found = list(_judged(parameters, comm, monitor, petsc_options, None, domain, most))
     if given is not None and found[0].converged:
         found[0].summary["equilibria"] = several.entry(found)
@@ -100,7 +100,7 @@ def _judged(
     petsc_options: Mapping[str, Any] | None,
     restart: str | Path | None,
     domain: Domain | None,
-    most: int = 1,
+    most: int | None = None,
 ) -> Iterator[StudySolution]:
     """The solutions of a study, with what is measured beside them; collective."""
     monitor = Attentive(monitor or Monitor())
@@ -151,9 +151,9 @@ def _solutions(
     monitor: Monitor,
     petsc_options: Mapping[str, Any] | None,
     restart: str | Path | None,
-    most: int = 1,
+    most: int | None = None,
 ) -> Iterator[StudySolution]:
-    """The solutions of an assembled problem, without steps ``most`` at most; collective."""
+    """The solutions of an assembled problem: of the steps, one, or ``most`` at most; collective."""
     if problem.parameters.steps is not None:
         saved = [] if restart is None else saved_steps(Path(restart))
         return Steps(problem, monitor, petsc_options, saved)
@@ -165,9 +165,9 @@ def _static(
     monitor: Monitor,
     petsc_options: Mapping[str, Any] | None,
     restart: str | Path | None,
-    most: int,
+    most: int | None,
 ) -> Iterator[StudySolution]:
-    """The solution of a problem without steps, and others beside it; collective."""
+    """The solution of a problem without steps, and others, ``most`` in all; collective."""
     saved = None if restart is None else checkpoint.read(restart, problem)
     solver = solver_of(problem, monitor, petsc_options)
     report = saved and solved_already(saved, problem, solver)
@@ -183,7 +183,7 @@ def _static(
         solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
     solution.summary["restart"] = None if restart is None else told(restart, report)
-    if most == 1 or not solution.converged:
+    if most is None or not solution.converged:
         yield solution
     else:
         for number, found in enumerate(solver.equilibria(report, most)):
