@@ -23,7 +23,7 @@ _ACCURACY, _MOST, _FEW = 1e-4, 8, 4
 # The first step, in shares of friction, the longest and the shortest.
 _FIRST, _LONGEST, _SHORTEST = 0.1, 0.25, 1e-5
 _LONGER, _SHORTER = 1.5, 0.5
-# Corrections may lead aside by this share of the step.
+# Corrections may lead aside by this share of a step that is not bold.
 _ASIDE = 0.6
 
 
@@ -44,11 +44,13 @@ class BranchPoint:
 class Branch:
     """The points of the branch of a map, step by step; each takes some values of the map.
 
-    ``reach`` is the size of the bounds, relative to those of the pressure without friction.
+    ``reach`` is the size of the bounds, relative to those of the pressure without friction.  A
+    ``bold`` step may lead to another branch, which is faster where any solution will do.
     """
 
-    def __init__(self, problem: BoundMap) -> None:
+    def __init__(self, problem: BoundMap, bold: bool = False) -> None:
         self._problem, self._vectors = problem, problem.vectors
+        self._aside = math.inf if bold else _ASIDE
         self._size, self._side, self.reach = 1.0, 1.0, 0.0
 
     def points(
@@ -112,7 +114,7 @@ class Branch:
                 # The determinant with the tangent as the last row keeps its sign along a branch,
                 # also where a kink turns the tangent round.
                 ahead, turn = vectors.solved(matrix, np.append(np.zeros(size), 1.0))
-                if turn == 0.0 or self._length(at - start) > _ASIDE * length:
+                if turn == 0.0 or self._length(at - start) > self._aside * length:
                     return None
                 sign = vectors.solved(slope, wanted)[1]
                 return at, self._unit(turn * self._side * ahead), sign, count

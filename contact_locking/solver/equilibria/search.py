@@ -20,7 +20,7 @@ from contact_locking.solver.task import SolverReport, Task
 _SHARPER = 0.1
 # The most nodes with friction that the dense derivative is made for, and the most points of the
 # branch from no friction and of one from a solution.
-_MOST_NODES, _MOST_POINTS, _FEWER_POINTS = 1500, 150, 40
+_MOST_NODES, _MOST_POINTS, _FEWER_POINTS = 1500, 100, 40
 # Without a penalty a branch ends where the bounds are so many times those without friction: they
 # grow without a limit where friction wedges the body in.  With a penalty they have a limit.
 _FARTHEST = 300.0
@@ -64,14 +64,14 @@ class Equilibria:
         self._newton = MapNewton(self.map, task.settings.friction_tolerance)
 
     def on_branch(
-        self, start: FloatArray | None = None, direction: float = 1.0
+        self, start: FloatArray | None = None, direction: float = 1.0, bold: bool = False
     ) -> Iterator[tuple[FloatArray, int]]:
         """The solutions on the branch over the share of friction, and the folds before each.
 
-        ``start`` and ``direction`` are those of :meth:`Branch.points`.
+        ``start`` and ``direction`` are those of :meth:`Branch.points`, ``bold`` of :class:`Branch`.
         """
         folds, before = 0, None
-        branch, is_strict = Branch(self.map), self._task.target.penalty.is_strict
+        branch, is_strict = Branch(self.map, bold), self._task.target.penalty.is_strict
         most = _MOST_POINTS if start is None else _FEWER_POINTS
         points = itertools.islice(branch.points(start, direction), most)
         for point in points:
@@ -162,9 +162,12 @@ def solve_on_branch(task: Task) -> int | None:
     equilibria = Equilibria(task)
     try:
         with task.system.preserved(only_on_failure=True):
-            for bounds, folds in equilibria.on_branch():
-                equilibria.enter(bounds, task.report)
-                return folds
+            for bold in (True, False):
+                for bounds, folds in equilibria.on_branch(bold=bold):
+                    equilibria.enter(bounds, task.report)
+                    return folds
+                if equilibria.end:
+                    break
             task.report.reason += equilibria.end
             raise _NothingFound
     except _NothingFound:
