@@ -180,7 +180,15 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def mesh(arguments: argparse.Namespace) -> int:
-    """Write the mesh of the study file: of its builder for Gmsh, and any mesh as XDMF."""
+    """Write the mesh of a study file or of another program as a file that is read."""
+    from contact_locking.mesh.file import conversion
+
+    if arguments.file.suffix.lower() in conversion.ENDINGS:
+        if terminal.is_root():
+            for warning in conversion.convert(arguments.file, arguments.output):
+                terminal.complain(f"warning: {warning}")
+            print(f"{arguments.output}: written")
+        return 0
     study = _load(arguments.file, arguments.set)
     from contact_locking.mesh.file.xdmf_grids import is_xdmf
 
