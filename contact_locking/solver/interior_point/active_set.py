@@ -177,8 +177,8 @@ class ActiveSet:
             law.evaluate()
         system.constraints.apply(system.u)
         self._tangent.visit()
-        for family, law in self._laws.items():
-            law.extrapolate(family.see(self._tangent.present()))
+        for law in self._laws.values():
+            law.extrapolate(self._tangent.present())
         found = self._solve_or_restore(is_linearised=True)
         if found is None:
             system.u.x.array[:], system.tools.travels = held

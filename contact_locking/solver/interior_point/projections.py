@@ -26,7 +26,7 @@ from contact_locking.solver.last_iterate import Pair
 
 _TINY = float(np.finfo(float).tiny)
 # Nodes whose friction was at least this share of its bound go on to slide in the next step.
-_SLIDES_ON = 1.0 - 1e-3
+_SLIDES_ON = 1.0 - 1e-4
 
 
 class Projection(ABC):
@@ -62,10 +62,11 @@ class Projection(ABC):
     def evaluate(self) -> None:
         """Set ``rest``, the step of the reactions if nothing moves; D may be an earlier one."""
 
-    def extrapolate(self, seen: FloatArray) -> None:
-        """Add to ``rest`` what follows from a change of what is seen, which is then seen."""
-        self.rest += self.family.block(seen - self.family.seen)
-        self.family.seen = seen
+    def extrapolate(self, displacement: FloatArray) -> None:
+        """Look at another displacement, and add to ``rest`` what follows from it; collective."""
+        before = self.family.seen
+        self.family.look(displacement)
+        self.rest += self.family.block(self.family.seen - before)
 
     @property
     def aim(self) -> Reaction:
