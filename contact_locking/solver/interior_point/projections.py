@@ -302,8 +302,12 @@ class LockingProjection(Projection):
         return Step(np.zeros_like(self.family.x), np.vstack([np.zeros(dy.shape[1]), -dy]))
 
     def advance(self, step: Step) -> None:
-        self.y = self.y - step.dual[1:]
-        family, (_, stress) = self.family, self._sizes()
+        family, y = self.family, self.y - step.dual[1:]
+        # A stress that draws the strain away from its limit is that of a wrong piece: its point
+        # leaves the limit, and does not go to the opposite one.
+        most = np.where(dot(y, family.seen) > 0.0, np.inf, self.c * family.limit)
+        self.y = y * np.minimum(1.0, most / np.maximum(norm(y), _TINY))
+        _, stress = self._sizes()
         self.changed = _count((stress > 0.0) != self._active)
         y = self._law(stress)
         family.z = np.vstack([stress, -y])
