@@ -213,7 +213,7 @@ class ActiveSet:
         left: list[_Left] = []
         bound_step: BoundStep | None = None
         keeps = False
-        for number in range(pieces.steps):
+        for number in range(min(pieces.steps, task.settings.max_iterations)):
             if not is_linearised:
                 self._look(linearise=not keeps)
             is_linearised = False
@@ -228,9 +228,6 @@ class ActiveSet:
             self._advance(self._direction(bound_step))
             measures = self._judge.measure(iterate)
             task.monitor.iteration(number, measures.worst())
-            import os
-            if os.environ.get("DBG"):
-                print("  ", number, "keeps" if keeps else "", [law.changed for law in self._laws.values()], measures, "bound", len(bound_step._known), flush=True)
             if measures.reached(task.settings, self._tuning.gap_tolerance):
                 task.report.duality_gap = max(measures.gap, 0.0)
                 return iterate
@@ -266,7 +263,9 @@ class ActiveSet:
         return self._tangent.solve_step(aims, self._task.settings.tolerance)
 
     def _direction_of(self, du: FloatArray) -> Direction:
-        return Direction(du, {family: law.step(family.see(du)) for family, law in self._laws.items()})
+        return Direction(
+            du, {family: law.step(family.see(du)) for family, law in self._laws.items()}
+        )
 
     def _advance(self, direction: Direction) -> None:
         """Take the step, and let the friction bounds follow the pressure; collective."""

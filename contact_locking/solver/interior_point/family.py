@@ -268,7 +268,7 @@ class Family(ABC):
         return np.zeros(2)
 
     def beyond(self) -> FloatArray:
-        """How many points exceed a limit of the strain, and how many have one (2,), on this rank."""
+        """How many points exceed a limit of the strain, and how many have one, on this rank."""
         return np.zeros(2)
 
     def body_work(self) -> float:

@@ -21,7 +21,7 @@ from contact_locking.solver.interior_point.family import Family, Reaction, Step
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.locking_cones import LockingCones
-from contact_locking.solver.interior_point.lorentz import LorentzCones, dot, norm
+from contact_locking.solver.interior_point.lorentz import dot, norm
 from contact_locking.solver.last_iterate import Pair
 
 _TINY = float(np.finfo(float).tiny)
@@ -142,7 +142,7 @@ class HalfLineProjection(Projection):
         family.stiffness = np.where(self._active, 1.0 / self._yielding, self._floor)
 
     def evaluate(self) -> None:
-        family, share = self.family, 1.0 + self.c * self.family.compliance
+        share = 1.0 + self.c * self.family.compliance
         left = np.maximum(self._shifted(), 0.0) / share - self.y
         self.rest = np.where(self._active, share * left / (self.c * self._yielding), left)
 
@@ -163,7 +163,7 @@ class HalfLineProjection(Projection):
 
 
 class FrictionProjection(Projection):
-    """``y = G v/max(G, |v|)`` with ``v = y + c s`` for the slip s: ``y = -sigma_tau``, ``|y| <= G``.
+    """``y = G v/max(G, |v|)`` with ``v = y + c s`` for the slip s and ``y = -sigma_tau``.
 
     The bound G follows the pressure outside of this law (:mod:`bound_step`).  Where friction is
     regularised by a length eps, ``m y = G s`` with ``m = sqrt(s^2 + eps^2)`` takes its place, with
