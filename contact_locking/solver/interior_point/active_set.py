@@ -65,7 +65,7 @@ class Pieces:
     #: piece by this factor.
     gain: float = 0.5
     #: The most steps.
-    steps: int = 25
+    steps: int = 15
     #: The products of the points and multipliers that solutions are differentiated by, over the
     #: density of the elastic energy.
     product: float = 1e-10
@@ -98,7 +98,7 @@ class ActiveSet:
         tuning: Tuning,
     ) -> None:
         self._task, self._tangent, self._judge = task, tangent, judge
-        self._bounds, self._pieces = bounds, Pieces()
+        self._pieces = Pieces()
         pieces = self._pieces
         self._tuning = dataclasses.replace(
             tuning,
@@ -108,6 +108,7 @@ class ActiveSet:
         )
         target = task.target
         self._springs = float(task.system.held_by_contact) * target.ellipticity / target.length
+        self._moving = list(bounds)
         self._laws = {family: self._law(family) for family in tangent.families}
 
     def _law(self, family: Family) -> Projection:
@@ -208,7 +209,6 @@ class ActiveSet:
     def _solve(self, is_linearised: bool) -> Iterate:
         """The iterate at the solution; raises NotConverged."""
         task, tangent, pieces = self._task, self._tangent, self._pieces
-        self._moving = [bound for bound in self._bounds if not bound.stands]
         iterate = Iterate(tangent, self._tuning.band)
         left: list[_Left] = []
         bound_step: BoundStep | None = None

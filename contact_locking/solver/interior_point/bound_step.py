@@ -58,6 +58,12 @@ class MovingBound:
         """Whether the bound stays as it is within a solve."""
         return self.contact.friction.stands
 
+    @property
+    def follows_pressure(self) -> bool:
+        """Whether the bound follows the pressure, and nothing else."""
+        bound = self.contact.friction
+        return bound.is_coulomb and not (bound.depends_on_slip or bound.stands)
+
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
 

@@ -301,10 +301,14 @@ class InteriorPoint:
         )
 
     def _pieces_of_laws(self) -> ActiveSet | None:
-        """The method that is tried before; None where it is no use."""
+        """The method that is tried before; None where it is no use.
+
+        It needs direct solves, and bounds that follow the pressure alone: where they follow the
+        slip as well, it takes more tangents.
+        """
         bounds = self._families.bounds
-        stands = not self.bound_moves or any(bound.stands for bound in bounds)
-        if stands or self._tangent.direct is None:
+        follows = self.bound_moves and all(bound.follows_pressure for bound in bounds)
+        if self._tangent.direct is None or not follows:
             return None
         return ActiveSet(self._task, self._tangent, bounds, self._judge, self._tuning)
 
