@@ -219,7 +219,7 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     with contextlib.closing(_approaches(task, bool(nested), goes_on)) as solvers:
         for solver in solvers:
             standing = [item for item in task.system.rubbing if item.friction.stands]
-            last, saved = saved and saved.last, None
+            last, saved = None if saved is None else saved.last, None
             _solve_by(solver, standing if solver.bound_moves else nested, task, last)
             if report.reason:
                 if not solver.bound_moves:

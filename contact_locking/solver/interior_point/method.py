@@ -210,7 +210,7 @@ class InteriorPoint:
         self._crawled = 0
         self._pieces, self.from_last = None, False
         try:
-            self._start(last)
+            is_found = self._start(last)
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
@@ -221,7 +221,7 @@ class InteriorPoint:
             task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
             task.report.duality_gap = 0.0
             return self.multipliers()
-        if self._pieces is not None:
+        if is_found:
             return self.multipliers()
         limit = settings.max_iterations
         for iteration in range(limit + 1):
@@ -256,11 +256,11 @@ class InteriorPoint:
 
     # 1. The start.
 
-    def _start(self, last: LastIterate | None) -> None:
+    def _start(self, last: LastIterate | None) -> bool:
         """Elastic displacements are the solution, or give the place to start around.
 
         Near the last step, or near the elastic displacement, Newton's method on the pieces of the
-        laws is tried before.
+        laws is tried before; True if it has found the solution.
         """
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
@@ -268,7 +268,7 @@ class InteriorPoint:
         if pieces is not None and last is not None and pieces.knows(last):
             self.from_last = self._take(pieces, pieces.from_last(last))
             if self.from_last:
-                return
+                return True
             pieces = None
         elastic = ElasticStart(task, tangent, tuning)
         task.report.tangents += 1
@@ -280,9 +280,9 @@ class InteriorPoint:
         self._judge.begin(elastic.strain)
         if self.is_elastic:
             task.system.remove_friction()
-            return
+            return False
         if pieces is not None and self._take(pieces, pieces.from_elastic()):
-            return
+            return True
         opening = tuning.opening(self.approach, elastic.overstrain())
         least = opening * elastic.retreat() * target.length
         for family in tangent.families:
@@ -299,6 +299,7 @@ class InteriorPoint:
         self._search = Search(
             self._iterate, self._moving, tuning, task.settings, self.approach.foresees
         )
+        return False
 
     def _pieces_of_laws(self) -> ActiveSet | None:
         """The method that is tried before; None where it is no use.

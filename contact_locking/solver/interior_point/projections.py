@@ -97,7 +97,7 @@ def inside(x: FloatArray, z: FloatArray, c: float, product: float) -> Pair:
     w, square = c * x - z, 4.0 * c * product
     if w.ndim == 1:
         point = _root(w, square)
-        return point / c, 0.25 * square / point
+        return np.asarray(point / c), np.asarray(0.25 * square / point)
     length = norm(w[1:])
     low, high = _root(w[0] - length, square), _root(w[0] + length, square)
     half = 0.5 * (high - low)
@@ -107,7 +107,7 @@ def inside(x: FloatArray, z: FloatArray, c: float, product: float) -> Pair:
     share = 0.25 * square / (low * high)
     turned = -share * point
     turned[0] *= -1.0
-    return point / c, turned
+    return np.asarray(point / c), turned
 
 
 def _root(values: FloatArray, square: float) -> FloatArray:
