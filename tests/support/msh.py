@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-Simplices = Sequence[Sequence[int]]
+MeshElements = Sequence[Sequence[int]]
 
 
 def msh(
     points: Sequence[Sequence[float]],
-    groups: Mapping[str, Simplices],
+    groups: Mapping[str, MeshElements],
     numbers: Sequence[int] | None = None,
 ) -> str:
     """The text of a mesh: points, and the elements of each group by numbers of points from 1.
@@ -44,7 +44,7 @@ def msh(
 
 
 def write_msh(
-    path: Path, points: Sequence[Sequence[float]], groups: Mapping[str, Simplices]
+    path: Path, points: Sequence[Sequence[float]], groups: Mapping[str, MeshElements]
 ) -> Path:
     """Write the mesh to a file."""
     path.write_text(msh(points, groups), encoding="utf-8")
