@@ -159,7 +159,7 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
     values = np.concatenate([total, elastic, strain], axis=1)
     weights = points.by_cell(points.weights)
     if element.degree == 1:
-        means = np.einsum("kq,kqm->km", weights, values.reshape(*weights.shape, -1))
+        means = np.einsum("kq,kqm->km", weights, values.reshape(*weights.shape, 3 * m))
         means /= weights.sum(axis=1, keepdims=True)
         defect = _recovered(state, means) - _at_corners(state, values)
     elif element.strain_degree == 1 and not element.boxes:
@@ -213,7 +213,8 @@ def _defect_of_affine(state: SolvedState, values: FloatArray) -> FloatArray:
 
 def _at_corners(state: SolvedState, values: FloatArray) -> FloatArray:
     """The values (k, c, m) at the corners, or (k, 1, m) of constants, of those at the points."""
-    in_cells = values.reshape(len(state.points.by_cell(state.points.weights)), -1, values.shape[1])
+    shape = state.points.by_cell(state.points.weights).shape
+    in_cells = values.reshape(*shape, values.shape[1])
     if in_cells.shape[1] == 1:
         return in_cells
     shares = gauss_points.shares(state.problem.domain.kind.name)

@@ -125,7 +125,7 @@ class Element:
         corners, and for bodies of revolution, where the hoop strain is not affine and not a number
         at a corner on the axis.
         """
-        if self.kinematics.axisymmetric or (self.strain_degree < self.degree and not self.boxes):
+        if self.kinematics.axisymmetric or self.strain_degree == 0:
             return self
         if self.strain_degree == 1 and self.limit_at == "vertices":
             return self

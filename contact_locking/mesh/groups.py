@@ -73,7 +73,7 @@ def _boundary(domain: Domain, name: str, dim: int) -> Group:
     corners = _corners(domain, dim, facets)
     pieces = corners[:, np.array(domain.kind.facet.simplices)]
     normals = _normals(pieces.reshape(-1, domain.dim, domain.dim))
-    normals = normals.reshape(*pieces.shape[:2], -1).sum(axis=1)
+    normals = normals.reshape(*pieces.shape[:2], domain.dim).sum(axis=1)
     inward = _corners(domain, domain.dim, domain.owners(facets)).mean(axis=1) - corners.mean(axis=1)
     normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
     sizes = np.linalg.norm(normals, axis=1).sum()

@@ -261,9 +261,8 @@ class _Facets:
     def _basis(self, weights: FloatArray) -> FloatArray:
         """The nodal functions (m, q, n) of a facet at points (m, q, d)."""
         if not self._facet.is_simplex:
-            return self._facet.basis(weights[..., 1:].reshape(-1, 2)).reshape(
-                *weights.shape[:-1], -1
-            )
+            found = self._facet.basis(weights[..., 1:].reshape(-1, 2))
+            return found.reshape(*weights.shape[:-1], self._facet.corners)
         if not self._quadratic:
             return weights
         # The middles of edges stand in the order of the corners opposite to them.
