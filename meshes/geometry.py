@@ -71,6 +71,12 @@ class Geometry(ABC):
             elif isinstance(entry.default, float) or (entry.default is None and value is not None):
                 object.__setattr__(self, entry.name, length(entry.name, value))
         self.validate()
+        if self.subdivides and self.dim == 3:
+            # Gmsh divides tetrahedra into hexahedra, some of which are folded at curved sides.
+            raise ValueError(
+                "cells: box in 3D is for a block with structured: true; give another body of "
+                "hexahedra as a mesh file"
+            )
         if self.h > self.thickness * (1 + 1e-9):
             raise ValueError(
                 f"h: {self.h:g} is more than the thickness of the body, {self.thickness:g}"

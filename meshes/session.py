@@ -73,11 +73,10 @@ def build(
 
 
 def _divide_cells(geometry: Geometry) -> None:
-    """Let Gmsh divide all cells into quadrilaterals or hexahedra, if the geometry asks for it."""
+    """Let Gmsh divide all cells into quadrilaterals, if the geometry asks for it."""
     import gmsh
 
-    algorithm = geometry.dim - 1 if geometry.subdivides else 0
-    gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", algorithm)
+    gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1 if geometry.subdivides else 0)
 
 
 def write(geometry: Geometry, path: str | os.PathLike[str], contact: Collection[str] = ()) -> None:

@@ -23,7 +23,7 @@ from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh.cell_kind import NAMED, CellKind
 from contact_locking.mesh.distribution import distribute
 from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.diagnosis import Diagnosis, diagnose
+from contact_locking.mesh.file.diagnosis import Diagnosis, check_cells, diagnose
 from contact_locking.mesh.file.gmsh_model import extract
 from contact_locking.mesh.file.reader import read
 from contact_locking.parallel import maximum, on_root
@@ -208,6 +208,8 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] =
 
         with build(geometry, contact=contact) as model:
             mesh = extract(model, origin)
+        if not mesh.kind.is_simplex:
+            check_cells(mesh, [])
         return mesh, Diagnosis.of_sound(mesh)
 
     return with_key("mesh.builder", lambda: distributed(make, comm, origin))
