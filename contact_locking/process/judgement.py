@@ -76,6 +76,7 @@ def state_of(state: SolvedState) -> State:
         penalty=problem.penalty,
         slips=tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts),
         travels=state.system.tools.travels,
+        last=state.report.last,
     )
     after = tuple(
         fields.contact.state_after(problem.u, fields.state == STICK) for fields in state.contacts

@@ -31,6 +31,7 @@ from .numerics import (
     AdaptParameters,
     CertificateParameters,
     DiscretisationParameters,
+    EquilibriaParameters,
     OutputParameters,
     PenaltyParameters,
     SolverParameters,
@@ -108,6 +109,9 @@ class Parameters(Section):
     solver: SolverParameters = entry(SolverParameters(), "the nonlinear and linear solvers")
     adapt: AdaptParameters | None = entry(
         None, "meshes that are refined until the solution is accurate enough", optional=True
+    )
+    equilibria: EquilibriaParameters | None = entry(
+        None, "other solutions of the same problem, which friction may have", optional=True
     )
     sensitivities: SensitivityParameters | None = entry(
         None, "derivatives of the results by numbers of the file", optional=True
@@ -252,6 +256,13 @@ class Parameters(Section):
                 "does not go with steps, whose friction remembers the slip on one mesh; leave out "
                 "one of the two sections",
             )
+        for name in ("steps", "adapt") if self.equilibria is not None else ():
+            if getattr(self, name) is not None:
+                yield Fault(
+                    ("equilibria",),
+                    f"does not go with {name}: other solutions are those of one problem on one "
+                    "mesh; leave out one of the two sections",
+                )
         element = self.discretisation
         if self.mesh.axisymmetric and element.degree > 1 and element.limit_at == "vertices":
             yield Fault(
