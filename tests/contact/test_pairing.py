@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from contact_locking.arrays import FloatArray
 from contact_locking.contact.pairing import Pairing, Side, pair
 
 pytestmark = pytest.mark.serial
@@ -30,14 +29,14 @@ def flat(dim: int, n: int, height: float, sign: float, low: Any, high: Any) -> S
     """An irregular mesh on a part of the inclined plane, with normals up or down."""
     random = np.random.default_rng(n)
     grid = np.linspace(0.0, 1.0, n + 1)
-    at: FloatArray = np.stack(np.meshgrid(*[grid] * (dim - 1)), axis=-1).reshape(-1, dim - 1)
+    at: Any = np.stack(np.meshgrid(*[grid] * (dim - 1)), axis=-1).reshape(-1, dim - 1)
     inside = (at > 0.0) & (at < 1.0)
     at = at + inside * (random.random(at.shape) - 0.5) * 0.5 / n
-    placed = np.asarray(low) + at * np.subtract(high, low)
-    points = np.column_stack([placed, placed @ PLANE[dim] + height])
+    at = np.asarray(low) + at * np.subtract(high, low)
+    points = np.column_stack([at, at @ PLANE[dim] + height])
     if dim == 2:
         return curve(points, sign)
-    facets = Delaunay(placed).simplices
+    facets = Delaunay(at).simplices
     x = points[facets]
     normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
     normals /= (sign * np.sign(normals[:, 2]) * np.linalg.norm(normals, axis=1))[:, None]
