@@ -40,7 +40,7 @@ class PairedSurface(ContactSurface):
         unknown = {
             "axisymmetric bodies": domain.axisymmetric,
             "quadratic elements": element.degree != 1,
-            "quadrilaterals and hexahedra": not domain.kind.is_simplex,
+            f"{domain.kind.plural}; take simplices": element.boxes,
         }
         for what in (name for name, holds in unknown.items() if holds):
             raise InputError(f"bodies that touch each other are not there for {what}", key)

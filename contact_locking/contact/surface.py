@@ -88,10 +88,11 @@ class ContactSurface:
         #: The gap (k,) that the places of two sides leave.
         self.distance: FloatArray = np.zeros(len(self.nodes))
         self.ds = lengths
+        is_plain = domain.kind.facet.is_simplex and not domain.axisymmetric
         # Every rule is exact for the gradients of affine fields.
-        is_affine = element.degree == 1 and domain.kind.facet.is_simplex
-        self._exact_ds = lengths if is_affine else domain.ds(names, key)
-        if domain.axisymmetric or not domain.kind.facet.is_simplex:
+        is_exact = is_plain and element.degree == 1
+        self._exact_ds = lengths if is_exact else domain.ds(names, key)
+        if not is_plain:
             self.ds = self._with_density(lengths, self._assemble(test * self._exact_ds))
 
     def is_of(self, dofs: BoolArray) -> BoolArray:

@@ -170,8 +170,9 @@ def test_a_mesh_of_boxes_that_is_no_body_is_refused(
         ({"discretisation": {"degree": 2}}, "discretisation.degree", "must be 1 on quadril"),
         ({"discretisation": {"limit_at": "vertices"}}, "discretisation.limit_at", "must be gauss"),
         ({"adapt": {}}, "adapt", "refines simplices only"),
+        ({"mesh": {"axisymmetric": True}}, "mesh.axisymmetric", "is for triangles so far"),
     ],
-    ids=["degree", "vertices", "adapt"],
+    ids=["degree", "vertices", "adapt", "axisymmetric"],
 )
 def test_what_boxes_do_not_do_is_refused(
     changes: dict[str, Any], key: str, words: str, tmp_path: Path
@@ -179,7 +180,8 @@ def test_what_boxes_do_not_do_is_refused(
     path = write_msh(tmp_path / "square.msh", SQUARE, {**EDGES, "body": [(1, 2, 3, 4)]})
     data = {"loads": {"displacements": [{"on": "left", "value": [0.0, 0.0]}]}}
     with pytest.raises(InputError) as caught:
-        solve_adapted(pressed(str(path), 2, **data | changes))
+        place = {"mesh": {"file": str(path)} | changes.get("mesh", {})}
+        solve_adapted(pressed(str(path), 2, **data | changes | place))
     assert caught.value.key == key and words in str(caught.value)
 
 
