@@ -16,6 +16,7 @@ from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.errors import Infeasible, InputError, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
+from contact_locking.solver.equilibria.search import solve_on_branch
 from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint, explain_by_friction, is_impossible
 from contact_locking.solver.last_iterate import LastIterate
@@ -128,6 +129,10 @@ _NOT_NESTED = (
 _FACTORISED = (
     "the iterative solver of solver.linear did not converge; the direct solver took its place"
 )
+_PAST_FOLDS = (
+    "with less friction there are several solutions: the branch of solutions over the share of "
+    "friction.coefficient turns {folds} times before this one, so there may be others here as well"
+)
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 _BOUND_WAY_OUT = (
     "If the friction bound does not settle, lower friction.coefficient or enlarge "
@@ -236,6 +241,9 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
             return task.succeed()
     task.add_stage(penalty, report.tangents)
     if polish(task, _RESCUE, near=False):
+        return task.succeed()
+    if goes_on() and (folds := solve_on_branch(task)) is not None:
+        report.warnings += [_PAST_FOLDS.format(folds=folds)] if folds else []
         return task.succeed()
     if not nothing_is_admissible():
         explain_by_friction(task)

@@ -27,19 +27,22 @@ back-substitutions more than one with known bounds.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from petsc4py import PETSc
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
 from contact_locking.problem.strain_sets import NormSet
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.active_set import ActiveSet
-from contact_locking.solver.interior_point.bound_step import MovingBound
+from contact_locking.solver.interior_point.bound_step import BoundLaw, MovingBound
+from contact_locking.solver.interior_point.centred import centred
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.contact_nodes import ContactNodes
-from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.farkas import excluded_factor
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.iterate import Iterate
@@ -161,6 +164,27 @@ class InteriorPoint:
                 family.write(found, self._task.target.young)
             found.add_up(system.data)
         return found
+
+    def linearised_bounds(self) -> list[BoundLaw]:
+        """The laws of all friction bounds, linearised with the tangent at the end of a solve.
+
+        The bounds do not move with the displacement, so that :meth:`respond` is the response of
+        Tresca's problem.  Empty where nothing touches.  Collective.
+        """
+        bounds = [bound for bound in self._families.bounds if bound.friction.takes_part]
+        if self.is_elastic or not bounds:
+            return []
+        for family, pair in zip(self._families.every, self._last().cones, strict=True):
+            if pair is not None:
+                family.x, family.z = centred(family, pair)
+        for bound in bounds:
+            bound.friction.growth = np.zeros(len(bound.friction.weights))
+        self._iterate.linearise()
+        return [BoundLaw(bound, 1.0) for bound in bounds]
+
+    def respond(self, reactions: Sequence[Reaction]) -> FloatArray:
+        """The displacement that answers reactions, by the tangent linearised last; collective."""
+        return self._tangent.respond(reactions, self._task.settings.tolerance)
 
     def _last(self) -> LastIterate:
         if self._pieces is not None:
