@@ -15,6 +15,7 @@ from contact_locking.results.solution import StudySolution
 from contact_locking.solver.interior_point import method
 from contact_locking.solver.interior_point.bound_step import BoundStep
 from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.study_file.parameters import Parameters
 
 
@@ -75,9 +76,9 @@ def test_short_steps_set_the_bound_where_it_is_nearly_right(
     failures: list[NotConverged] = []
     solve = method.InteriorPoint.solve
 
-    def noting(self: method.InteriorPoint) -> object:
+    def noting(self: method.InteriorPoint, last: LastIterate | None) -> object:
         try:
-            return solve(self)
+            return solve(self, last)
         except NotConverged as failure:
             failures.append(failure)
             raise

@@ -148,8 +148,13 @@ class ActiveSet:
         return self._solve_or_restore(is_linearised=False)
 
     def knows(self, last: LastIterate) -> bool:
-        """Whether a solution has the cones of these families, as many as now; collective."""
+        """Whether it is worth to go on from a solution, with as many cones as now; collective.
+
+        In 3D so many cells reach their limit or leave it in a step that it takes more tangents.
+        """
         families = list(self._laws)
+        if self._task.system.dim == 3 and any(not f.stops_rigid_motions for f in families):
+            return False
         fits = len(families) == len(last.cones) and all(
             pair is None or pair[1].shape == family.z.shape
             for family, pair in zip(families, last.cones, strict=True)

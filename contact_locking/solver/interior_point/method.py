@@ -293,6 +293,7 @@ class InteriorPoint:
             self.from_last = self._take(pieces, pieces.from_last(last))
             if self.from_last:
                 return True
+        if last is not None:
             pieces = None
         elastic = ElasticStart(task, tangent, tuning)
         task.report.tangents += 1

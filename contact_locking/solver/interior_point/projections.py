@@ -175,6 +175,8 @@ class FrictionProjection(Projection):
         self.family: FrictionCones = family
         self._rows = slice(1, 1 + family.nodes.dim)
         self._slides_at = 1.0
+        self._along = np.zeros((family.nodes.dim, len(family.weights)))
+        self._turned = np.zeros(len(family.weights), dtype=bool)
 
     def recall(self, pair: Pair) -> None:
         self.family.z = pair[1].copy()
@@ -194,7 +196,10 @@ class FrictionProjection(Projection):
             return
         v = self._shifted()
         size = norm(v)
-        self._sticks = size <= self._slides_at * bound
+        # A node that would turn round in each step sticks instead.
+        turns_again = self._turned & self._turns(v)
+        self._turned = self._turns(v) & ~turns_again
+        self._sticks = (size <= self._slides_at * bound) | turns_again
         self._slides_at = 1.0
         self._along = v / np.maximum(size, _TINY)
         share = np.where(self._sticks, 0.0, bound / np.maximum(size, _TINY))
@@ -214,7 +219,11 @@ class FrictionProjection(Projection):
         left = v * (family.bound / np.maximum(np.maximum(family.bound, norm(v)), _TINY)) - self.y
         along = dot(self._along, left) * self._along
         sliding = along + (left - along) / self._left
-        self.rest = np.where(self._sticks, left / (self.c * self.softness), sliding)
+        self.rest = np.where(self._sticks, family.seen / self.softness, sliding)
+
+    def _turns(self, v: FloatArray) -> BoolArray:
+        """Where nodes slide against the direction of the last tangent."""
+        return np.asarray(dot(self._along, v) < 0.0)
 
     def _shifted(self) -> FloatArray:
         return np.asarray(self.y + self.c * self.family.seen)
@@ -241,7 +250,9 @@ class FrictionProjection(Projection):
         """Keep the friction within its bound, and give the family points in its cones."""
         family, bound = self.family, self.family.bound
         if family.regularisation == 0.0:
-            self.changed = _count((norm(self._shifted()) <= bound) != self._sticks)
+            v = self._shifted()
+            other = (norm(v) <= bound) != self._sticks
+            self.changed = _count(other | (self._turns(v) & ~self._sticks))
         size = norm(self.y)
         y = self.y * (bound / np.maximum(np.maximum(bound, size), _TINY))
         family.z[self._rows] = -y
