@@ -107,6 +107,36 @@ def study(arguments: argparse.Namespace) -> int:
     return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
 
 
+def fit(arguments: argparse.Namespace) -> int:
+    """Fit numbers of the file to its measured curves, and print what was found."""
+    file = _load(arguments.file, _overrides(arguments))
+    comm = world_with_dolfinx(arguments)
+    from contact_locking.results import output_folder
+    from contact_locking.running import fit as fits
+    from contact_locking.running.fit import words
+
+    directory = file.parameters.output.directory
+    arguments.left = lambda: (
+        f"the evaluations so far are in {directory}; the same command goes on from there"
+    )
+    speaks = comm.rank == 0 and not arguments.quiet
+    with (
+        _explained(file),
+        output_folder.reserved(directory, comm),
+        _monitor(arguments, comm, speaks) as monitor,
+        petsc_complaints(),
+    ):
+        found, solution = fits.fit(file.parameters, directory, comm, monitor)
+    for text in [*found["words"], *found["undetermined"]]:
+        terminal.complain(f"warning: {text}")
+    if speaks:
+        print(terminal.columns([*words.rows(found), ("results in", directory)]))
+    if found["converged"] and solution.converged:
+        return CONVERGED
+    terminal.complain(f"error: not converged: {found['reason']}")
+    return NOT_CONVERGED
+
+
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
     from contact_locking.extras.report import print_page, write_all
@@ -223,7 +253,7 @@ def schema(arguments: argparse.Namespace) -> int:
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
-    command.__name__: command for command in (new, run, study, report, view, check, mesh, schema)
+    command.__name__: command for command in (new, run, study, fit, report, view, check, mesh, schema)
 }
 
 
@@ -287,8 +317,9 @@ def _monitor(arguments: argparse.Namespace, comm: MPI.Intracomm, speaks: bool) -
         TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
     )
     with shown as monitor:
-        is_watched = arguments.progress is not None and comm.rank == 0
-        yield ProgressFile(arguments.progress, monitor) if is_watched else monitor
+        progress: Path | None = getattr(arguments, "progress", None)
+        is_watched = progress is not None and comm.rank == 0
+        yield ProgressFile(progress, monitor) if is_watched else monitor
 
 
 def _load(path: Path, overrides: Sequence[str]) -> StudyFile:
