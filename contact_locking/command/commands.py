@@ -130,7 +130,8 @@ def fit(arguments: argparse.Namespace) -> int:
     for text in [*found["words"], *found["undetermined"]]:
         terminal.complain(f"warning: {text}")
     if speaks:
-        print(terminal.columns([*words.rows(found), ("results in", directory)]))
+        print(terminal.columns(words.rows(found)))
+        print(f"results in {directory}")
     if found["converged"] and solution.converged:
         return CONVERGED
     terminal.complain(f"error: not converged: {found['reason']}")
@@ -252,8 +253,9 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
+_ALL = (new, run, study, fit, report, view, check, mesh, schema)
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
-    command.__name__: command for command in (new, run, study, fit, report, view, check, mesh, schema)
+    command.__name__: command for command in _ALL
 }
 
 
@@ -318,8 +320,7 @@ def _monitor(arguments: argparse.Namespace, comm: MPI.Intracomm, speaks: bool) -
     )
     with shown as monitor:
         progress: Path | None = getattr(arguments, "progress", None)
-        is_watched = progress is not None and comm.rank == 0
-        yield ProgressFile(progress, monitor) if is_watched else monitor
+        yield monitor if progress is None or comm.rank else ProgressFile(progress, monitor)
 
 
 def _load(path: Path, overrides: Sequence[str]) -> StudyFile:

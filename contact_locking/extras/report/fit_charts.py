@@ -43,8 +43,7 @@ def _curve(above: Axes, below: Axes, curve: Mapping[str, Any], title: str, label
     over = np.array(curve["over"] or np.arange(len(data)))
     order = np.argsort(over, kind="stable")
     sigma = curve["sigma"]
-    dots = {"color": style.BLACK, "ms": 3.0, "lw": 0.8}
-    above.errorbar(over, data, None if sigma is None else sigma, fmt="o", label="data", **dots)
+    above.errorbar(over, data, sigma, fmt="o", color=style.BLACK, ms=3.0, lw=0.8, label="data")
     above.plot(over[order], model[order], color=style.BLUE, lw=1.8, label="model", zorder=3)
     above.set_ylabel(curve["column"])
     above.set_title(title, loc="left")

@@ -42,6 +42,10 @@ class Experiment:
     sigma: Mapping[str, FloatArray]
     unused: tuple[str, ...]
 
+    def __len__(self) -> int:
+        """The rows."""
+        return len(next(iter(self.data.values())))
+
     @property
     def count(self) -> int:
         """The measured numbers."""
@@ -51,8 +55,7 @@ class Experiment:
         """The solves of this experiment: what each changes in the file, and the rows it is for."""
         keys = list(self.varied)
         if not keys:
-            length = len(next(iter(self.data.values())))
-            return [(dict(self.changes), np.arange(length))]
+            return [(dict(self.changes), np.arange(len(self)))]
         rows = np.array([self.varied[key] for key in keys])
         values, places = np.unique(rows, axis=1, return_inverse=True)
         return [
@@ -97,7 +100,8 @@ def read_experiments(parameters: Parameters) -> list[Experiment]:
         if steps is not None:
             if one.times is None:
                 raise InputError(
-                    f"{one.path} has no column t, the times at which the steps are compared", one.key
+                    f"{one.path} has no column t, the times at which the steps are compared",
+                    one.key,
                 )
             first, last = float(one.times.min()), float(one.times.max())
             if first < steps.start or last > steps.planned[-1] * (1.0 + 1e-9):
@@ -106,7 +110,7 @@ def read_experiments(parameters: Parameters) -> list[Experiment]:
                     f"{steps.start:g} to {steps.planned[-1]:g}; are the units the same?",
                     one.key,
                 )
-        if steps is None and not one.varied and len(next(iter(one.data.values()))) > 1:
+        if steps is None and not one.varied and len(one) > 1:
             raise InputError(
                 f"{one.path} has several rows, and nothing that differs between them: neither a "
                 "column t nor one with a key of the study file, as contact.gap",
@@ -151,10 +155,7 @@ def _read(curve: Curve, key: str, given: FitParameters) -> Experiment:
         if not np.all(table[name] > 0.0):
             raise InputError(f"{path}: {name} must be positive, it is a standard error", key)
     sigma = {
-        name: table[own]
-        for name in columns
-        for own in (SIGMA, f"{SIGMA}_{name}")
-        if own in table
+        name: table[own] for name in columns for own in (SIGMA, f"{SIGMA}_{name}") if own in table
     }
     return Experiment(
         key,

@@ -2,7 +2,12 @@
 
 With residuals ``r`` (m,) over their standard errors and ``J = dr/dx`` at the least squares, the
 covariance of x is ``s^2 (J^T J)^-1``.  Without standard errors the residuals themselves tell
-``s^2 = |r|^2/(m - n)``.  Searched are ``x = p/|p_0|``, or ``x = ln(p/p_0)`` with a log scale.
+``s^2 = |r|^2/(m - n)``.  Searched are ``x = (p - p_0)/0.3 |p_0|``, or ``x = ln(p/p_0)/0.3`` with
+a log scale, so that the first step changes the numbers by 30 % at most.
+
+A strain limit above all strains, or a friction bound above all tractions, is a number that nothing
+depends on any more: from there the search would not come back.  So a number that matters at the
+start has to matter at each step; a step to where it does not is taken shorter.
 """
 
 from __future__ import annotations
@@ -14,12 +19,17 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.errors import NotConverged
 
 # The search ends where a step would change the misfit by this share, or the numbers by this.
-_FTOL, _XTOL = 1e-6, 1e-6
+_FTOL, _XTOL = 1e-5, 1e-6
 _MOST_EVALUATIONS = 60
+# The change of the numbers that is 1 to the search, and so the longest first step.
+_UNIT = 0.3
+# A number has no influence if its derivatives are this share of the largest: a strain that is below
+# its limit has a multiplier on the central path.
+NO_INFLUENCE = 1e-5
 # The width of forward differences, where there are no derivatives.
 _WIDTH = 1e-3
 # A combination is not determined whose logarithm has a larger standard error than this.
@@ -40,20 +50,24 @@ class Variable:
 
     @property
     def _unit(self) -> float:
-        return abs(self.start) or 1.0
+        return _UNIT * (abs(self.start) or 1.0)
 
     def number(self, x: float) -> float:
         """p(x)."""
-        return float(self.start * np.exp(x)) if self.is_log else x * self._unit
+        if self.is_log:
+            return float(self.start * np.exp(_UNIT * x))
+        return float(self.start + self._unit * x)
 
     def searched(self, number: float) -> float:
         """x(p)."""
-        with np.errstate(divide="ignore"):
-            return float(np.log(number / self.start)) if self.is_log else number / self._unit
+        if self.is_log:
+            with np.errstate(divide="ignore"):
+                return float(np.log(number / self.start)) / _UNIT
+        return (number - self.start) / self._unit
 
     def rate(self, number: float) -> float:
         """dp/dx."""
-        return number if self.is_log else self._unit
+        return _UNIT * number if self.is_log else self._unit
 
 
 @dataclass(frozen=True)
@@ -85,7 +99,8 @@ class Estimate:
     """The numbers (n,) of least squares, with standard errors, intervals and correlations.
 
     Errors are infinite where the data do not have the number.  ``combinations`` are from the best
-    known to the least, ``at_bound`` the keys at a bound, ``misfit`` is ``|r|^2``.
+    known to the least, ``at_bound`` the keys at a bound and ``lost`` those that steps went to
+    where they do not matter.  ``misfit`` is ``|r|^2``, ``scatter`` over ``m - n``.
     """
 
     numbers: FloatArray
@@ -94,6 +109,7 @@ class Estimate:
     correlation: FloatArray
     combinations: tuple[Combination, ...]
     at_bound: tuple[str, ...]
+    lost: tuple[str, ...]
     misfit: float
     scatter: float
     converged: bool
@@ -106,19 +122,30 @@ def estimate(
     """The least squares, by SciPy's trust region method.
 
     ``has_errors`` says that the residuals are over known standard errors, ``derives`` that they
-    come with derivatives.  Raises NotConverged if there is no solution at the start, or for a difference.
+    come with derivatives.  Raises NotConverged if there is no solution at the start, or for
+    a difference.
     """
     known: dict[bytes, Residuals] = {}
+    lost: set[str] = set()
+    mattering = np.zeros(len(variables), dtype=bool)
 
     def numbers_of(x: FloatArray) -> FloatArray:
         return np.array([v.number(value) for v, value in zip(variables, x, strict=True)])
 
     def residuals(x: FloatArray) -> FloatArray:
-        found = misfit(numbers_of(x))
+        numbers = numbers_of(x)
+        found = misfit(numbers)
         if found is not None:
-            known[x.tobytes()] = found
-            return found.values
-        if not known or not derives:
+            gone = idle(found, numbers)
+            if not known:
+                mattering[:] = ~gone
+            if not np.any(gone & mattering):
+                known[x.tobytes()] = found
+                return found.values
+            lost.update(
+                v.key for v, is_gone in zip(variables, gone & mattering, strict=True) if is_gone
+            )
+        elif not known or not derives:
             raise NotConverged(
                 "a solve did not converge at the start of the fit, or beside it: give another start"
             )
@@ -171,11 +198,20 @@ def estimate(
         correlation,
         combinations(slopes / rates(numbers) * numbers, scale),
         tuple(v.key for v, side in zip(variables, found.active_mask, strict=True) if side),
+        tuple(sorted(lost)),
         total,
         scatter,
         bool(found.status > 0),
         str(found.message),
     )
+
+
+def idle(found: Residuals, numbers: FloatArray) -> BoolArray:
+    """Which numbers (n,) the residuals do not depend on; none without derivatives."""
+    if found.derivatives is None:
+        return np.zeros(len(numbers), dtype=bool)
+    size = np.linalg.norm(found.derivatives * numbers, axis=0)
+    return np.asarray(size <= NO_INFLUENCE * size.max(initial=0.0))
 
 
 def _covariance(slopes: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:

@@ -78,7 +78,9 @@ class Evaluation:
         place = np.clip(np.searchsorted(known, times) - 1, 0, max(len(known) - 2, 0))
         after = np.minimum(place + 1, len(known) - 1)
         width = known[after] - known[place]
-        share = np.where(width > 0.0, (times - known[place]) / np.where(width > 0.0, width, 1.0), 0.0)
+        share = np.where(
+            width > 0.0, (times - known[place]) / np.where(width > 0.0, width, 1.0), 0.0
+        )
 
         def between(values: FloatArray) -> FloatArray:
             rest = np.zeros((len(known) - len(values), *values.shape[1:]))
@@ -120,6 +122,7 @@ class Model:
     ) -> None:
         assert parameters.fit is not None
         self.parameters, self._comm, self._folder = parameters, comm, folder
+        self.experiments = experiments
         self.quantities = tuple(parameters.fit.quantities.items())
         self.keys = tuple(parameters.fit.parameters)
         self.cases = [

@@ -8,15 +8,13 @@ from typing import Any
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.plain_text import per_cent
+from contact_locking.plain_text import count, per_cent
 
-from .estimate import UNDETERMINED, Combination, Estimate, combinations
+from . import estimate
+from .estimate import UNDETERMINED, Combination, Estimate, Residuals, combinations
 
 # Powers below this share are left out of the name of a combination.
 _SMALL = 0.2
-# A number whose influence is this share of the largest has none: a strain that is below its limit
-# has a multiplier on the central path.
-_NO_INFLUENCE = 1e-5
 # Data and model that differ by this factor have other units.
 _OTHER_UNITS = 1e3
 # Residuals change their sign so much less often than noise, in standard deviations, if the model
@@ -35,8 +33,14 @@ def combination_name(combination: Combination, keys: Sequence[str]) -> str:
 
 def undetermined(found: Estimate, keys: Sequence[str]) -> list[str]:
     """The combinations of the numbers that the data do not determine."""
-    lost = [one for one in found.combinations if not one.error <= UNDETERMINED]
-    return [f"{combination_name(one, keys)}: {_uncertain(one.error)}" for one in lost]
+    unknown = [one for one in found.combinations if not one.error <= UNDETERMINED]
+    told = [f"{combination_name(one, keys)}: {_uncertain(one.error)}" for one in unknown]
+    return told + [
+        f"{key}: the search was stopped short of where nothing depends on it; the data may not "
+        "determine more than one bound of it"
+        for key in found.lost
+        if not found.errors[keys.index(key)] <= UNDETERMINED * abs(found.numbers[keys.index(key)])
+    ]
 
 
 def _uncertain(error: float) -> str:
@@ -45,14 +49,17 @@ def _uncertain(error: float) -> str:
     return f"its standard error is {per_cent(error)}"
 
 
-def before(by_logarithms: FloatArray, keys: Sequence[str], used: float | None) -> list[str]:
-    """What the data cannot tell by the derivatives (m, n) at the start.
+def before(
+    at_start: Residuals, numbers: FloatArray, keys: Sequence[str], used: float | None
+) -> list[str]:
+    """What the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
 
     ``used`` is the largest share of the strain limit.
     """
-    found = []
-    size = np.linalg.norm(by_logarithms, axis=0)
-    idle = size <= _NO_INFLUENCE * size.max(initial=0.0)
+    if at_start.derivatives is None:
+        return ["derivatives take solver.linear: direct; here each number takes one more solve"]
+    found, by_logarithms = [], at_start.derivatives * numbers
+    idle = estimate.idle(at_start, numbers)
     for key, is_idle in zip(keys, idle, strict=True):
         if is_idle and key.endswith("locking_limit") and used is not None and used < 1.0:
             found.append(
@@ -65,7 +72,7 @@ def before(by_logarithms: FloatArray, keys: Sequence[str], used: float | None) -
     if len(rest) > 1:
         names = [keys[i] for i in rest]
         every = combinations(by_logarithms[:, rest], 1.0)
-        least = _NO_INFLUENCE * every[0].singular
+        least = estimate.NO_INFLUENCE * every[0].singular
         found += [
             f"{combination_name(one, names)}: the data do not determine it at the start"
             for one in every
@@ -140,7 +147,6 @@ def rows(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
         bound = "at a bound" if entry["at_bound"] else ""
         table.append((key, f"{entry['value']:.6g}", told, between, bound))
     numbers = sum(len(curve["data"]) for curve in found["curves"])
-    table.append(
-        ("misfit", f"{found['misfit']:.4g}", f"of {numbers} numbers", f"{found['evaluations']} evaluations", "")
-    )
+    told = count(found["evaluations"], "evaluation")
+    table.append(("misfit", f"{found['misfit']:.4g}", f"of {numbers} numbers", told, ""))
     return table
