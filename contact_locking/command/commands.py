@@ -112,8 +112,7 @@ def fit(arguments: argparse.Namespace) -> int:
     file = _load(arguments.file, _overrides(arguments))
     comm = world_with_dolfinx(arguments)
     from contact_locking.results import output_folder
-    from contact_locking.running import fit as fits
-    from contact_locking.running.fit import words
+    from contact_locking.running.fit import session, words
 
     directory = file.parameters.output.directory
     arguments.left = lambda: (
@@ -126,7 +125,7 @@ def fit(arguments: argparse.Namespace) -> int:
         _monitor(arguments, comm, speaks) as monitor,
         petsc_complaints(),
     ):
-        found, solution = fits.fit(file.parameters, directory, comm, monitor)
+        found, solution = session.fit(file.parameters, directory, comm, monitor)
     for text in [*found["words"], *found["undetermined"]]:
         terminal.complain(f"warning: {text}")
     if speaks:
@@ -174,6 +173,7 @@ def check(arguments: argparse.Namespace) -> int:
     from contact_locking.mesh import groups
     from contact_locking.process import forecast
     from contact_locking.results import output_folder
+    from contact_locking.running.fit.curves import read_experiments
     from contact_locking.study import assembly
 
     with _explained(study):
@@ -182,6 +182,7 @@ def check(arguments: argparse.Namespace) -> int:
             from contact_locking.process import of_study
 
             of_study.require_usable_options(parameters)
+        experiments = read_experiments(parameters) if parameters.fit is not None else []
         facts = forecast.completed(assembly.check(parameters, comm), parameters, comm)
     for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")
@@ -197,6 +198,10 @@ def check(arguments: argparse.Namespace) -> int:
             cases = studies.Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
+        if parameters.fit is not None:
+            numbers = sum(one.count for one in experiments)
+            told = f"{len(parameters.fit.parameters)} to {numbers} measured numbers"
+            rows.append(("numbers to fit", told))
         rows.append(("estimated memory", expected.words()))
         print(f"{arguments.file} can be run:\n{terminal.columns(rows)}\n")
         print(terminal.columns(groups.table(table)))

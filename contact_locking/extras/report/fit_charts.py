@@ -14,8 +14,34 @@ from contact_locking.extras.pictures import style
 
 from .charts import Chart, chart
 
+# The entries of fit.json that the page and its chart take.
+_LISTS, _OF_NUMBERS = ("over", "data", "model"), ("value", "standard_error", "start")
 # More curves would be no picture.
 _MOST = 6
+
+
+def readable_fit(content: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """The content of fit.json; None without one, and for one that is damaged."""
+    if content is None:
+        return None
+    try:
+        for curve in content["curves"]:
+            sizes = {len(np.array(curve[name], dtype=float)) for name in _LISTS if curve[name]}
+            texts = [curve[name] for name in ("column", "file", "along")]
+            if len(sizes) != 1 or not all(isinstance(text, str) for text in texts):
+                return None
+            if curve["sigma"] is not None and {len(curve["sigma"])} != sizes:
+                return None
+        for entry in content["parameters"].values():
+            if len(entry["interval"]) != 2 or not {"value", "standard_error", "start"} <= set(
+                entry
+            ):
+                return None
+        told = [*content["words"], *content["undetermined"]]
+        is_whole = content["curves"] and all(isinstance(text, str) for text in told)
+        return content if is_whole and {"evaluations", "misfit"} <= set(content) else None
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return None
 
 
 def fit_chart(fit: Mapping[str, Any]) -> Chart:
@@ -51,7 +77,7 @@ def _curve(above: Axes, below: Axes, curve: Mapping[str, Any], title: str, label
     below.axhline(0.0, color=style.BLUE, lw=1.2)
     below.vlines(over, 0.0, data - model, color=style.GREY, lw=0.8)
     below.plot(over, data - model, "o", color=style.VERMILION, ms=2.5)
-    below.set_ylabel("data − model")
+    below.set_ylabel("residual")
     below.set_xlabel(curve["along"] or "row", loc="left")
     below.sharex(above)
     if labels:

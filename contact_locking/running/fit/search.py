@@ -1,4 +1,4 @@
-"""The search for the numbers of a fit: the misfit of the model, and what there is to say about it."""
+"""The search for the numbers of a fit: the misfit of the model, and what is to be said of it."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def _final_runs(
     for number, case in enumerate(last_cases.values()):
         folder = target if number == 0 else target / f"{number}-{case.experiment.path.stem}"
         given = model.parameters
-        wanted = model.case_parameters(case, found.numbers.tolist()).model_copy(
+        wanted = model.case_parameters(case, list(map(float, found.numbers))).model_copy(
             update={"sensitivities": given.sensitivities}
         )
         if number == 0:
