@@ -5,6 +5,7 @@ The curves are made on a finer mesh than that of the fit, with noise of 1 % of t
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ PAD: dict[str, Any] = {
         },
     },
     "friction": {"coefficient": "mu", "smoothing": {"kernel": "none"}},
-    "penalty": {"n": ".inf"},
+    "penalty": {"n": math.inf},
     "steps": {"times": [0.15, 0.3, 0.4, 0.5, 0.6, 0.75, 1.0]},
 }
 
@@ -94,7 +95,7 @@ def test_a_model_without_the_limit_is_seen_by_its_residuals(
     clean: FloatArray, tmp_path: Path
 ) -> None:
     keys = ["material.elasticity.young", "parameters.mu"]
-    unlimited = PAD["material"] | {"locking_limit": ".inf"}
+    unlimited = PAD["material"] | {"locking_limit": math.inf}
     one = search(clean, 0, keys, tmp_path, material=unlimited)
     told = one.content(one.run())["words"]
     assert any("times their standard errors" in text for text in told)
