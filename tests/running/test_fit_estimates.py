@@ -138,17 +138,19 @@ def test_a_wrong_model_is_seen_by_the_signs_of_its_residuals() -> None:
     noise = np.random.default_rng(6).standard_normal(60)
     assert abs(words.runs_of(noise)[0]) < 2.6
     bent = np.linspace(-1.0, 1.0, 60) ** 2 - 0.33
-    (told,) = words.about_residuals("force", bent, 10.0 * np.ones(60), None)
+    (told,) = words.about_residuals("force", bent, 10.0 * np.ones(60), None, 1.0)
     assert "change their sign 2 times, noise would do so about" in told
-    assert words.about_residuals("force", noise, 50.0 * np.ones(60), None) == []
+    assert words.about_residuals("force", noise, 50.0 * np.ones(60), None, 1.0) == []
     # What is below the tolerance of the solver is no noise.
-    assert words.about_residuals("force", 1e-6 * bent, np.ones(60), None) == []
+    assert words.about_residuals("force", 1e-6 * bent, np.ones(60), None, 1.0) == []
 
 
 def test_residuals_above_their_errors_are_told() -> None:
     noise = 3.0 * np.random.default_rng(6).standard_normal(60)
-    (told,) = words.about_residuals("force", noise, 50.0 * np.ones(60), 9.0)
-    assert "3.0 times their standard errors" in told
+    ones = np.ones(60)
+    (told,) = words.about_residuals("force", noise, 50.0 * ones, ones, 1.0)
+    assert "times their standard errors" in told
+    assert words.about_residuals("force", noise / 3.0, 50.0 * ones, ones, 1.0) == []
 
 
 def test_units_that_do_not_belong_together_are_told() -> None:

@@ -49,10 +49,23 @@ PAD: dict[str, Any] = {
 }
 
 
+# So deep that the limit makes a third of the force.
+DEEPER: dict[str, Any] = {
+    "on": "top",
+    "foundation": PAD["contact"]["foundation"]
+    | {"motion": ["0.06*max(t-0.5, 0)", "-0.036*min(2*t, 1)"]},
+}
+
+
 @pytest.fixture(scope="module")
 def clean() -> FloatArray:
+    """The curves of the pad."""
+    return curves()
+
+
+def curves(**changes: Any) -> FloatArray:
     """Rows of time, press and drag on the finer mesh."""
-    fine = from_mapping(PAD | {"mesh": PAD["mesh"] | {"h": 0.0625}})
+    fine = from_mapping(PAD | changes | {"mesh": PAD["mesh"] | {"h": 0.0625}})
     rows = [
         [solution.time, *(value_of(name, solution) for name in QUANTITIES.values())]
         for solution in solve_steps(fine)
@@ -91,13 +104,10 @@ def test_the_numbers_of_twenty_noisy_pads_lie_within_two_errors(
     assert np.mean(inside) >= 0.9
 
 
-def test_a_model_without_the_limit_is_seen_by_its_residuals(
-    clean: FloatArray, tmp_path: Path
-) -> None:
+def test_a_model_without_the_limit_is_seen_by_its_residuals(tmp_path: Path) -> None:
+    clean = curves(contact=DEEPER)
     keys = ["material.elasticity.young", "parameters.mu"]
     unlimited = PAD["material"] | {"locking_limit": math.inf}
-    one = search(clean, 0, keys, tmp_path, material=unlimited)
+    one = search(clean, 0, keys, tmp_path, contact=DEEPER, material=unlimited)
     told = one.content(one.run())["words"]
     assert any("times their standard errors" in text for text in told)
-    whole = search(clean, 0, list(TRUTH), tmp_path)
-    assert whole.content(whole.run())["words"] == []

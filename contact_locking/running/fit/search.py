@@ -152,9 +152,10 @@ class Search:
         """The content of fit.json."""
         keys, told = self._keys, list(self._said)
         compared = self.compared(found.numbers)
+        free = 1.0 - len(keys) / sum(len(one.data) for one in compared)
         for one in compared:
-            scatter = None if one.sigma is None else found.scatter
-            told += words.about_residuals(one.name, one.model - one.data, one.data, scatter)
+            left = one.model - one.data
+            told += words.about_residuals(one.name, left, one.data, one.sigma, free)
         return {
             "parameters": {
                 variable.key: {

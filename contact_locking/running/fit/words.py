@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from contact_locking.arrays import FloatArray
 from contact_locking.plain_text import count, per_cent
@@ -20,6 +21,8 @@ _OTHER_UNITS = 1e3
 # Residuals change their sign so much less often than noise, in standard deviations, if the model
 # lacks something.  It tells where they are this share of the largest of the data.
 _TOO_FEW_RUNS, _NOISE = -2.6, 1e-3
+# Residuals that noise would make so rarely are no noise.
+_BY_CHANCE = 1e-3
 
 
 def combination_name(combination: Combination, keys: Sequence[str]) -> str:
@@ -95,15 +98,20 @@ def about_units(column: str, data: FloatArray, model: FloatArray) -> list[str]:
 
 
 def about_residuals(
-    column: str, residuals: FloatArray, data: FloatArray, scatter: float | None
+    column: str, residuals: FloatArray, data: FloatArray, sigma: FloatArray | None, free: float
 ) -> list[str]:
-    """Whether the residuals are noise; ``scatter`` is ``|r|^2/(m - n)`` with standard errors."""
+    """Whether the residuals (k,) are noise, with standard errors if they are known.
+
+    ``free`` is the share of the data that no fitted number has used up.
+    """
     told = []
-    if scatter is not None and scatter > 4.0:
-        told.append(
-            f"{column}: the residuals are {np.sqrt(scatter):.1f} times their standard errors; the "
-            "model lacks something, or the errors are larger"
-        )
+    if sigma is not None:
+        total, freedom = float(np.sum((residuals / sigma) ** 2)), free * len(residuals)
+        if freedom > 0.0 and chi2.sf(total, freedom) < _BY_CHANCE:
+            told.append(
+                f"{column}: the residuals are {np.sqrt(total / freedom):.1f} times their standard "
+                "errors; the model lacks something, or the errors are larger"
+            )
     size = float(np.sqrt(np.mean(residuals**2)))
     z, runs, expected = runs_of(residuals)
     if z < _TOO_FEW_RUNS and size > _NOISE * float(np.max(np.abs(data))):
