@@ -14,7 +14,7 @@ from contact_locking.running.fit.estimate import Residuals, Variable, estimate
 
 pytestmark = pytest.mark.serial
 
-T = np.linspace(0.1, 3.0, 40)
+T: FloatArray = np.linspace(0.1, 3.0, 40)
 NOISE = 0.01
 
 
@@ -114,7 +114,7 @@ def test_the_search_does_not_leave_what_matters() -> None:
     def misfit(numbers: FloatArray) -> Residuals:
         young, limit = numbers
         over = np.maximum(T - limit, 0.0)
-        slopes = np.array([T + over**2, -2.0 * young * over]).T
+        slopes = np.array([T + over**2, -2.0 * young * over], dtype=float).T
         return Residuals(young * (T + over**2) - data, slopes)
 
     variables = [variable("E", 10.0), variable("m", 2.5)]
