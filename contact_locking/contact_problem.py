@@ -28,7 +28,7 @@ from contact_locking.problem.limits import Limit
 from contact_locking.process.judgement import solution_of
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
-from contact_locking.solver.task import Settings
+from contact_locking.solver.task import Settings, SolverReport
 from contact_locking.supports.conditions import constrain
 from contact_locking.supports.supports import Support
 
@@ -85,6 +85,10 @@ class ContactProblem:
         of_contacts = [
             places.add(item.on, f"contacts.{number}") for number, item in enumerate(contacts)
         ]
+        of_others = [
+            None if item.against is None else places.add(item.against, f"contacts.{number}.against")
+            for number, item in enumerate(contacts)
+        ]
         of_supports = [
             places.add(item.on, f"supports.{number}") for number, item in enumerate(supports)
         ]
@@ -95,8 +99,10 @@ class ContactProblem:
             for number, (item, names) in enumerate(zip(supports, of_supports, strict=True))
         ]
         placed = [
-            dataclasses.replace(item, on=names, key=f"contacts.{number}")
-            for number, (item, names) in enumerate(zip(contacts, of_contacts, strict=True))
+            dataclasses.replace(item, on=names, against=others, key=f"contacts.{number}")
+            for number, (item, names, others) in enumerate(
+                zip(contacts, of_contacts, of_others, strict=True)
+            )
         ]
         given = [item for item in bcs if not isinstance(item, Support)]
         body = Body(
@@ -139,12 +145,7 @@ class ContactProblem:
         that does not converge returns its last state, with ``converged`` False and the reason in
         the summary.  Raises InputError for present data that cannot be used.
         """
-        problem, solver = self._discrete, self._solver
-        problem.enter(problem.at_rest() if after is None else after.state.contacts)
-        problem.refresh()
-        solver.begin()
-        begin = after or start
-        report = solver.solve(None if begin is None else begin.state.saved)
+        solver, report = self._solver, self._solve(after, after or start)
         state = solver.state(report)
         judged = certify(state, extras or Extras()) if certificate else None
         # Derivatives of a step need those of the memory that it began with.
@@ -152,6 +153,36 @@ class ContactProblem:
         solution = solution_of(state, judged, derivatives)
         solution.summary["warnings"] += solver.unused_options()
         return solution
+
+    def equilibria(
+        self, find: int = 5, after: Solution | None = None, extras: Extras | None = None
+    ) -> list[Solution]:
+        """The solution for the present data, and others beside it, ``find`` at most.
+
+        The others are on the branch of solutions over the share of friction, or found by deflation;
+        each has a certificate, and the ``index`` of its summary is +1, -1 or 0.  There is one
+        solution in the list if no other was found, which does not say that there is none, or if
+        it has not converged.  Raises InputError for present data that cannot be used, or where
+        there is no map of the friction bounds.
+        """
+        solver, report = self._solver, self._solve(after, after)
+        found: list[Solution] = []
+        if not report.converged:
+            state = solver.state(report)
+            return [solution_of(state, certify(state, extras or Extras()))]
+        for item in solver.equilibria(report, find):
+            state = solver.state(item.report)
+            solution = solution_of(state, certify(state, extras or Extras()))
+            solution.summary["index"] = item.index
+            found.append(solution)
+        return found
+
+    def _solve(self, after: Solution | None, begin: Solution | None) -> SolverReport:
+        problem, solver = self._discrete, self._solver
+        problem.enter(problem.at_rest() if after is None else after.state.contacts)
+        problem.refresh()
+        solver.begin()
+        return solver.solve(None if begin is None else begin.state.saved)
 
     def close(self) -> None:
         """Destroy the PETSc objects."""

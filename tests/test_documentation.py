@@ -16,7 +16,7 @@ import generated_reference
 import pytest
 from mpi4py import MPI
 
-from contact_locking import from_mapping, solve, solve_steps
+from contact_locking import find_equilibria, from_mapping, solve, solve_steps
 from contact_locking.command import cli
 from contact_locking.mesh.xdmf_mesh import from_xdmf
 from contact_locking.results.summary import summary_text
@@ -84,8 +84,8 @@ def test_study_files_in_the_pages_are_valid(page: str, tmp_path: Path) -> None:
     for block in blocks(page, "yaml"):
         file = tmp_path / "study.yml"
         file.write_text(block, encoding="utf-8")
-        for name in re.findall(r"file: (\w+\.(?:msh|csv))", block):
-            (tmp_path / name).touch()
+        for name in re.findall(r"file: (\w+\.(?:msh|csv|npy))", block):
+            (tmp_path / name).write_text("0", encoding="utf-8")
         from_mapping(read(file).data, tmp_path)
 
 
@@ -120,12 +120,14 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
         },
         "friction": {"coefficient": 0.3, "smoothing": {"radius": 0.5}},
         "penalty": {"n": 1e4},
-        "certificate": {"limit": True, "error_bound": True},
+        "certificate": {"limit": True, "error_bound": True, "critical_friction": True},
         "sensitivities": {"of": "compliance", "to": "friction.coefficient"},
     }
     adapted = solve(from_mapping(given | {"adapt": {"max_meshes": 1}}))
     (step,) = solve_steps(from_mapping(given | {"steps": {"times": [1.0]}}))
-    found = adapted.summary | {"steps": step.summary["steps"], "x": float("inf")}
+    (one,) = find_equilibria(from_mapping(given | {"equilibria": {"find": 1}}))
+    several = {key: one.summary[key] for key in ("index", "equilibria")}
+    found = adapted.summary | {"steps": step.summary["steps"], "x": float("inf")} | several
     summary = json.loads(summary_text(found))
     del summary["x"]
     page = generated_reference.fill((DOCS / "reference" / "summary.md").read_text())

@@ -12,6 +12,7 @@ from contact_locking.certificate.balances import equilibrium
 from contact_locking.certificate.bounds import proved_bounds
 from contact_locking.certificate.constants import constants
 from contact_locking.certificate.criteria import Criterion, complaints
+from contact_locking.certificate.critical_friction import critical_friction
 from contact_locking.certificate.elliptic import Lifting, NotApplicable
 from contact_locking.certificate.guaranteed import guaranteed_error, limit_load
 from contact_locking.certificate.indicator import ErrorIndicator, cell_field, error_indicator
@@ -28,7 +29,8 @@ class Certificate:
     of the contributions of the cells to the guaranteed bound, and is None without this bound.
     ``reactions`` has the reactions of each boundary part with prescribed displacements.
     ``limit_load`` tells which multiples of the prescribed displacements the body can follow; None
-    if nobody asks, or if no prescribed displacement differs from zero.
+    if nobody asks, or if no prescribed displacement differs from zero.  ``critical_friction`` is
+    None if nobody asks.
     """
 
     criteria: dict[str, Criterion]
@@ -40,6 +42,7 @@ class Certificate:
     indicator: ErrorIndicator | None
     error_bound: fem.Function | None
     limit_load: dict[str, Any] | None
+    critical_friction: dict[str, Any] | None = None
 
     @property
     def residual(self) -> float:
@@ -59,14 +62,14 @@ class Certificate:
 
     def summary(self) -> dict[str, Any]:
         """The key ``certificate`` of summary.json."""
-        body = {} if self.limit_load is None else {"limit_load": self.limit_load}
+        asked = {"limit_load": self.limit_load, "critical_friction": self.critical_friction}
         return {
             "criteria": {name: item.summary() for name, item in self.criteria.items()},
             "bounds": self.bounds,
             "constants": self.constants,
             "resultants": self.resultants,
             "errors": self.errors,
-            **body,
+            **{name: entry for name, entry in asked.items() if entry is not None},
         }
 
 
@@ -78,10 +81,14 @@ def is_solved(state: SolvedState) -> bool:
 
 @dataclass(frozen=True)
 class Extras:
-    """What a certificate has on demand: constants of the theory, and a guaranteed error bound."""
+    """What a certificate has on demand.
+
+    These are constants of the theory, a guaranteed error bound, and the critical friction.
+    """
 
     constants: bool = False
     error_bound: bool = False
+    critical_friction: bool = False
 
 
 def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
@@ -116,6 +123,7 @@ def certify(state: SolvedState, extras: Extras = Extras()) -> Certificate:
         indicator=indicator,
         error_bound=shares,
         limit_load=limit_load(state) if wanted else None,
+        critical_friction=critical_friction(state) if extras.critical_friction else None,
     )
 
 

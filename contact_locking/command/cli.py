@@ -106,7 +106,9 @@ def parser() -> argparse.ArgumentParser:
     one = add("view", "Show the result of a run in a window, where there is a screen.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results of a run")
     add_for_file("check", "Check a study file and list what would run, without a solve.")
-    one = add_for_file("mesh", "Write the mesh of a study file as a Gmsh or XDMF file.")
+    one = add_for_file(
+        "mesh", "Write the mesh of a study file, or of another program, as a Gmsh or XDMF file."
+    )
     one.add_argument("-o", "--output", metavar="FILE", type=Path, required=True)
     one = add("schema", "Print every key with its default, unit and description.")
     one.add_argument("--json", action="store_true", help="as JSON schema, for editors")

@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
     study = _load(arguments.file, _overrides(arguments))
     comm = world_with_dolfinx(arguments)
-    from contact_locking.process import adaptivity
+    from contact_locking.process import adaptivity, solving
     from contact_locking.results import in_words, output_folder
     from contact_locking.running import writing
     from contact_locking.running.process import run_steps
@@ -70,7 +70,13 @@ def run(arguments: argparse.Namespace) -> int:
         if speaks and parameters.study is not None:
             print("The file describes a study; run solves its base case.")
         with _monitor(arguments, comm, speaks) as monitor, petsc_complaints():
-            if parameters.steps is None:
+            if parameters.equilibria is not None:
+                if restart is not None:
+                    raise InputError("does not go with --restart", "equilibria")
+                found = solving.find_equilibria(parameters, comm, monitor, arguments.petsc)
+                solution = found[0]
+                warnings = writing.write_equilibria(found, directory, save_state)
+            elif parameters.steps is None:
                 solution = adaptivity.solve(parameters, comm, monitor, arguments.petsc, restart)
                 warnings = writing.write(solution, directory, save_state)
             else:
@@ -82,8 +88,9 @@ def run(arguments: argparse.Namespace) -> int:
     if speaks:
         outcome = [*in_words.rows(solution.summary), ("results in", str(directory))]
         print(terminal.columns(outcome))
-        if derived := in_words.sensitivities(solution.summary):
-            print(terminal.columns(derived))
+        for table in (in_words.equilibria, in_words.sensitivities):
+            if rows := table(solution.summary):
+                print(terminal.columns(rows))
     if solution.converged:
         return CONVERGED
     reason, way_out = solution.summary["reason"], solution.summary["suggestion"]
@@ -209,7 +216,15 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def mesh(arguments: argparse.Namespace) -> int:
-    """Write the mesh of the study file: of its builder for Gmsh, and any mesh as XDMF."""
+    """Write the mesh of a study file or of another program as a file that is read."""
+    from contact_locking.mesh.file import conversion
+
+    if arguments.file.suffix.lower() in conversion.ENDINGS:
+        if terminal.is_root():
+            for warning in conversion.convert(arguments.file, arguments.output):
+                terminal.complain(f"warning: {warning}")
+            print(f"{arguments.output}: written")
+        return 0
     study = _load(arguments.file, arguments.set)
     from contact_locking.mesh.file.xdmf_grids import is_xdmf
 

@@ -57,7 +57,7 @@ def solver_of(
 def extras_of(parameters: Parameters) -> Extras:
     """The extra parts of the certificate that a study file requests."""
     wanted = parameters.certificate
-    return Extras(wanted.constants, wanted.error_bound)
+    return Extras(wanted.constants, wanted.error_bound, wanted.critical_friction)
 
 
 def of_study(problem: StudyProblem, solution: Solution) -> StudySolution:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
 
 from dolfinx import fem
 
@@ -16,6 +17,7 @@ from contact_locking.problem.loose_motion import LooseMotion
 from contact_locking.problem.parts import loose_fields
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.lazy import LazyDerivatives
+from contact_locking.solver.equilibria.search import Equilibrium, equilibria
 from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.strategy import solve as solve_system
@@ -77,6 +79,14 @@ class ProblemSolver:
         task = Task(self.system, self.target, self.settings, self._monitor)
         return solve_system(self._method, task, saved)
 
+    def equilibria(self, report: SolverReport, most: int) -> Iterator[Equilibrium]:
+        """The solution of a report, and up to ``most - 1`` others; collective.
+
+        Each is in the system in its turn.  Raises InputError where they cannot be searched.
+        """
+        task = Task(self.system, self.target, self.settings, self._monitor, report)
+        yield from equilibria(task, most)
+
     def derivatives(self, report: SolverReport) -> LazyDerivatives:
         """The derivatives of the solution of a report, until the next solve."""
         if self._derivatives is not None and self._derivatives.report is report:
@@ -123,6 +133,14 @@ def _loose_motion(problem: DiscreteProblem) -> LooseMotion | None:
 
 def _linear(problem: DiscreteProblem, linear: str) -> str:
     """The linear solver, with the choice for this body made; collective."""
+    if problem.data.jumps:
+        # Multigrid and its filter know nothing of entries between two bodies.
+        if linear == "iterative":
+            raise InputError(
+                "iterative is not there for two bodies that touch each other; take direct",
+                "solver.linear",
+            )
+        return "direct"
     domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
     compact = domain.compact_size(size * domain.dim, problem.element.degree)
     return chosen(linear, domain.dim, compact)

@@ -17,7 +17,7 @@ from contact_locking.certificate.penalty_error import distance
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
-from contact_locking.process import checkpoint, forecast
+from contact_locking.process import checkpoint, forecast, several
 from contact_locking.process.checkpoint.restart import solved_already, told
 from contact_locking.process.checkpoint.saved_steps import saved_steps
 from contact_locking.process.judgement import solution_of
@@ -68,6 +68,41 @@ def solve_steps(
     again, and the process goes on from the last of them.  Raises InputError for data that cannot be
     used.
     """
+    return _judged(parameters, comm, monitor, petsc_options, restart, domain)
+
+
+def find_equilibria(
+    parameters: Parameters,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+    monitor: Monitor | None = None,
+    petsc_options: Mapping[str, Any] | None = None,
+    domain: Domain | None = None,
+) -> list[StudySolution]:
+    """The solution of (25)/(26), and others, ``equilibria.find`` at most; collective.
+
+    The first is that of :func:`solve`.  Each is certified.  The entry ``equilibria`` of the first
+    summary has a row for each, and says by their indices whether some are missing; nothing proves
+    that none is.  Without the section ``equilibria`` there is one solution.  Raises InputError
+    for data that cannot be used, or where there is no map of the friction bounds.
+    """
+    given = parameters.equilibria
+    most = None if given is None else given.find
+    found = list(_judged(parameters, comm, monitor, petsc_options, None, domain, most))
+    if given is not None and found[0].converged:
+        found[0].summary["equilibria"] = several.entry(found)
+    return found
+
+
+def _judged(
+    parameters: Parameters,
+    comm: MPI.Intracomm,
+    monitor: Monitor | None,
+    petsc_options: Mapping[str, Any] | None,
+    restart: str | Path | None,
+    domain: Domain | None,
+    most: int | None = None,
+) -> Iterator[StudySolution]:
+    """The solutions of a study, with what is measured beside them; collective."""
     monitor = Attentive(monitor or Monitor())
     start = time.perf_counter()
     if restart is not None:
@@ -79,7 +114,7 @@ def solve_steps(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for warning in problem.warnings:
         monitor.message(f"warning: {warning}")
-    for solution in _solutions(problem, monitor, petsc_options, restart):
+    for solution in _solutions(problem, monitor, petsc_options, restart, most):
         for warning in solution.summary["warnings"]:
             monitor.message(f"warning: {warning}")
         if parameters.certificate.limit and solution.converged:
@@ -116,12 +151,13 @@ def _solutions(
     monitor: Monitor,
     petsc_options: Mapping[str, Any] | None,
     restart: str | Path | None,
+    most: int | None = None,
 ) -> Iterator[StudySolution]:
-    """The solutions of an assembled problem; collective."""
+    """The solutions of an assembled problem: of the steps, one, or ``most`` at most; collective."""
     if problem.parameters.steps is not None:
         saved = [] if restart is None else saved_steps(Path(restart))
         return Steps(problem, monitor, petsc_options, saved)
-    return iter([_static(problem, monitor, petsc_options, restart)])
+    return _static(problem, monitor, petsc_options, restart, most)
 
 
 def _static(
@@ -129,8 +165,9 @@ def _static(
     monitor: Monitor,
     petsc_options: Mapping[str, Any] | None,
     restart: str | Path | None,
-) -> StudySolution:
-    """The solution of a problem without steps; collective."""
+    most: int | None,
+) -> Iterator[StudySolution]:
+    """The solution of a problem without steps, and others, ``most`` in all; collective."""
     saved = None if restart is None else checkpoint.read(restart, problem)
     solver = solver_of(problem, monitor, petsc_options)
     report = saved and solved_already(saved, problem, solver)
@@ -146,9 +183,20 @@ def _static(
         solution.summary |= sensitivities.of(solver.derivatives(report).made, state.contacts)
         sensitivities.close()
     solution.summary["restart"] = None if restart is None else told(restart, report)
+    if most is None or not solution.converged:
+        yield solution
+    else:
+        for number, found in enumerate(solver.equilibria(report, most)):
+            if number > 0:
+                monitor.message(f"another solution: {number + 1} so far")
+                state = solver.state(found.report)
+                judged = certify(state, extras_of(problem.parameters))
+                solution = of_study(problem, solution_of(state, judged))
+                solution.summary["restart"] = None
+            solution.summary["index"] = found.index
+            yield solution
     solver.close()
     problem.close()
-    return solution
 
 
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:

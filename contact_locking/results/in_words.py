@@ -77,9 +77,11 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("proved", _proved(summary)),
         ("guaranteed bound", None if bound.get("applicable", True) else bound["reason"]),
         ("limit load", _limit_load(certificate.get("limit_load"))),
+        ("critical friction", _critical_friction(certificate.get("critical_friction"))),
         ("estimated", _estimated(summary)),
         ("weakest number", _weakest(summary)),
         ("uniqueness", _uniqueness(certificate["constants"]["uniqueness"])),
+        ("solutions found", _several(summary.get("equilibria"))),
         ("size", f"{', '.join(sizes)}; elements of degree {element['degree']}{body}"),
         ("iterations", ", ".join(counts)),
         ("time", f"{summary['wall_seconds']:.1f} s"),
@@ -96,12 +98,48 @@ def _quantities(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
             yield quantity.name, value_in_words(quantity, summary[key], summary.get(f"{key}_at"))
 
 
+def _critical_friction(found: Mapping[str, Any] | None) -> str | None:
+    """The friction at which the linearised problem is singular."""
+    if found is None:
+        return None
+    if found["share"] is None:
+        return str(found["reason"])
+    mu = "" if found["coefficient"] is None else f", the coefficient {found['coefficient']:.4g}"
+    return (
+        f"{found['share']:.4g} times the given friction{mu}: there the linearised problem is "
+        "singular"
+    )
+
+
 def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None = None) -> str:
     """A value of a quantity in words, with its place if it has one."""
     if quantity.share_of:
         return f"{per_cent(value)} of {quantity.share_of}"
     words = _vector(value) if isinstance(value, list) else f"{value:.4g}"
     return words if place is None else f"{words} {quantity.at} {_vector(place)}"
+
+
+def _several(found: Mapping[str, Any] | None) -> str | None:
+    return None if found is None else f"{found['found']}; {found['missing']}"
+
+
+def equilibria(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The table of several solutions of one problem; none without them."""
+    found = summary.get("equilibria")
+    if not found:
+        return []
+    head = ("equilibria", "contact force", "friction force", "elastic energy", "index")
+    rows = [
+        (
+            entry["folder"],
+            _vector(entry["contact_force"]),
+            _vector(entry["friction_force"]),
+            f"{entry['elastic_energy']:.4g}",
+            f"{entry['index']:+d}",
+        )
+        for entry in found["solutions"]
+    ]
+    return [head, *rows]
 
 
 def sensitivities(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:

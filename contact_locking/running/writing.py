@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from contact_locking.extras import pictures, report
 from contact_locking.files import atomic, ownership
 from contact_locking.files.lock import make_folders
 from contact_locking.process import checkpoint as checkpoints
+from contact_locking.process import several
 from contact_locking.results import adapted_meshes, contact_table, fields, probe_table, xdmf
 from contact_locking.results.freed_memory import return_freed_memory
 from contact_locking.results.names import (
@@ -135,11 +136,27 @@ def write(
                 (staging / ANIMATION).write_bytes(animation)
             adapted_meshes.save(solution.meshes, staging / MESHES)
             report.discard(target)
+            for other in target.glob(several.folder_of("*")):
+                ownership.discard(other)
             ownership.replace(target, staging, FILES_OF_RUN, KEY)
 
         on_root_of(comm, target, finish)
     if refused:
         raise NoRoom(f"{'; '.join(refused)}; all other results are in {target}\n{MAKE_ROOM}")
+    return warnings
+
+
+def write_equilibria(
+    solutions: Sequence[StudySolution], directory: str | Path, checkpoint: bool = False
+) -> list[str]:
+    """Write several solutions of one problem, as :func:`write`, and return the warnings.
+
+    The first is in the folder itself, the others below it; collective.
+    """
+    target = Path(directory)
+    warnings = write(solutions[0], target, checkpoint)
+    for number, solution in enumerate(solutions[1:], start=2):
+        warnings += write(solution, target / several.folder_of(number), checkpoint)
     return warnings
 
 

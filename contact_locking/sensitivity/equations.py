@@ -18,13 +18,11 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
-from contact_locking.parallel import maximum
 from contact_locking.problem.system import PenalisedSystem
 from contact_locking.solver.interior_point.bound_step import MovingBound
+from contact_locking.solver.interior_point.centred import centred
 from contact_locking.solver.interior_point.family import Family
-from contact_locking.solver.interior_point.friction_cones import FrictionCones
-from contact_locking.solver.interior_point.locking_cones import LockingCones
-from contact_locking.solver.interior_point.lorentz import aligned, norm
+from contact_locking.solver.interior_point.lorentz import norm
 from contact_locking.solver.interior_point.method import Families, families_of
 from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.task import Target
@@ -89,7 +87,7 @@ class Equations:
             family.takes_part = cones is not None
             family.look(self.displacement)
             if cones is not None:
-                family.x, family.z = _centred(family, cones)
+                family.x, family.z = centred(family, cones)
                 self.families.append(family)
         self.bounds = [bound for bound in self._all.bounds if bound.friction.takes_part]
 
@@ -130,17 +128,3 @@ class Equations:
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._all.destroy()
-
-
-def _centred(family: Family, cones: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Points and multipliers on the central path, near by; collective.
-
-    Off the path the scaling is no derivative: transverse to a strain at its limit it would be wrong
-    by the root of the ratio of the two products of its cone.
-    """
-    if isinstance(family, FrictionCones):
-        slips, bounds = (values[0] / (maximum(family.comm, values[0]) or 1.0) for values in cones)
-        return aligned(cones, slips >= bounds)
-    if isinstance(family, LockingCones):
-        return aligned(cones, np.ones(len(family.weights), dtype=bool))
-    return cones

@@ -89,7 +89,8 @@ def _polyline(given: tuple[tuple[float, ...], ...] | str, placement: Placement) 
 def _surface(given: rigid_body.Surface, placement: Placement) -> Foundation:
     shift = given.shift or (0.0, 0.0, 0.0)
     found = on_root(
-        placement.comm, lambda: read_surface(Path(given.file), given.scale, shift, given.turned)
+        placement.comm,
+        lambda: read_surface(Path(given.file), given.scale, shift, given.turned, given.spacing),
     )
     placement.warnings += [f"{placement.key}.surface: {text}" for text in found.warnings]
     return TriangulatedSurface(found.points, found.triangles)

@@ -1,4 +1,4 @@
-"""V23 and V26: a plate of code_aster's tests that slides, and partial slip of a sphere in 3D."""
+"""V23, V26, V37: a plate that slides, and a sphere in 3D that slips in part or turns."""
 
 from __future__ import annotations
 
@@ -122,3 +122,45 @@ def test_v26_partial_slip_of_a_sphere(found: list[Row]) -> None:
         assert c / a == pytest.approx(exact, rel=0.02)
         # Some ten nodes are along the radius.
         assert stick / by_area == pytest.approx(exact, rel=0.04)
+
+
+@pytest.mark.slow
+def test_v37_the_torque_that_turns_a_sphere_on_a_block(found: list[Row]) -> None:
+    """Where all slips, Hertz's pressure over a circle of radius a resists ``3 pi/16 mu N a``.
+
+    N and a, by the second moment of the pressure, are those of the solution, as the block is no
+    half-space.
+    """
+    mu, sphere = 0.3, 2.0
+    data: dict[str, Any] = {
+        "mesh": {
+            "builder": "block", "dim": 3, "size": [2.0, 2.0, 1.0], "h": 0.5, "h_contact": 0.12,
+        },
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": math.inf},
+        "loads": {"displacements": [{"on": "top", "value": [0, 0, 0]}]},
+        "contact": {
+            "on": "bottom",
+            "foundation": {
+                "sphere": {"centre": [1.0, 1.0, -sphere], "radius": sphere},
+                "motion": {
+                    "translation": [0, 0, "0.045*min(t, 1)"],
+                    "rotation": [0, 0, "0.3*max(t - 1, 0)"],
+                    "about": [1.0, 1.0, -sphere],
+                },
+            },
+        },
+        "friction": {"coefficient": mu, "smoothing": {"kernel": "none"}},
+        "steps": {"times": [1.0, 2.0]},
+    }  # fmt: skip
+    pressed, turned = Steps(assemble(with_changes(data), MPI.COMM_WORLD))
+    assert pressed.converged and turned.converged
+    assert abs(pressed.summary["contact_moment"][2]) < 1e-5
+    assert turned.summary["friction_used"] == pytest.approx(1.0)
+    (contact,) = turned.contacts
+    forces = contact.surface.weights * contact.pressure
+    r2 = np.sum((contact.surface.points - [1, 1, 0]) ** 2, axis=1)
+    force = turned.summary["contact_force"][2]
+    a = math.sqrt(2.5 * float(np.sum(forces * r2)) / float(np.sum(forces)))
+    torque, exact = turned.summary["contact_moment"][2], 3.0 * math.pi / 16.0 * mu * force * a
+    found.append(Row("V37", "a sphere that turns, 3D", "torque", torque, exact, TEST))
+    assert torque == pytest.approx(exact, rel=0.01)

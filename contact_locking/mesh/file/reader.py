@@ -26,6 +26,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.file.conversion import ENDINGS
 from contact_locking.mesh.file.data import MeshData
 
 _KEY = "mesh.file"
@@ -74,6 +75,13 @@ def _check_begin(stream: BinaryIO, path: Path) -> None:
         raise InputError(
             f"{path} is a script of Gmsh, which can start programs and is not run here; if you "
             f'trust it, this makes the mesh: python3 -c "{words}"',
+            _KEY,
+        )
+    if found is None and path.suffix.lower() in ENDINGS:
+        made = path.with_suffix(".msh")
+        raise InputError(
+            f"{path} is a mesh of another program; this writes one that is read: "
+            f"contact-locking mesh {path} -o {made}",
             _KEY,
         )
     if found is None:

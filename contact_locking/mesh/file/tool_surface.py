@@ -1,4 +1,4 @@
-"""The surface of a tool from an STL or Gmsh file: its triangles, checked and each corner once.
+"""The surface of a foundation from a file: its triangles, checked and each corner once.
 
 A file may come from anybody: its size is checked before its content is read, and the numbers of a
 binary file are read as an array whose length the size of the file has confirmed.
@@ -17,6 +17,7 @@ import numpy as np
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.file import places
+from contact_locking.mesh.file.height_map import ENDINGS, read_heights
 from contact_locking.mesh.file.reader import read_triangles, require_file
 
 #: Larger files are not read: 250 MB hold 5 million triangles in binary form.
@@ -111,21 +112,33 @@ def read_surface(
     scale: float = 1.0,
     shift: Sequence[float] = (0.0, 0.0, 0.0),
     turned: bool = False,
+    spacing: Sequence[float] | None = None,
 ) -> ToolSurface:
-    """The triangles of an STL file or a Gmsh file, at ``scale`` times coordinates plus ``shift``.
+    """The triangles of a file, at ``scale`` times their coordinates plus ``shift``.
 
+    The file is an STL file, a Gmsh file or a height map, whose ``spacing`` `read_heights` explains.
     With ``turned`` the other side is outside.  Raises InputError for a file that cannot be read,
-    and for triangles that are not the surface of a tool: at an edge of three triangles no side is
-    outside.
+    and for triangles that are not the surface of a foundation: at an edge of three triangles no
+    side is outside.
     """
     check_size(path)
+    if path.suffix.lower() in ENDINGS:
+        points, triangles = read_heights(path, spacing)
+        points = _placed(points, scale, shift, path)
+        return ToolSurface(points, triangles[:, ::-1] if turned else triangles, False, ())
+    if spacing is not None:
+        raise InputError(f"{path} has triangles; spacing is for a height map, .csv or .npy")
     with path.open("rb") as stream:
         is_gmsh = stream.read(len(_GMSH)) == _GMSH
-    corners = read_triangles(path) if is_gmsh else read_stl(path)
-    placed = scale * corners + np.asarray(shift)
+    corners = _placed(read_triangles(path) if is_gmsh else read_stl(path), scale, shift, path)
+    return checked(corners[:, ::-1] if turned else corners, str(path))
+
+
+def _placed(points: FloatArray, scale: float, shift: Sequence[float], path: Path) -> FloatArray:
+    placed = scale * points + np.asarray(shift)
     if not np.isfinite(placed).all() or np.abs(placed).max() > _LARGEST:
         raise InputError(f"{path} has coordinates that are not finite, or too large")
-    return checked(placed[:, ::-1] if turned else placed, str(path))
+    return np.asarray(placed)
 
 
 def checked(corners: FloatArray, origin: str) -> ToolSurface:

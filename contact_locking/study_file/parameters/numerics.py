@@ -112,6 +112,21 @@ class CertificateParameters(Section):
         "a proved bound of the error of mesh and penalty in the energy norm, for the friction "
         "bound of the solution; in 2D",
     )
+    critical_friction: Switch = entry(
+        False,
+        "the least multiple of the friction coefficient at which the linearised problem at the "
+        "solution is singular, by the eigenvalues on Gamma_C",
+    )
+
+
+class EquilibriaParameters(Section):
+    """Several solutions of one problem with friction."""
+
+    find: Count = entry(
+        5,
+        "the most solutions, with the first; those beside it are in folders equilibrium_2, ...",
+        "1",
+    )
 
 
 class OutputParameters(Section):

@@ -119,7 +119,16 @@ class Surface(Section):
     """A surface of triangles from a file; outside is where they run counterclockwise."""
 
     file: Text = entry(
-        ..., "an STL file, or a Gmsh file with triangles, relative to the study file"
+        ...,
+        "an STL file, a Gmsh file with triangles, or a height map (.csv, .npy), relative to the "
+        "study file",
+    )
+    spacing: tuple[Positive, Positive] | None = entry(
+        None,
+        "of a height map whose rows are heights: the distances dx of its columns and dy of its "
+        "rows; null: its rows are x, y, z",
+        "length",
+        optional=True,
     )
     scale: Positive = entry(1.0, "factor of its coordinates, such as 0.001 from mm to m", "1")
     shift: tuple[Number, ...] | None = entry(
@@ -159,7 +168,7 @@ class Foundation(Section):
         optional=True,
     )
     surface: SurfaceOrFile | None = entry(
-        None, "in 3D a surface of triangles; a text is its file", optional=True
+        None, "in 3D a surface of triangles or a height map; a text is its file", optional=True
     )
     motion: MotionOrTranslation | None = entry(
         None,

@@ -1,0 +1,87 @@
+"""The share of friction at which the linearised problem at a solution becomes singular."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.errors import NotConverged
+from contact_locking.parallel import maximum, minimum
+from contact_locking.solver.equilibria.bound_map import BoundMap
+from contact_locking.solver.equilibria.search import has_map
+from contact_locking.solver.task import SolverReport, Task
+
+# An eigenvalue counts as real whose imaginary part is a smaller share of it, and as none that is a
+# smaller share of the norm.
+_REAL, _NONE = 1e-8, 1e-12
+
+
+def critical_friction(state: SolvedState) -> dict[str, Any]:
+    """``min {t > 0: I - t Phi'(G) is singular}`` at the bounds G of a solution; collective.
+
+    Phi is the map of :mod:`contact_locking.solver.equilibria.bound_map`, for the coefficient mu.
+    With ``t mu`` in the place of mu, and what sticks, slips and is open as it is, the linearised
+    problem has more than one solution: the eigenvalue problem of Hassani, Hild, Ionescu and Sakki
+    (doi:10.1016/S0045-7825(03)00419-5).  ``share`` is t, None if no t is critical; ``coefficient``
+    is ``t mu``, None also where mu is not the same everywhere and at every slip.  ``mode_peak`` is
+    the place where the bound of the eigenvector is largest.
+    """
+    none: dict[str, Any] = dict.fromkeys(("share", "coefficient", "mode_peak"))
+    task = Task(state.system, state.target, state.settings).aside(SolverReport())
+    if not has_map(task):
+        return {
+            **none,
+            "reason": "there is no friction with a coefficient, friction alone holds the body, or "
+            "Gamma_C has too many nodes",
+        }
+    with state.system.preserved():
+        problem = BoundMap(task)
+        try:
+            vectors = problem.vectors
+            problem(vectors.gather([contact.bounds for contact in vectors.contacts]))
+            found = critical_share(problem.derivative())
+        except NotConverged as failure:
+            return {**none, "reason": str(failure)}
+        finally:
+            problem.destroy()
+    found = state.comm.bcast(found)
+    if found is None:
+        return {**none, "reason": "no share of friction is critical for this state of the contact"}
+    share, mode = found
+    parts = [contact.surface.points[contact.free] for contact in vectors.contacts]
+    coordinates = zip(*(part.T for part in parts), strict=True)
+    places = np.stack([vectors.join(list(values)) for values in coordinates], axis=1)
+    mu = _constant(state)
+    return {
+        "share": share,
+        "coefficient": None if mu is None else share * mu,
+        "mode_peak": places[int(np.argmax(np.abs(mode)))].tolist(),
+    }
+
+
+def critical_share(derivative: FloatArray) -> tuple[float, FloatArray] | None:
+    """The least t > 0 with ``I - t J`` singular, for J (m, m), and the eigenvector; None without.
+
+    t is one over the largest of the positive eigenvalues of J.
+    """
+    values, vectors = np.linalg.eig(derivative)
+    least = _NONE * float(np.linalg.norm(derivative))
+    is_real = (np.abs(values.imag) <= _REAL * np.abs(values)) & (values.real > least)
+    if not np.any(is_real):
+        return None
+    place = int(np.argmax(np.where(is_real, values.real, -math.inf)))
+    return 1.0 / float(values[place].real), np.real(vectors[:, place])
+
+
+def _constant(state: SolvedState) -> float | None:
+    """The coefficient if it is the same everywhere and at every slip, else None; collective."""
+    rubbing = state.system.rubbing
+    if any(contact.friction.depends_on_slip for contact in rubbing):
+        return None
+    values = np.concatenate([c.friction.coefficient(np.zeros(len(c.free))) for c in rubbing])
+    largest, smallest = maximum(state.comm, values), minimum(state.comm, values)
+    return largest if largest == smallest else None

@@ -1,0 +1,39 @@
+"""What a summary says of several solutions of one problem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from contact_locking.results.solution import StudySolution
+
+_COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
+
+
+def folder_of(number: int) -> str:
+    """The folder of solution 2, 3, ... below that of the first."""
+    return f"equilibrium_{number}"
+
+
+def entry(found: Sequence[StudySolution]) -> dict[str, Any]:
+    """The key ``equilibria`` of summary.json.
+
+    ``missing`` says in words that the indices prove others, where they do: where Phi is continuous
+    and bounded, and regular at its fixed points, those of all solutions add up to 1.
+    """
+    rows = [
+        {"folder": folder_of(number) if number > 1 else "."}
+        | {name: solution.summary[name] for name in _COLUMNS}
+        for number, solution in enumerate(found, start=1)
+    ]
+    total = sum(int(solution.summary["index"]) for solution in found)
+    return {"found": len(found), "solutions": rows, "missing": _missing(total)}
+
+
+def _missing(total: int) -> str:
+    if total == 1:
+        return "the indices of these solutions add up to 1, and so do those of all solutions"
+    return (
+        f"the indices of these solutions add up to {total}, and those of all solutions to 1: there "
+        f"are {abs(total - 1)} others at least, if the friction bounds cannot grow without a limit"
+    )

@@ -1,0 +1,135 @@
+"""The branch of solutions ``G = t Phi(G)`` over the share t of the friction coefficient.
+
+It begins at ``G = 0`` for ``t = 0``.  Where Phi is continuous, the solutions (G, t) that are
+connected to this one reach as far as there are any (Rabinowitz, doi:10.1016/0022-1236(71)90030-9):
+where Phi is bounded, they reach ``t = 1``, but t need not grow along the branch.  So the branch is
+followed by pseudo-arclength, past folds.  One value of Phi serves all shares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged
+from contact_locking.solver.equilibria.bound_map import BoundMap
+
+# The relative residual along the branch, and the corrections that a step may take.
+_ACCURACY, _MOST, _FEW = 1e-4, 8, 4
+# The first step, in shares of friction, the longest and the shortest.
+_FIRST, _LONGEST, _SHORTEST = 0.1, 0.25, 1e-5
+_LONGER, _SHORTER = 1.5, 0.5
+# Corrections may lead aside by this share of a step that is not bold.
+_ASIDE = 0.6
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """Bounds ``G = t Phi(G)`` and their share t; ``sign`` is that of ``det(I - t Phi'(G))``."""
+
+    bounds: FloatArray
+    share: float
+    sign: float
+
+    def between(self, other: BranchPoint, share: float) -> FloatArray:
+        """The bounds for a share on the line from this point to another one."""
+        part = (share - self.share) / (other.share - self.share)
+        return np.asarray(self.bounds + part * (other.bounds - self.bounds))
+
+
+class Branch:
+    """The points of the branch of a map, step by step; each takes some values of the map.
+
+    ``reach`` is the size of the bounds, relative to those of the pressure without friction.  A
+    ``bold`` step may lead to another branch, which is faster where any solution will do.
+    """
+
+    def __init__(self, problem: BoundMap, bold: bool = False) -> None:
+        self._problem, self._vectors = problem, problem.vectors
+        self._aside = math.inf if bold else _ASIDE
+        self._size, self._side, self.reach = 1.0, 1.0, 0.0
+
+    def points(
+        self, start: FloatArray | None = None, direction: float = 1.0
+    ) -> Iterator[BranchPoint]:
+        """The points from no friction, or from a solution, as long as a step leads on; collective.
+
+        From a solution ``G = Phi(G)`` the branch leads on to both sides: ``direction`` is +1
+        towards more friction and -1 towards less, at first.
+        """
+        size = self._vectors.size
+        bounds: FloatArray = np.zeros(size) if start is None else start
+        share = 0.0 if start is None else 1.0
+        try:
+            wanted = self._problem(bounds)
+        except NotConverged:
+            return
+        self._size = self._vectors.norm(wanted)
+        rate, sign = self._vectors.solved(np.eye(size) - share * self._problem.derivative(), wanted)
+        if self._size == 0.0 or sign == 0.0:
+            return
+        self._side = sign * direction
+        tangent = self._unit(direction * np.append(rate, 1.0))
+        at, length = np.append(bounds, share), _FIRST
+        yield BranchPoint(bounds, share, sign)
+        while True:
+            found = self._correct(at, length, tangent)
+            while found is None:
+                length *= _SHORTER
+                if length < _SHORTEST:
+                    return
+                found = self._correct(at, length, tangent)
+            at, tangent, sign, count = found
+            self.reach = self._vectors.norm(at[:size]) / self._size
+            if at[-1] < 0.0:
+                return
+            if count <= _FEW:
+                length = min(_LONGER * length, _LONGEST * max(1.0, 0.5 * self.reach))
+            yield BranchPoint(at[:-1], float(at[-1]), sign)
+
+    def _correct(
+        self, before: FloatArray, length: float, tangent: FloatArray
+    ) -> tuple[FloatArray, FloatArray, float, int] | None:
+        """The point of the branch on the plane across the tangent, the tangent there, and its sign.
+
+        The last number is that of the corrections.  None also where they lead so far that the point
+        may belong to another branch.
+        """
+        start = before + length * tangent
+        at, size, vectors = start, self._vectors.size, self._vectors
+        row = self._covector(tangent)
+        for count in range(_MOST):
+            try:
+                wanted = self._problem(at[:-1])
+            except NotConverged:
+                return None
+            left = np.append(at[:-1] - at[-1] * wanted, row @ (at - start))
+            slope = np.eye(size) - at[-1] * self._problem.derivative()
+            matrix = np.block([[slope, -wanted[:, None]], [row[None, :]]])
+            if vectors.norm(left[:-1]) <= _ACCURACY * self._size:
+                # The determinant with the tangent as the last row keeps its sign along a branch,
+                # also where a kink turns the tangent round.
+                ahead, turn = vectors.solved(matrix, np.append(np.zeros(size), 1.0))
+                if turn == 0.0 or self._length(at - start) > self._aside * length:
+                    return None
+                sign = vectors.solved(slope, wanted)[1]
+                return at, self._unit(turn * self._side * ahead), sign, count
+            step = vectors.solved(matrix, left)[0]
+            if not np.all(np.isfinite(step)):
+                return None
+            at = at - step
+        return None
+
+    def _covector(self, tangent: FloatArray) -> FloatArray:
+        return np.append(self._vectors.weights * tangent[:-1] / self._size**2, tangent[-1])
+
+    def _length(self, step: FloatArray) -> float:
+        square = self._vectors.dot(step[:-1], step[:-1]) / self._size**2 + step[-1] ** 2
+        return math.sqrt(square)
+
+    def _unit(self, tangent: FloatArray) -> FloatArray:
+        return np.asarray(tangent / self._length(tangent))

@@ -1,0 +1,226 @@
+"""Equilibria where the interior point method finds none, and further ones beside a known one."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
+from contact_locking.solver.equilibria.bound_map import BoundMap
+from contact_locking.solver.equilibria.branch import Branch
+from contact_locking.solver.equilibria.newton import Deflation, MapNewton
+from contact_locking.solver.task import SolverReport, Task
+
+# Tresca's problems need to be solved this much more sharply than the bounds.
+_SHARPER = 0.1
+# The most nodes with friction that the dense derivative is made for, and the most points of the
+# branch from no friction and of one from a solution.
+_MOST_NODES, _MOST_POINTS, _FEWER_POINTS = 1500, 100, 40
+# Without a penalty a branch ends where the bounds are so many times those without friction: they
+# grow without a limit where friction wedges the body in.  With a penalty they have a limit.
+_FARTHEST = 300.0
+# A branch is followed up to this share of the friction.
+_BEYOND = 2.0
+# Known solutions times these are starts of further searches, and so are shares of the bounds that
+# the pressure without friction asks for.
+_BESIDE, _SHARES = (1.02, 0.5, 1.5), (0.0, 1.0, 2.0)
+_ENDS = (
+    "; the branch of solutions from none of the friction on ends near {share:.3g} % of "
+    "friction.coefficient, where the friction bound is {times:.0f} times that of the pressure "
+    "without friction, and grows"
+)
+
+
+def has_map(task: Task) -> bool:
+    """Whether Tresca's problem has a solution for each bound, and the map a derivative; collective.
+
+    A body that friction alone holds slides away under a bound that is too small.
+    """
+    system, rubbing = task.system, task.system.rubbing
+    knows = all(item.friction.is_coulomb and not item.friction.stands for item in rubbing)
+    if not (rubbing and knows) or system.held_by_friction:
+        return False
+    nodes = system.comm.allreduce(sum(int(np.count_nonzero(item.free)) for item in rubbing))
+    return bool(0 < nodes <= _MOST_NODES)
+
+
+class Equilibria:
+    """The fixed points of the map of the friction bounds of a task, found one after the other.
+
+    ``report`` counts what they take.  The constructor is collective, as all methods are.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._task, self.report = task, SolverReport()
+        #: How the branch ends that has no more solutions, in words.
+        self.end = ""
+        aside = task.aside(self.report).with_settings(tolerance=_SHARPER * task.settings.tolerance)
+        self.map = BoundMap(aside)
+        self._newton = MapNewton(self.map, task.settings.friction_tolerance)
+
+    def on_branch(
+        self, start: FloatArray | None = None, direction: float = 1.0, bold: bool = False
+    ) -> Iterator[tuple[FloatArray, int]]:
+        """The solutions on the branch over the share of friction, and the folds before each.
+
+        ``start`` and ``direction`` are those of :meth:`Branch.points`, ``bold`` of :class:`Branch`.
+        """
+        folds, before = 0, None
+        branch, is_strict = Branch(self.map, bold), self._task.target.penalty.is_strict
+        most = _MOST_POINTS if start is None else _FEWER_POINTS
+        points = itertools.islice(branch.points(start, direction), most)
+        for point in points:
+            if is_strict and branch.reach > _FARTHEST:
+                self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
+                return
+            if point.share > _BEYOND:
+                return
+            if before is not None:
+                folds += point.sign != before.sign
+                if (point.share - 1.0) * (before.share - 1.0) < 0.0:
+                    found = self._newton.solve(before.between(point, 1.0))
+                    if found is not None:
+                        yield found, folds
+            before = point
+
+    def others(self, first: FloatArray) -> Iterator[FloatArray]:
+        """Solutions beside a known one: those on branches, then those that deflation finds.
+
+        The branch of each solution over the share of friction may lead to others.  Nothing tells
+        that there are no others.
+        """
+        vectors = self.map.vectors
+        # Near a fold the bounds of the interior point method are rougher than their tolerance.
+        refined = self._newton.solve(first)
+        known = [first if refined is None else refined]
+        deflation = Deflation(vectors, known, vectors.norm(first))
+        without = self.map(np.zeros(vectors.size))
+        followed, tried = 0, 0
+        branches: Iterator[tuple[FloatArray, int]] = self.on_branch()
+        while True:
+            for found, _ in branches:
+                if not deflation.is_known(found):
+                    known.append(found)
+                    yield found
+            if followed < 2 * len(known):
+                branches = self.on_branch(known[followed // 2], 1.0 - 2.0 * (followed % 2))
+                followed += 1
+                continue
+            starts = self._starts(without, known)
+            while tried < len(starts):
+                new = self._newton.solve(starts[tried], deflation)
+                tried += 1
+                if new is not None:
+                    known.append(new)
+                    yield new
+                    break
+            else:
+                return
+
+    @staticmethod
+    def _starts(without: FloatArray, known: Sequence[FloatArray]) -> list[FloatArray]:
+        shares = [share * without for share in _SHARES]
+        return [*shares, *(share * bounds for bounds in known for share in _BESIDE)]
+
+    def index(self) -> int:
+        """The sign of ``det(I - Phi'(G))`` at the last value of the map, 0 if it is singular.
+
+        The signs of all solutions add up to 1 where they are regular and Phi is continuous and
+        bounded, by the degree of Leray and Schauder.
+        """
+        slope = np.eye(self.map.vectors.size) - self.map.derivative()
+        return int(self.map.vectors.solved(slope, slope[0])[1])
+
+    def enter(self, bounds: FloatArray, report: SolverReport) -> None:
+        """Put the solution with these bounds into the system and a report; collective."""
+        wanted = self.map(bounds)
+        vectors = self.map.vectors
+        report.friction_change = vectors.norm(wanted - bounds) / (vectors.norm(wanted) or 1.0)
+        report.multipliers, report.last = self.map.multipliers, self.report.last
+        report.duality_gap, report.is_infeasible = self.report.duality_gap, False
+
+    def destroy(self) -> None:
+        """Free the PETSc objects, and count what was taken in the report of the task."""
+        self._task.report.tangents += self.report.tangents
+        self._task.report.linear += self.report.linear
+        self.map.destroy()
+
+
+def solve_on_branch(task: Task) -> int | None:
+    """Solve by the branch of solutions over the share of friction; collective.
+
+    Returns how many folds lie before the solution, None where none was found; the system is then
+    left as it was.
+    """
+    if not has_map(task):
+        return None
+    equilibria = Equilibria(task)
+    try:
+        with task.system.preserved(only_on_failure=True):
+            for bold in (True, False):
+                for bounds, folds in equilibria.on_branch(bold=bold):
+                    equilibria.enter(bounds, task.report)
+                    return folds
+                if equilibria.end:
+                    break
+            task.report.reason += equilibria.end
+            raise _NothingFound
+    except _NothingFound:
+        return None
+    finally:
+        equilibria.destroy()
+
+
+def require_map(task: Task) -> None:
+    """Raise InputError where other equilibria cannot be searched; collective."""
+    if not has_map(task):
+        raise InputError(
+            "needs friction with a coefficient below .inf and a body that more than friction "
+            f"holds, and takes at most {_MOST_NODES} nodes with friction",
+            "equilibria",
+        )
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The report of a solution that is in the system, and its index (:meth:`Equilibria.index`)."""
+
+    report: SolverReport
+    index: int
+
+
+def equilibria(task: Task, most: int) -> Iterator[Equilibrium]:
+    """The solution in the system, and others, so many at most, each in the system in its turn.
+
+    Collective.  Raises InputError as :func:`require_map`.
+    """
+    require_map(task)
+    search = Equilibria(task)
+    try:
+        vectors = search.map.vectors
+        first = vectors.gather([contact.bounds for contact in vectors.contacts])
+        with task.system.preserved():
+            search.map(first)
+            index = search.index()
+        yield Equilibrium(task.report, index)
+        for bounds in itertools.islice(search.others(first), most - 1):
+            before = search.report.tangents, search.report.linear
+            own = dataclasses.replace(task, report=SolverReport())
+            search.enter(bounds, own.report)
+            own.report.tangents = search.report.tangents - before[0]
+            own.report.linear = search.report.linear - before[1]
+            own.add_stage(task.target.penalty, own.report.tangents)
+            with task.system.preserved():
+                index = search.index()
+            yield Equilibrium(own.succeed(), index)
+    finally:
+        search.destroy()
+
+
+class _NothingFound(Exception):
+    """Nothing lies on the branch for all of the friction."""

@@ -1,0 +1,213 @@
+"""The map of friction bounds, its branch past folds, and several solutions of one problem."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from sweep.case import Study, clamp, study
+
+from contact_locking import find_equilibria, study_file
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
+from contact_locking.process import solving
+from contact_locking.process.of_study import solver_of
+from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.solver.equilibria.bound_map import BoundMap
+from contact_locking.solver.equilibria.branch import Branch
+from contact_locking.solver.equilibria.newton import Deflation, MapNewton
+from contact_locking.solver.equilibria.search import Equilibria, has_map, solve_on_branch
+from contact_locking.solver.strategy import solve
+from contact_locking.solver.task import Task
+from contact_locking.study.assembly import assemble
+from contact_locking.study_file.parameters import Parameters
+
+
+def _weakening(n: float = math.inf, length: float = 1e-4, **sections: Any) -> Study:
+    """A clamped block whose friction falls steeply with the slip."""
+    found = study(
+        {"builder": "block", "dim": 2, "h": 0.125, "structured": True},
+        {
+            "displacements": [clamp(2)],
+            "tractions": [{"on": "top", "value": [0.004, -0.02]}],
+        },
+        friction=f"0.3 - 0.25*s/(s + {length})",
+        smoothing={"kernel": "convolution", "radius": 0.3},
+    )
+    return found | {"penalty": {"n": n}} | sections
+
+
+def _solver(data: Study) -> ProblemSolver:
+    problem = assemble(Parameters.model_validate(data), MPI.COMM_WORLD)
+    solver = solver_of(problem)
+    solver.begin()
+    return solver
+
+
+@pytest.fixture
+def task() -> Iterator[Task]:
+    solver = _solver(_weakening())
+    yield Task(solver.system, solver.target, solver.settings)
+    solver.close()
+    solver.problem.close()
+
+
+@pytest.mark.parametrize("n", [1e3, math.inf])
+def test_the_derivative_of_the_map_is_that_of_its_values(n: float) -> None:
+    solver = _solver(_weakening(n, length=1e-2))
+    problem = BoundMap(Task(solver.system, solver.target, solver.settings))
+    vectors = problem.vectors
+    bounds = problem(problem(np.zeros(vectors.size)))
+    problem(bounds)
+    derivative = problem.derivative()
+    step = bounds * np.linspace(0.2, 1.0, vectors.size)
+    width = 1e-3
+    sides = [problem(bounds + sign * width * step) for sign in (1.0, -1.0)]
+    difference = (sides[0] - sides[1]) / (2.0 * width)
+    error = vectors.norm(difference - derivative @ step)
+    # Iterates end on the central path, whose laws are smooth where those of the problem are not.
+    assert error <= 1e-3 * vectors.norm(difference)
+    problem.destroy()
+
+
+def test_the_branch_turns_and_keeps_its_equation(task: Task) -> None:
+    """With 70 % of the coefficient there are three solutions on the branch, one of another sign."""
+    problem = BoundMap(task)
+    points = []
+    for point in Branch(problem).points():
+        points.append(point)
+        if point.share > 0.9:
+            break
+    problem.destroy()
+    shares = [point.share for point in points]
+    assert shares[0] == 0.0
+    assert shares[-1] > 0.9
+    assert min(np.diff(shares)) < 0.0
+    assert {point.sign for point in points} == {1.0, -1.0}
+
+
+def test_the_solution_on_the_branch_is_that_of_the_method_without_friction_that_falls() -> None:
+    """There it is the only one."""
+    solver = _solver(_weakening() | {"friction": {"coefficient": 0.3}})
+    assert solver.solve().converged
+    (contact,) = solver.system.contacts
+    known = contact.bounds
+    solver.begin()
+    task = Task(solver.system, solver.target, solver.settings)
+    assert solve_on_branch(task) == 0
+    assert contact.norm(contact.bounds - known) <= 1e-5 * contact.norm(known)
+    solver.close()
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_branches_lead_to_solutions_of_both_signs(task: Task) -> None:
+    """The degree of Leray and Schauder wants one of the index -1 between two of +1."""
+    equilibria = Equilibria(task)
+    problem, vectors = equilibria.map, equilibria.map.vectors
+    first = MapNewton(problem, 1e-8).solve(np.zeros(vectors.size))
+    assert first is not None
+    found = [first, *itertools.islice(equilibria.others(first), 2)]
+    indices = []
+    for number, bounds in enumerate(found):
+        assert vectors.norm(problem(bounds) - bounds) <= 2e-8 * vectors.norm(bounds)
+        indices.append(equilibria.index())
+        for known in found[:number]:
+            assert vectors.norm(bounds - known) > 1e-2 * vectors.norm(first)
+    assert set(indices) == {1, -1}
+    equilibria.destroy()
+
+
+def test_the_step_of_a_deflated_residual_is_newtons_for_it(task: Task) -> None:
+    """``(M rho)' d = -M rho`` for a linear rho, by differences."""
+    problem = BoundMap(task)
+    vectors = problem.vectors
+    random = np.random.default_rng(3)
+    matrix = np.eye(vectors.size) + 0.1 * random.random((vectors.size, vectors.size))
+    solution, known, at = random.random((3, vectors.size))
+    deflation = Deflation(vectors, [known], 0.7)
+
+    def residual(bounds: FloatArray) -> FloatArray:
+        return deflation.factor(bounds) * (matrix @ (bounds - solution))
+
+    step = solution - at
+    step = deflation.stretch(at, step) * step
+    slope = (residual(at + 1e-6 * step) - residual(at - 1e-6 * step)) / 2e-6
+    assert slope == pytest.approx(-residual(at), rel=1e-6)
+    assert deflation.is_known(known)
+    assert not deflation.is_known(at)
+    problem.destroy()
+
+
+def test_friction_that_alone_holds_a_body_has_no_map() -> None:
+    data = study(
+        {"builder": "block", "dim": 2, "h": 0.5, "structured": True},
+        {"tractions": [{"on": "top", "value": [0.001, -0.02]}]},
+        friction=0.3,
+        smoothing={"kernel": "convolution", "radius": 0.6},
+    )
+    solver = _solver(data)
+    assert not has_map(Task(solver.system, solver.target, solver.settings))
+    with pytest.raises(InputError, match="more than friction holds"):
+        next(solver.equilibria(solver.solve(), 2))
+    solver.close()
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+@pytest.mark.parametrize("file", sorted(Path(__file__).with_name("past_folds").glob("*.yml")))
+def test_a_solution_beyond_folds_is_found(file: Path) -> None:
+    """The interior point method alone does not arrive."""
+    solution = solving.solve(study_file.load(file).parameters, MPI.COMM_SELF)
+    assert solution.converged, solution.summary["reason"]
+    assert any("turns" in text for text in solution.summary["warnings"])
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_where_equilibrium_is_lost_the_branch_says_how_much_friction_has_one() -> None:
+    """The contact force of docs/studies.md, section 5, grows without a limit at 0.292."""
+    path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"
+    parameters = study_file.load(path, ["friction.coefficient=0.3", "study=null"]).parameters
+    solver = solver_of(assemble(parameters, MPI.COMM_SELF))
+    solver.begin()
+    task = Task(solver.system, solver.target, solver.settings)
+    assert solve_on_branch(task) is None
+    assert "ends near 97.3 % of friction.coefficient" in task.report.reason
+    solver.close()
+
+
+def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:
+    parameters = Parameters.model_validate(_weakening(equilibria={"find": 2}))
+    found = find_equilibria(parameters, MPI.COMM_WORLD)
+    assert len(found) == 2
+    assert all(solution.converged for solution in found)
+    forces = [solution.summary["friction_force"][0] for solution in found]
+    assert abs(forces[1] - forces[0]) > 0.5 * abs(forces[0])
+    entry = found[0].summary["equilibria"]
+    assert [row["folder"] for row in entry["solutions"]] == [".", "equilibrium_2"]
+    assert [row["index"] for row in entry["solutions"]] == [1, 1]
+    assert "there are 1 others at least" in entry["missing"]
+
+
+def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> None:
+    """A method that takes no step leaves it to the branch, for a finite n as well."""
+    from contact_locking.solver import strategy
+
+    def fails(solver: Any, nested: Any, task: Task, last: Any) -> None:
+        task.report.reason = "not tried"
+
+    monkeypatch.setattr(strategy, "_solve_by", fails)
+    monkeypatch.setattr(strategy, "polish", lambda *given, **named: False)
+    solver = _solver(_weakening(1e4))
+    report = solve("auto", Task(solver.system, solver.target, solver.settings))
+    assert report.converged
+    assert report.friction_change is not None
+    assert report.friction_change <= 1e-8
+    solver.close()
