@@ -22,6 +22,7 @@ from pydantic import ValidationError
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.process.sensitivities import value_of
 from contact_locking.process.solving import solve
+from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.named_numbers import number_at, with_number
 from contact_locking.study_file.parameters import Parameters
 
@@ -33,6 +34,8 @@ WIDTHS, AGREE = (1e-4, 3e-5), 1e-3
 RIGHT, WRONG = 1e-3, 1e-2
 # A derivative by ``ln p`` below this share of the quantity is judged by that share.
 LEAST = 1e-2
+# Below this share of the forces of the body a force is the multiplier of what does not touch.
+NOTHING = 1e-6
 # Differences show what solves leave, divided by their width.
 SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}
 _PLACES = (
@@ -102,12 +105,22 @@ def compared(study: Study, seed: int) -> Compared | None:
     wide, narrow = sides
     shares = [v for v in solution.summary["share_at_change"].values() if isinstance(v, float)]
     found = Compared(key, max(shares, default=0.0) > 0.0)
+    floors = _floors(solution, names)
     for place, name in enumerate(names):
-        size = max(abs(narrow[place]), LEAST * abs(value_of(name, solution)))
+        size = max(abs(narrow[place]), LEAST * abs(value_of(name, solution)), floors[place])
         mine = at * solution.summary["sensitivities"][name][key]["derivative"]
         if size > 0.0 and abs(wide[place] - narrow[place]) <= AGREE * size:
             found.errors[name] = abs(mine - narrow[place]) / size
     return found
+
+
+def _floors(solution: StudySolution, names: list[str]) -> list[float]:
+    """What is no derivative: forces that symmetry or a distance makes zero, and their pressures."""
+    energy = value_of("elastic_energy", solution)
+    force = energy / (float(solution.summary["displacement_max"]) or 1.0)
+    pressure = force / solution.domain.extent() ** (solution.domain.dim - 1)
+    kinds = {"compliance": energy, "elastic_energy": energy, "pressure_max": pressure}
+    return [NOTHING * kinds.get(name, force) for name in names]
 
 
 def _values(parameters: Parameters, names: list[str]) -> Any:
