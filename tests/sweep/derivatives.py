@@ -34,8 +34,9 @@ WIDTHS, AGREE = (1e-4, 3e-5), 1e-3
 RIGHT, WRONG = 1e-3, 1e-2
 # A derivative by ``ln p`` below this share of the quantity is judged by that share.
 LEAST = 1e-2
-# Below this share of the forces of the body a force is the multiplier of what does not touch.
-NOTHING = 1e-6
+# Below this share of the forces of the body a force is zero by symmetry, or the multiplier of what
+# does not touch: differences of solves have no more digits.
+NOTHING = 1e-4
 # Differences show what solves leave, divided by their width.
 SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}
 _PLACES = (
