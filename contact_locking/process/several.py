@@ -10,8 +10,8 @@ from contact_locking.results.solution import StudySolution
 _COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
 
 
-def folder_of(number: int) -> str:
-    """The folder of solution 2, 3, ... below that of the first."""
+def folder_of(number: int | str) -> str:
+    """The folder of solution 2, 3, ... below that of the first; of all with an asterisk."""
     return f"equilibrium_{number}"
 
 
