@@ -85,6 +85,10 @@ class ContactProblem:
         of_contacts = [
             places.add(item.on, f"contacts.{number}") for number, item in enumerate(contacts)
         ]
+        of_others = [
+            None if item.against is None else places.add(item.against, f"contacts.{number}.against")
+            for number, item in enumerate(contacts)
+        ]
         of_supports = [
             places.add(item.on, f"supports.{number}") for number, item in enumerate(supports)
         ]
@@ -95,8 +99,10 @@ class ContactProblem:
             for number, (item, names) in enumerate(zip(supports, of_supports, strict=True))
         ]
         placed = [
-            dataclasses.replace(item, on=names, key=f"contacts.{number}")
-            for number, (item, names) in enumerate(zip(contacts, of_contacts, strict=True))
+            dataclasses.replace(item, on=names, against=others, key=f"contacts.{number}")
+            for number, (item, names, others) in enumerate(
+                zip(contacts, of_contacts, of_others, strict=True)
+            )
         ]
         given = [item for item in bcs if not isinstance(item, Support)]
         body = Body(

@@ -11,11 +11,13 @@ from .annulus import Annulus
 from .ball import Ball
 from .block import Block
 from .disc import Disc
+from .disc_in_ring import DiscInRing
 from .geometry import Geometry
 from .inclusion import Inclusion
 from .l_shape import LShape
 from .punch import Punch
 from .session import build, empty_model, write
+from .stack import Stack
 
 BUILDERS: dict[str, type[Geometry]] = {
     "block": Block,
@@ -25,6 +27,8 @@ BUILDERS: dict[str, type[Geometry]] = {
     "annulus": Annulus,
     "l_shape": LShape,
     "inclusion": Inclusion,
+    "stack": Stack,
+    "disc_in_ring": DiscInRing,
 }
 
 __all__ = ["BUILDERS", "Geometry", "build", "empty_model", "write"]

@@ -131,9 +131,18 @@ class Geometry(ABC):
     def shape(self, occ: Any) -> dict[str, list[int]]:
         """Add the body to the OpenCASCADE kernel ``occ``; returns the tags of each named region."""
 
-    @abstractmethod
+    @property
+    def bodies(self) -> int:
+        """The number of parts that share no nodes."""
+        return 1
+
+    def name_of(self, model: Any, tag: int, regions: dict[str, list[int]]) -> str:
+        """The name of the boundary part with an entity; ``regions`` has the tags of each region."""
+        return self.facet_name(model.occ.getCenterOfMass(self.dim - 1, tag))
+
     def facet_name(self, centre: Point) -> str:
         """The name of the boundary part with the entity whose centre of mass is ``centre``."""
+        raise NotImplementedError
 
     @abstractmethod
     def validate(self) -> None:
@@ -193,8 +202,8 @@ class Geometry(ABC):
         model.occ.synchronize()
         facets: dict[str, list[int]] = {name: [] for name in self.facet_names}
         # The outer boundary only: an interface between two regions has no name.
-        for dim, tag in model.getBoundary(model.getEntities(self.dim), oriented=False):
-            facets[self.facet_name(model.occ.getCenterOfMass(dim, tag))].append(tag)
+        for _, tag in model.getBoundary(model.getEntities(self.dim), oriented=False):
+            facets[self.name_of(model, tag, parts)].append(tag)
         for dim, groups in ((self.dim, parts), (self.dim - 1, facets)):
             for number, (name, tags) in enumerate(groups.items(), start=1):
                 model.addPhysicalGroup(dim, tags, number, name=name)
@@ -233,6 +242,17 @@ class Geometry(ABC):
         for option, value in {"InField": distance, **limits, **sizes}.items():
             size.setNumber(tag, option, value)
         size.setAsBackgroundMesh(tag)
+
+    def refine_second(self, model: Any, size: float) -> None:
+        """Let no element of the second region be larger than ``size``, beside :meth:`set_sizes`."""
+        fields = model.mesh.field
+        (region,) = model.getEntitiesForPhysicalGroup(self.dim, 2)
+        given = max(fields.list())
+        own, both = fields.add("Constant"), fields.add("Min")
+        fields.setNumbers(own, "SurfacesList" if self.dim == 2 else "VolumesList", [region])
+        fields.setNumber(own, "VIn", size)
+        fields.setNumbers(both, "FieldsList", [given, own])
+        fields.setAsBackgroundMesh(both)
 
     def at(self, coordinate: float, plane: float) -> bool:
         """Whether a coordinate is the coordinate of a plane, up to rounding in the kernel."""

@@ -31,6 +31,7 @@ COARSE = {
     "adaptive": ("mesh.h=0.25", "adapt.max_meshes=2", *PLAIN),
     "indentation": ("mesh.h=0.1", "steps.count=3", *PLAIN),
     "two_foundations": ("mesh.h=0.1", *PLAIN),
+    "press_fit": ("mesh.h=0.12", *PLAIN),
     "gripper": ("mesh.h=0.14", "steps.count=4", *PLAIN),
     "sensitivity": ("mesh.h=0.14", "steps.count=2", *PLAIN),
     "ball_3d": ("mesh.h=0.5", "mesh.h_contact=0.06", *PLAIN),

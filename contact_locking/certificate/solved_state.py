@@ -108,8 +108,11 @@ class SolvedState:
     @cached_property
     def _held(self) -> dict[int, BoolArray]:
         constraints, domain = self.problem.constraints, self.problem.domain
+        # The conditions of one side say nothing of a jump.
         return {
             id(fields): are_held(domain, constraints, fields.surface.blocks, fields.normal)
+            if fields.surface.jump is None
+            else ~fields.free
             for fields in self.contacts
         }
 

@@ -102,6 +102,12 @@ class Contact:
     the motion of the foundation from rest; without it the foundation rests.  ``force`` pushes the
     foundation, which then moves along the line of the force until it is in equilibrium.  ``key``
     names the contact in messages.
+
+    ``against`` is the place of another side, of another body on the same mesh or of the same one;
+    it has no node of ``on`` but at the tip of a crack.  Contact then limits the jump
+    ``[u] = u - u o chi`` between the sides, with the points chi(x) of ``against`` that the normals
+    of ``on`` meet.  A :class:`Gap` adds to the distance of the sides: below zero they overlap and
+    press, as in a press fit.
     """
 
     on: Where
@@ -110,3 +116,4 @@ class Contact:
     motion: Callable[[], RigidMotion] | None = None
     force: Pushing | None = None
     key: str = "contact"
+    against: Where | None = None

@@ -119,7 +119,7 @@ class PlacedFoundation(Protocol):
 
 
 class GivenGap:
-    """A gap along the outward normal of the body.
+    """A gap along the outward normal of the body, beyond the distance to another body.
 
     ``values`` maps points (d, k) to the present gaps (k,).
     """
@@ -144,7 +144,7 @@ class GivenGap:
         return found
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
-        return self.gap(surface.places.T), surface.body_normals()
+        return surface.distance + self.gap(surface.places.T), surface.body_normals()
 
     def distance(self, x: FloatArray) -> FloatArray:
         # A gap is a distance along the normal of Gamma_C, and says nothing of other points.

@@ -31,7 +31,8 @@ class NodalContact:
     the friction bound of pressures and slips; ``bound`` is the function with the friction bound
     that the forms use at present.  ``regularisation`` is the length that smooths friction.
     ``free`` (k,) marks the nodes whose normal displacement is not prescribed; neither pressure nor
-    friction acts at the other nodes.
+    friction acts at the other nodes.  ``against`` are the boundary parts of the other body that
+    ``on`` touches, none for a foundation; displacements are jumps then.
 
     ``state`` is the memory of friction from earlier steps, ``travel`` (d,) the displacement that a
     force gives to the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
@@ -54,12 +55,13 @@ class NodalContact:
         slip: float,
     ) -> None:
         self.given, self.key, self.on = given, given.key, given.on
-        surface = ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
+        surface = _surface(domain, space, given, element, limited)
         self.surface, self._constraints = surface, constraints
         self.foundation = _placed(domain, given)
         gap, normals = self.foundation.at_nodes(surface)
         self._first_gap = gap
         self.free = surface.free_nodes(normals, constraints)
+        self.against = tuple(given.against or ())
         self._sides: IntArray = surface.sides(normals)
         smoothing = given.friction.smoothing.on(surface, self.free, self._sides)
         self.friction = given.friction.on(surface, smoothing)
@@ -83,6 +85,7 @@ class NodalContact:
         """Warnings about data that the user probably did not intend; collective."""
         kind = "gap" if isinstance(self.foundation, GivenGap) else "foundation"
         return [
+            *self.surface.warnings(),
             *about_the_gap(self.surface.domain, self._first_gap, f"{self.key}.{kind}"),
             *self.foundation.warnings(self.surface, self._first_gap),
             *(() if self.friction.stands else self.given.friction.smoothing.warnings(self.surface)),
@@ -242,6 +245,22 @@ def joint_norm(contacts: Sequence[NodalContact], values: Sequence[FloatArray]) -
     """The L2 norm over all contacts of values (k,) for each contact; collective."""
     norms = [contact.norm(part) for contact, part in zip(contacts, values, strict=True)]
     return float(np.linalg.norm(norms)) if len(norms) > 1 else sum(norms)
+
+
+def _surface(
+    domain: Domain,
+    space: fem.FunctionSpace,
+    given: Contact,
+    element: Element,
+    limited: fem.FunctionSpace,
+) -> ContactSurface:
+    """The place of a contact; collective."""
+    if given.against is None:
+        return ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
+    # `check` of one body does without SciPy, whose import takes a tenth of its time.
+    from contact_locking.contact.paired_surface import PairedSurface
+
+    return PairedSurface(domain, space, given, element)
 
 
 def _placed(domain: Domain, given: Contact) -> PlacedFoundation:

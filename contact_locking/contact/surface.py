@@ -8,6 +8,7 @@ values, or the control values.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
@@ -26,8 +27,11 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.half_section import is_on_axis
 from contact_locking.supports.conditions import Constraints
 
-# The normal displacement is prescribed where the free directions hold less of the unit normal.
-_PRESCRIBED = 1e-6
+if TYPE_CHECKING:
+    from contact_locking.fem.jump import JumpValues
+
+#: The normal displacement is prescribed where the free directions hold less of the unit normal.
+PRESCRIBED = 1e-6
 # The cosines of the angles by which contact normals turn between two sides of Gamma_C, and by which
 # they are off the normals of the body: 40 and 60 degrees.
 _TURNED, _FACING = 0.766, 0.5
@@ -80,6 +84,8 @@ class ContactSurface:
         self.limited = PointValues(
             element.trace, self.scalar_space, limited, self.nodes, to_vector // domain.dim
         )
+        #: The gap (k,) that the places of two sides leave.
+        self.distance: FloatArray = np.zeros(len(self.nodes))
         self.ds = lengths
         # Every rule is exact for the gradients of affine fields.
         self._exact_ds = lengths if element.degree == 1 else domain.ds(names, key)
@@ -148,7 +154,16 @@ class ContactSurface:
         """
         normals = self.vector_function(normal).x.array
         free = constraints.free_part(normals).reshape(-1, self.domain.dim)[self.blocks]
-        return np.asarray(np.linalg.norm(free, axis=1) > _PRESCRIBED)
+        return np.asarray(np.linalg.norm(free, axis=1) > PRESCRIBED)
+
+    def warnings(self) -> list[str]:
+        """Warnings about data that the user probably did not intend."""
+        return []
+
+    @property
+    def jump(self) -> JumpValues | None:
+        """The jump to another body, if the limited values are jumps."""
+        return None
 
     def whole(self, free: BoolArray | None = None, sides: IntArray | None = None) -> SurfaceMesh:
         """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective.
@@ -229,12 +244,7 @@ class ContactSurface:
 
     def nodal_forces(self, tractions: FloatArray) -> FloatArray:
         """``int t . v`` of tractions t (k, d) at the points, at all local dofs; collective."""
-        forces = fem.Function(self.vector_space)
-        loads = self.limited.matrix.T @ (self.weights[:, None] * tractions)
-        forces.x.array[:] = loads.reshape(-1)
-        forces.x.scatter_reverse(la.InsertMode.add)
-        forces.x.scatter_forward()
-        return forces.x.array
+        return self.limited.forces(self.weights[:, None] * tractions)
 
     def facet_corners(self) -> FloatArray | None:
         """The corners (m, d, d) of the pieces of facets, on rank 0, otherwise None; collective.
@@ -376,6 +386,7 @@ class NodalAverage:
 
     def __call__(self) -> FloatArray:
         surface, work = self._surface, self._work.x
+        surface.limited.refresh()
         work.array[:] = 0.0
         fem.assemble_vector(work.array, self._form)
         work.scatter_reverse(la.InsertMode.add)

@@ -11,12 +11,16 @@ uses that in the other rules of the same form, too.  So integrals that evaluate 
 one point, as all of an axisymmetric body do with linear displacements, have forms of their own.
 The same of arguments loses a traction, in one point of a facet, beside the nodes of a contact
 there: the rules of facets have forms of their own.
+
+Where two bodies touch, the limited values are jumps (:class:`~.jump.JumpValues`), with the map T
+from displacements.  The forms of their space are assembled there, and carried over: forces by
+``T^T f`` and stiffness by ``T^T K T``, which couples degrees of freedom of different cells.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import ufl
@@ -24,13 +28,17 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
+from contact_locking.arrays import FloatArray
 from contact_locking.fem import compiled
+
+if TYPE_CHECKING:
+    from contact_locking.fem.jump import JumpValues
 
 # By this name a PETSc matrix keeps the matrix of DOLFINx whose arrays it shares.
 _SHARED = "shared_with_dolfinx"
 
 
-def by_space(form: ufl.Form) -> list[ufl.Form]:
+def by_space(form: ufl.Form, jumps: Sequence[JumpValues] = ()) -> list[ufl.Form]:
     """The integrals of a form, in forms that can be compiled together, those of cells first.
 
     These are one form for each space of the arguments, for the cells and for each quadrature rule
@@ -43,7 +51,10 @@ def by_space(form: ufl.Form) -> list[ufl.Form]:
         kind, rule = integral.integral_type(), integral.metadata().get("quadrature_rule")
         of_facets = None if kind == "cell" else rule
         tags = id(integral.subdomain_data())
-        key = arguments[0].ufl_element(), kind, of_facets, _is_at_one_point(integral), tags
+        space = arguments[0].ufl_function_space()
+        is_jump = next((i for i, item in enumerate(jumps) if item.space is space), -1)
+        element = space.ufl_element()
+        key = is_jump, element, kind, of_facets, _is_at_one_point(integral), tags
         groups.setdefault(key, []).append(integral)
     every = sorted(groups.values(), key=_rank)
     return [ufl.Form(integrals) for integrals in every]
@@ -75,23 +86,48 @@ def action(bilinear: ufl.Form, u: fem.Function) -> ufl.Form:
 class JointForm:
     """A compiled form, in the parts of :func:`by_space`; local arrays have the displacement's dofs.
 
-    The integrals with displacements as arguments come first.
+    The integrals with displacements as arguments come first.  ``jumps`` are those that limit
+    displacements in the form.
     """
 
-    def __init__(self, form: ufl.Form) -> None:
-        self._parts = by_space(form)
+    def __init__(self, form: ufl.Form, jumps: Sequence[JumpValues] = ()) -> None:
+        every, spaces = by_space(form, jumps), [item.space for item in jumps]
+        self._parts = [part for part in every if not any(_space(part) is space for space in spaces)]
         self._forms = [compiled.form(part) for part in self._parts]
+        self._jumps = [
+            _FormOfJump(jump, part)
+            for jump in jumps
+            for part in every
+            if _space(part) is jump.space
+        ]
 
     def create_matrix(self, kind: str | None = None) -> PETSc.Mat:
-        """A matrix with the sparsity of the first part, the cells' integrals; collective."""
-        return petsc.create_matrix(self._forms[0], kind)
+        """A matrix with the sparsity of the first part, the cells' integrals; collective.
+
+        Jumps add the entries that they have, in a matrix that is stored entry by entry.
+        """
+        if not self._jumps:
+            return petsc.create_matrix(self._forms[0], kind)
+        matrix = petsc.create_matrix(self._forms[0])
+        # PETSc forgets the places of entries that nobody has given a value.
+        petsc.assemble_matrix(matrix, self._forms[0])
+        matrix.assemble()
+        numbering = matrix.getLGMap()
+        for item in self._jumps:
+            stiffness = item.stiffness(None)
+            matrix.axpy(1.0, stiffness, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            stiffness.destroy()
+        matrix.setLGMap(*numbering)
+        return matrix
 
     def create_shared_matrix(self) -> PETSc.Mat:
         """The same on one rank, stored entry by entry, with the arrays of a matrix of DOLFINx.
 
         DOLFINx assembles into its own matrix as fast as into one in blocks, which a factorisation
-        would have to copy.
+        would have to copy.  With jumps the matrix is PETSc's own.
         """
+        if self._jumps:
+            return self.create_matrix()
         shared = fem.create_matrix(self._forms[0], block_mode=la.BlockMode.expanded)
         starts, columns = (part.astype(PETSc.IntType) for part in (shared.indptr, shared.indices))
         size, components = len(starts) - 1, self._forms[0].function_spaces[0].dofmap.index_map_bs
@@ -108,15 +144,17 @@ class JointForm:
         for form in self._forms:
             fem.assemble_vector(vector.array, form)
         vector.scatter_reverse(la.InsertMode.add)
+        for item in self._jumps:
+            vector.array[:] += item.forces()
 
     def assemble_matrix(self, matrix: PETSc.Mat, conditions: Sequence[fem.DirichletBC]) -> None:
         """Set a matrix, with the identity at the conditions of displacements; collective."""
         matrix.zeroEntries()
         shared = matrix.getAttr(_SHARED)
         for number, (part, form) in enumerate(zip(self._parts, self._forms, strict=True)):
-            space, fixed = part.arguments()[0].ufl_function_space(), list(conditions)
+            space, fixed = _space(part), list(conditions)
             if number > 0:
-                if space != self._parts[0].arguments()[0].ufl_function_space():
+                if space != _space(self._parts[0]):
                     fixed = _fixed(space, conditions)
                 # The identity was inserted last, and now values are added.
                 matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
@@ -125,6 +163,48 @@ class JointForm:
             else:
                 fem.assemble_matrix(shared, form, fixed)
         matrix.assemble()
+        for item in self._jumps:
+            stiffness = item.stiffness(conditions)
+            matrix.axpy(1.0, stiffness, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            stiffness.destroy()
+
+
+class _FormOfJump:
+    """One part of a form, with a jump as its arguments, as a form of displacements."""
+
+    def __init__(self, jump: JumpValues, part: ufl.Form) -> None:
+        self._jump, self._form = jump, compiled.form(part)
+        self._vector = fem.Function(jump.space)
+
+    def forces(self) -> FloatArray:
+        """The linear form at all local dofs of displacements; collective."""
+        jump, vector = self._jump, self._vector.x
+        jump.refresh()
+        vector.array[:] = 0.0
+        fem.assemble_vector(vector.array, self._form)
+        vector.scatter_reverse(la.InsertMode.add)
+        return jump.carried(vector.array)
+
+    def stiffness(self, conditions: Sequence[fem.DirichletBC] | None) -> PETSc.Mat:
+        """The bilinear form without what conditions fix; collective.
+
+        Without ``conditions`` it has all entries that there may be.
+        """
+        self._jump.refresh()
+        matrix = petsc.assemble_matrix(self._form)
+        matrix.assemble()
+        free = np.ones(len(self._vector.x.array))
+        for condition in conditions or ():
+            free[condition.dof_indices()[0]] = 0.0
+        jump = self._jump.square(free)
+        stiffness = matrix.PtAP(jump)
+        for item in (matrix, jump):
+            item.destroy()
+        return stiffness
+
+
+def _space(part: ufl.Form) -> fem.FunctionSpace:
+    return part.arguments()[0].ufl_function_space()
 
 
 def _fixed(

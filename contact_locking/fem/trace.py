@@ -11,7 +11,8 @@ import basix
 import basix.ufl
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
+from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray, IndexArray
@@ -100,6 +101,16 @@ class PointValues:
         """The map (k, n) from the values of a displacement at its local blocks."""
         return self._map(self._nodes, self.blocks, own=2.0, end=-0.5)
 
+    @property
+    def by_blocks(self) -> csr_matrix:
+        """The same map (k, N) for all N blocks of displacements, by their global numbers."""
+        from scipy.sparse import csr_matrix
+
+        index_map, local = self.space.dofmap.index_map, self.matrix
+        columns = index_map.local_to_global(local.indices.astype(np.int32))
+        shape = (local.shape[0], index_map.size_global)
+        return csr_matrix((local.data, columns, local.indptr), shape=shape)
+
     @cached_property
     def _of_scalars(self) -> csr_matrix:
         return self._map(self._nodes, np.arange(len(self.blocks)), own=2.0, end=-0.5)
@@ -122,6 +133,28 @@ class PointValues:
             return np.asarray(self._of_scalars @ function.x.array)
         return np.asarray(self.matrix @ function.x.array.reshape(-1, *shape))
 
+    def refresh(self) -> None:
+        """Take the present values of displacements; collective."""
+
+    def at_nodes(self, values: FloatArray) -> FloatArray:
+        """What moves (k, d) at the nodes with local values of a displacement; collective.
+
+        It is the displacement, or the jump.
+        """
+        dim = self.space.dofmap.index_map_bs
+        return np.asarray(values.reshape(-1, dim)[self.blocks[self._nodes]])
+
+    def forces(self, at_nodes: FloatArray) -> FloatArray:
+        """The forces at all local dofs of displacements for forces (k, d) on limited values.
+
+        Collective.
+        """
+        forces = fem.Function(self.space)
+        forces.x.array[:] = (self.matrix.T @ at_nodes).reshape(-1)
+        forces.x.scatter_reverse(la.InsertMode.add)
+        forces.x.scatter_forward()
+        return np.asarray(forces.x.array)
+
     def edges(self, function: fem.Function) -> tuple[IndexArray, IndexArray]:
         """The midpoints (m,) of edges, and the ends (m, 2), as nodes or blocks of a function."""
         if function.ufl_shape == ():
@@ -131,6 +164,9 @@ class PointValues:
     def inverse(self, nodes: IndexArray, numbers: IndexArray) -> csr_matrix:
         """The map from limited to nodal values (k, m), for numbers (n,) < m of the local nodes."""
         return self._map(nodes, numbers, own=0.5, end=0.25)
+
+    def destroy(self) -> None:
+        """Free PETSc's objects; collective."""
 
     def _map(self, nodes: IndexArray, numbers: IndexArray, own: float, end: float) -> csr_matrix:
         """1 at corners, and ``own`` and twice ``end`` at midpoints and the ends of their edges."""
@@ -147,6 +183,22 @@ class PointValues:
         values = np.concatenate([diagonal, np.full(self._ends.size, end)])
         shape = (len(nodes), int(numbers.max(initial=-1)) + 1)
         return csr_matrix((values, (rows, columns)), shape=shape)
+
+
+def displacement_map(rows: csr_matrix, vectors: fem.FunctionSpace) -> PETSc.Mat:
+    """The matrix of a map (k, N) of blocks, by global numbers, for each component; collective.
+
+    Its rows are k nodes of each rank, with the components of each node together.
+    """
+    from scipy.sparse import identity, kron
+
+    index_map, dim = vectors.dofmap.index_map, vectors.dofmap.index_map_bs
+    each = kron(rows, identity(dim), format="csr")
+    return PETSc.Mat().createAIJ(
+        ((each.shape[0], None), (dim * index_map.size_local, None)),
+        csr=(each.indptr.astype(PETSc.IntType), each.indices.astype(PETSc.IntType), each.data),
+        comm=vectors.mesh.comm,
+    )
 
 
 def make_nodal(function: fem.Function, places: Sequence[PointValues]) -> None:

@@ -21,6 +21,7 @@ from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh.distribution import distribute
+from contact_locking.mesh.file.contiguity import Touching
 from contact_locking.mesh.file.data import MeshData
 from contact_locking.mesh.file.diagnosis import Diagnosis, diagnose
 from contact_locking.mesh.file.gmsh_model import extract
@@ -200,21 +201,22 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] =
 
         with build(geometry, contact=contact) as model:
             mesh = extract(model, origin)
-        return mesh, Diagnosis.of_sound(mesh)
+        return mesh, Diagnosis.of_sound(mesh, geometry.bodies)
 
     return with_key("mesh.builder", lambda: distributed(make, comm, origin))
 
 
-def from_file(path: Path, comm: MPI.Intracomm) -> Domain:
+def from_file(path: Path, comm: MPI.Intracomm, touching: Touching = ()) -> Domain:
     """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
 
+    ``touching`` are pairs of boundary parts that may touch each other without shared nodes.
     Raises InputError if the file cannot be read, if the cells are not first-order triangles or
     tetrahedra, and if the mesh is not a body (`mesh_file.diagnosis`).
     """
 
     def make() -> tuple[MeshData, Diagnosis]:
         mesh = read(path)
-        return mesh, diagnose(mesh, str(path))
+        return mesh, diagnose(mesh, str(path), touching)
 
     return with_key("mesh.file", lambda: distributed(make, comm, str(path)))
 

@@ -170,6 +170,7 @@ class DiscreteProblem:
         """Destroy the PETSc objects; collective."""
         for contact in self.contacts:
             contact.friction.smoothing.destroy()
+            contact.surface.limited.destroy()
 
 
 def _elastic(body: Body, material: Material) -> Callable[[Expr, Expr], ufl.Form]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import ufl
 from dolfinx import fem
@@ -25,6 +26,9 @@ from contact_locking.laws.friction import (
 from contact_locking.problem.eigenstrain import Eigenstrain
 from contact_locking.problem.springs import Springs
 from contact_locking.problem.strain_sets import NormSet, StrainSet
+
+if TYPE_CHECKING:
+    from contact_locking.fem.jump import JumpValues
 
 
 @dataclass(frozen=True)
@@ -62,9 +66,10 @@ class ProblemData:
         """``eps(u)`` of the body."""
         return self.element.strain(u)
 
-    def limited(self, v: Expr) -> Expr:
-        """The field of the space of limited values for a displacement or an argument."""
-        return self.contacts[0].limited(v) if self.contacts else v
+    @property
+    def jumps(self) -> tuple[JumpValues, ...]:
+        """The jumps between bodies that contact limits."""
+        return tuple(item.surface.jump for item in self.contacts if item.surface.jump is not None)
 
     @property
     def sets(self) -> tuple[StrainSet, ...]:
@@ -142,18 +147,20 @@ def own_forces(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
 
 def residual(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     """The left side of (25) minus its right side; the arguments may differ (`JointForm`)."""
-    return _of_body(u, v, data) + _of_contacts(data.limited(u), data.limited(v), data)
+    form = _of_body(u, v, data)
+    for contact in data.contacts:
+        form += _of_contact(contact.limited(u), contact.limited(v), contact, data)
+    return form
 
 
 def tangent(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
     """The Gateaux derivative of :func:`residual` at ``u`` in the direction ``du``."""
-    limited = data.limited(u)
-    if limited is u:
-        return ufl.derivative(residual(u, v, data), u, du)
-    touching = _of_contacts(limited, data.limited(v), data)
-    return ufl.derivative(_of_body(u, v, data), u, du) + ufl.derivative(
-        touching, limited, data.limited(du)
-    )
+    form = ufl.derivative(_of_body(u, v, data), u, du)
+    for contact in data.contacts:
+        limited = contact.limited(u)
+        touching = _of_contact(limited, contact.limited(v), contact, data)
+        form += ufl.derivative(touching, limited, contact.limited(du))
+    return form
 
 
 def _of_body(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
@@ -165,15 +172,12 @@ def _of_body(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
     return form - external_work(v, data)
 
 
-def _of_contacts(u: fem.Function, v: Expr, data: ProblemData) -> Expr:
+def _of_contact(u: fem.Function, v: Expr, contact: NodalContact, data: ProblemData) -> Expr:
     """The forces of contact and friction, for limited values u and v."""
-    form = ufl.Form([])
-    for contact in data.contacts:
-        v_normal, v_slip = contact.parts(v)
-        traction = pressure(u, contact, data) * v_normal
-        traction += ufl.inner(friction(u, contact), v_slip)
-        form += traction * contact.surface.ds
-    return form
+    v_normal, v_slip = contact.parts(v)
+    traction = pressure(u, contact, data) * v_normal
+    traction += ufl.inner(friction(u, contact), v_slip)
+    return traction * contact.surface.ds
 
 
 def energy(u: fem.Function, data: ProblemData) -> Expr:

@@ -52,8 +52,7 @@ class LooseMotion:
         motion = np.linalg.lstsq(self._triangles, seen)[0] @ self._motions
         distance, made = 0.0, [self._constraints.held_part(u), u - motion]
         for contact in self._contacts:
-            at_nodes = (-1, contact.surface.domain.dim)
-            moved, stands = (v.reshape(at_nodes)[contact.surface.blocks] for v in (motion, u))
+            moved, stands = (contact.surface.limited.at_nodes(v) for v in (motion, u))
             distance = max(distance, self._largest(moved))
             if contact.is_pushed:
                 # The foundation follows the body, and gaps and slips are relative to its travel.

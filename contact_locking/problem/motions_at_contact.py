@@ -13,7 +13,10 @@ from contact_locking.contact.pushed_foundation import PushedFoundation
 
 
 class MotionsAtContact:
-    """Rigid motions at the owned nodes of one contact on one part of the body, less its tool's."""
+    """Rigid motions at the owned nodes of one contact on some parts of the body.
+
+    They are relative to the contact's tool, or to the body that it touches.
+    """
 
     def __init__(
         self,
@@ -23,9 +26,9 @@ class MotionsAtContact:
         tools: Sequence[PushedFoundation],
     ) -> None:
         self.contact, self._own = contact, contact.surface.is_of(part)
-        blocks = contact.surface.blocks[self._own]
-        dim = contact.surface.domain.dim
-        of_body = motions.reshape(len(motions), motions.shape[1] // dim, dim)[:, blocks]
+        limited, dim = contact.surface.limited, contact.surface.domain.dim
+        at_nodes = np.array([limited.at_nodes(motion) for motion in motions])
+        of_body = at_nodes.reshape(len(motions), len(self._own), dim)[:, self._own]
         of_tools = np.zeros((len(tools), *of_body.shape[1:]))
         for number, tool in enumerate(tools):
             if tool.contact is contact:

@@ -87,24 +87,38 @@ def parts_held(
 
     ``displacements`` and ``supports`` are the boundary parts that conditions hold.
     """
-    found = []
-    for number, name in enumerate(domain.part_names):
-        motions = _Motions(domain, space, data, constraints, number)
-        touching = [part for contact in data.contacts for part in contact.on]
-        found.append(
-            Held(
-                name,
+    found = {}
+    touching = [part for contact in data.contacts for part in (*contact.on, *contact.against)]
+    for group in _groups(domain, data):
+        motions = _Motions(domain, space, data, constraints, group)
+        sliding = sliding_motions(motions.normals).shape[1]
+        for number, (_, free) in zip(group, motions.parts, strict=True):
+            found[number] = Held(
+                domain.part_names[number],
                 _touching(domain, number, list(dict.fromkeys(displacements))),
                 _touching(domain, number, list(dict.fromkeys(touching))),
                 _touching(domain, number, list(dict.fromkeys(supports))),
-                motions.of_body,
-                sliding_motions(motions.normals).shape[1],
+                free.shape[1],
+                # Bodies that touch each other may slide together.
+                sliding if number == group[0] else 0,
                 _touching(domain, number, list(dict.fromkeys(item.on for item in data.springs))),
                 free_motions(domain, space, constraints, _dofs(domain, space, number)).shape[1]
-                - motions.of_body,
+                - free.shape[1],
             )
-        )
-    return found
+    return [found[number] for number in sorted(found)]
+
+
+def _groups(domain: Domain, data: forms.ProblemData) -> list[tuple[int, ...]]:
+    """The numbers of the parts of the body, those together that touch each other; collective."""
+    groups = [{number} for number in range(len(domain.part_names))]
+    for contact in data.contacts:
+        if contact.against:
+            facets = domain.facets((*contact.on, *contact.against))
+            here = domain.comm.allgather(np.unique(domain.parts[domain.owners(facets)]))
+            joined = set(map(int, np.concatenate(here)))
+            apart = [group for group in groups if not group & joined]
+            groups = [*apart, set().union(*(group for group in groups if group & joined))]
+    return sorted(tuple(sorted(group)) for group in groups)
 
 
 def require_parts_held(
@@ -112,15 +126,18 @@ def require_parts_held(
 ) -> None:
     """Raise InputError for a part that is free to move under the present loads; collective."""
     several = len(domain.part_names) > 1
-    for number, name in enumerate(domain.part_names):
-        motions = _Motions(domain, space, data, constraints, number)
+    for group in _groups(domain, data):
+        motions = _Motions(domain, space, data, constraints, group)
         try:
             motions.require_tools_held()
             motions.require_held(motions.most_work)
         except InputError as error:
             if not several:
                 raise
+            if len(group) > 1:
+                raise
             shared = "edge" if domain.dim == 2 else "face"
+            name = domain.part_names[group[0]]
             raise InputError(
                 f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
             ) from None
@@ -142,14 +159,14 @@ def describe_slide(
     - A motion that slides or lifts off, ``c_nu <= 0``, with ``(f, c) > int G |c_tau|`` proves for
       the present bound G alone that there is no equilibrium.
     """
-    for number in range(len(domain.part_names)):
-        found = _Motions(domain, space, data, constraints, number)
+    for group in _groups(domain, data):
+        found = _Motions(domain, space, data, constraints, group)
         if not found.of_body:
             continue
         told = found.describe_unheld() or found.describe_push() or found.describe_slide()
         if told is not None:
-            several = len(domain.part_names) > 1
-            return f"{domain.part_names[number]}: {told}" if several else told
+            names = " and ".join(domain.part_names[number] for number in group)
+            return f"{names}: {told}" if len(domain.part_names) > 1 else told
     return None
 
 
@@ -160,8 +177,8 @@ def describe_loose(
 
     Tools may press the body less than at other times.  Collective.
     """
-    for number in range(len(domain.part_names)):
-        found = _Motions(domain, space, data, constraints, number)
+    for group in _groups(domain, data):
+        found = _Motions(domain, space, data, constraints, group)
         try:
             found.require_held(found.work)
         except InputError as error:
@@ -206,10 +223,12 @@ def _loose_fields(
 class _Motions:
     """The f rigid motions of a part and its tools that the displacement conditions leave free.
 
-    The first motions, ``of_body`` of them, move the part, and each of the others moves one tool
-    that presses on this part alone along its force.  ``free`` (m, f) are the coefficients of the
-    motions of the part, zero for a tool, and ``work`` (f,) is the work of the loads and of the
-    present forces of tools along the motions; ``most_work`` is this with the largest forces of the
+    Parts that touch each other are taken together, and ``parts`` has the name of each with the
+    coefficients (m, .) of its motions.  The first motions, ``of_body`` of them, move the parts, and
+    each of the others moves one tool that presses on these parts alone along its force.  ``free``
+    (m, f) are the coefficients of all motions of parts, zero for a tool, and ``work`` (f,) is the
+    work of the loads and of the present forces of tools along the motions; ``most_work`` is this
+    with the largest forces of the
     process.  ``normals`` (n, f) are the normal components at all nodes of Gamma_C on the part,
     relative to tools, and ``rubs`` (n,) marks the nodes with friction.  The constructor is
     collective.
@@ -221,10 +240,19 @@ class _Motions:
         space: fem.FunctionSpace,
         data: forms.ProblemData,
         constraints: Constraints,
-        number: int,
+        group: tuple[int, ...],
     ) -> None:
-        part = _dofs(domain, space, number)
-        free, motions = _loose_fields(domain, space, data, constraints, part)
+        self.parts: list[tuple[str, FloatArray]] = []
+        fields: list[FloatArray] = []
+        part: BoolArray = np.zeros(0, dtype=bool)
+        for number in group:
+            own = _dofs(domain, space, number)
+            free, moved = _loose_fields(domain, space, data, constraints, own)
+            self.parts.append((domain.part_names[number], free))
+            fields.append(moved)
+            part = own if number == group[0] else part | own
+        free = np.hstack([item for _, item in self.parts])
+        motions = np.vstack(fields)
         self._domain, self._space, self._data = domain, space, data
         self._of_body, self.of_body = motions, len(motions)
         self._tools = [tool for tool in data.tools if _is_at(tool, part)]
@@ -371,7 +399,7 @@ class _Motions:
         if not push > held * (1.0 + _REACHED):
             return None
         # A slide of length 1, or a turn by the angle 1.
-        moved, turn = spin(self.free @ motion)
+        moved, turn = spin(self._of_part(motion)[1])
         words = self._words(motion)
         rate = float(np.linalg.norm(moved if words.startswith("translation") else turn))
         depends = any(item.contact.friction.depends_on_slip for item in self.at_contacts)
@@ -413,6 +441,8 @@ class _Motions:
 
     def _away(self) -> FloatArray | None:
         """The translation (f,) away from a foundation that has one normal; collective."""
+        if len(self.parts) > 1:
+            return None
         normals = self._gathered([item.contact_normals for item in self.at_contacts])
         if not len(normals) or np.ptp(normals, axis=0).max() > _ROUNDING:
             return None
@@ -436,7 +466,17 @@ class _Motions:
 
     def _words(self, motion: FloatArray) -> str:
         """A motion (f,) of the part in words; collective."""
-        return describe_motion(self.free @ motion, self._domain.bounding_box())
+        name, own = self._of_part(motion)
+        words = describe_motion(own, self._domain.bounding_box())
+        return words if len(self.parts) == 1 else f"{words} of {name}"
+
+    def _of_part(self, motion: FloatArray) -> tuple[str, FloatArray]:
+        """The part that a motion (f,) moves the most, and the coefficients (m,) of its motion."""
+        ends = np.cumsum([free.shape[1] for _, free in self.parts])
+        shares = np.split(motion[: self.of_body], ends[:-1])
+        most = int(np.argmax([np.linalg.norm(share) for share in shares]))
+        name, free = self.parts[most]
+        return name, np.asarray(free @ shares[most])
 
     def _resultant(self, work: FloatArray) -> Resultant | None:
         """The resultant of the loads on a flat foundation; collective.
@@ -444,7 +484,9 @@ class _Motions:
         ``work`` (f,) is the work of the loads.  None if conditions hold some motions, or if a force
         pushes a tool.
         """
-        if self.free.shape[0] != self.free.shape[1] or self._domain.axisymmetric:
+        if len(self.parts) > 1 or self._domain.axisymmetric:
+            return None
+        if self.free.shape[0] != self.free.shape[1]:
             return None
         points = self._gathered([item.points for item in self.at_contacts])
         normals = self._gathered([item.contact_normals for item in self.at_contacts])

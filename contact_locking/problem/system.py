@@ -73,7 +73,7 @@ class PenalisedSystem:
     @cached_property
     def _residual(self) -> JointForm:
         test = ufl.TestFunction(self.u.function_space)
-        return JointForm(forms.residual(self.u, test, self.data))
+        return JointForm(forms.residual(self.u, test, self.data), self.data.jumps)
 
     @cached_property
     def _tangent(self) -> JointForm:
@@ -83,7 +83,7 @@ class PenalisedSystem:
         if self.held_by_contact:
             factor = fem.Constant(space.mesh, self.CONTACT_FLOOR) / self.data.epsilon
             tangent += forms.contact_stiffness(v, du, self.contacts, factor)
-        return JointForm(tangent)
+        return JointForm(tangent, self.data.jumps)
 
     @cached_property
     def _penalty_pressures(self) -> list[NodalAverage]:

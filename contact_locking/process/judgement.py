@@ -76,6 +76,7 @@ def state_of(state: SolvedState) -> State:
         penalty=problem.penalty,
         slips=tuple(np.linalg.norm(fields.increment, axis=1) for fields in state.contacts),
         travels=state.system.tools.travels,
+        last=state.report.last,
     )
     after = tuple(
         fields.contact.state_after(problem.u, fields.state == STICK) for fields in state.contacts
@@ -170,7 +171,9 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
     for fields in state.contacts:
         found = computed("contact", Contacts(domain, (fields,)))
         pushed = [("tool", item.summary()) for item in tools if item.contact is fields.contact]
-        entries.append({"on": list(fields.contact.on), **found, **dict(pushed)})
+        against = fields.contact.against
+        places = {"on": list(fields.contact.on), **({"against": list(against)} if against else {})}
+        entries.append({**places, **found, **dict(pushed)})
     return computed("contact", Contacts(domain, state.contacts)) | {"contacts": entries}
 
 

@@ -64,7 +64,13 @@ class ContactFields:
 
     @cached_property
     def entry(self) -> Entry:
-        """The deepest entry of the foundation between the nodes; the first use is collective."""
+        """The deepest entry of the foundation between the nodes; the first use is collective.
+
+        Two bodies meet in the mean over a facet, and may overlap between the nodes by the error of
+        the mesh.
+        """
+        if self.surface.jump is not None:
+            return Entry()
         return entry_between_nodes(self.contact, self._u, self.state != OPEN)
 
     def gather(self) -> tuple[ContactPoints, IntArray] | None:

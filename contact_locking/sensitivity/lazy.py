@@ -58,6 +58,8 @@ class LazyDerivatives:
                 "the problem has been solved again, or closed, since this solution: ask for its "
                 "derivatives before"
             )
+        if self._problem.data.jumps:
+            raise InputError("there are no derivatives where two bodies touch each other yet")
         if not self.report.converged:
             raise InputError("a solve that has not converged has no derivatives")
         if self._settings.linear != "direct":

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from contact_locking.arrays import FloatArray
+
+# The points x of a family and their multipliers z.
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -16,4 +20,4 @@ class LastIterate:
 
     displacement: FloatArray
     travels: tuple[float, ...]
-    cones: tuple[tuple[FloatArray, FloatArray] | None, ...]
+    cones: tuple[Pair | None, ...]

@@ -19,6 +19,7 @@ from contact_locking.parallel import maximum
 from contact_locking.solver.equilibria.search import solve_on_branch
 from contact_locking.solver.fixed_point import fixed_point
 from contact_locking.solver.interior_point import InteriorPoint, explain_by_friction, is_impossible
+from contact_locking.solver.last_iterate import LastIterate
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
 from contact_locking.solver.newton import NewtonSolver
 from contact_locking.solver.polish import has_digits, is_in_reach, polish, settle, step_on
@@ -223,7 +224,8 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
     with contextlib.closing(_approaches(task, bool(nested), goes_on)) as solvers:
         for solver in solvers:
             standing = [item for item in task.system.rubbing if item.friction.stands]
-            _solve_by(solver, standing if solver.bound_moves else nested, task)
+            last, saved = None if saved is None else saved.last, None
+            _solve_by(solver, standing if solver.bound_moves else nested, task, last)
             if report.reason:
                 if not solver.bound_moves:
                     told = _NOT_NESTED.format(reason=report.reason)
@@ -231,6 +233,7 @@ def interior_point(task: Task, saved: SavedState | None = None) -> SolverReport:
             if nested and solver.bound_moves:
                 report.warnings.append(told)
             task.add_stage(penalty, report.tangents)
+            report.from_saved = solver.from_last
             # Newton's last steps want a linear solver as sharp as they are.
             direct = None if solver.is_elastic else solver.direct
             if direct is not None and is_in_reach(task):
@@ -302,8 +305,13 @@ def _friction_way_out(task: Task) -> list[str]:
     return [_HELD_BY_FRICTION if task.system.held_by_friction else _BOUND_WAY_OUT]
 
 
-def _solve_by(solver: InteriorPoint, nested: Sequence[NodalContact], task: Task) -> None:
-    """Solve once, or for each value of ``nested`` bounds; a failure is written into the report."""
+def _solve_by(
+    solver: InteriorPoint, nested: Sequence[NodalContact], task: Task, last: LastIterate | None
+) -> None:
+    """Solve once, or for each value of ``nested`` bounds; a failure is written into the report.
+
+    ``last`` is the solution of the step before, if there is one.
+    """
     system, report = task.system, task.report
     start = system.constraints.held_part(system.u.x.array)
     report.reason, report.multipliers, report.last = "", None, None
@@ -314,7 +322,7 @@ def _solve_by(solver: InteriorPoint, nested: Sequence[NodalContact], task: Task)
 
     def solve() -> None:
         system.u.x.array[:] = start
-        report.multipliers = solver.solve()
+        report.multipliers = solver.solve(last)
 
     def wanted() -> list[FloatArray]:
         assert report.multipliers is not None

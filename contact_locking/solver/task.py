@@ -167,7 +167,7 @@ class SavedState:
     ``displacement`` holds local values, ghosts included, ``pressures`` those (k,) at the owned
     nodes of each contact; without any, nothing is known of them.  ``slips`` holds the lengths (k,)
     of the slip in the step of a process that ended with this state, and ``travels`` those of the
-    tools.
+    tools.  ``last`` is the last iterate that led to this state, if it is known.
     """
 
     displacement: FloatArray
@@ -175,6 +175,7 @@ class SavedState:
     penalty: Penalty
     slips: tuple[FloatArray, ...] = ()
     travels: tuple[float, ...] = ()
+    last: LastIterate | None = None
 
     def enter(self, system: PenalisedSystem) -> None:
         """Put displacement, travels and friction bounds into ``system``; collective."""

@@ -170,7 +170,7 @@ def _given_mesh(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     assert parameters.mesh.file is not None
     path = Path(parameters.mesh.file)
     if not is_xdmf(path):
-        return domains.from_file(path, comm)
+        return domains.from_file(path, comm, parameters.touching)
     # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
     from contact_locking.mesh.xdmf_mesh import from_xdmf
 

@@ -58,7 +58,8 @@ def contact_of(
     placed: PlacedFoundation = GapOfStudy(domain, given, clock)
     if foundation is not None:
         placed = _foundation(domain, given, foundation, clock)
-    return Contact(given.on, placed, friction, force=force, key=given.key)
+    against = given.against or None
+    return Contact(given.on, placed, friction, force=force, key=given.key, against=against)
 
 
 def friction_warnings(domain: Domain, given: ContactParameters, clock: Clock) -> list[str]:

@@ -213,7 +213,7 @@ def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> 
     """A method that takes no step leaves it to the branch, for a finite n as well."""
     from contact_locking.solver import strategy
 
-    def fails(solver: Any, nested: Any, task: Task) -> None:
+    def fails(solver: Any, nested: Any, task: Task, last: Any) -> None:
         task.report.reason = "not tried"
 
     monkeypatch.setattr(strategy, "_solve_by", fails)

@@ -190,7 +190,7 @@ def test_the_advice_after_a_failed_solve_is_about_what_the_problem_has(
             penalty__n=math.inf,
             material__locking_limit=limit,
             friction__coefficient=friction,
-            solver={"max_iterations": 2},
+            solver={"max_iterations": 1},
         )
     ).summary
     assert not summary["converged"]

@@ -151,9 +151,18 @@ def test_the_limit_has_neither_penalty_nor_regularisation(file: Path) -> None:
 
 
 WRONG: list[tuple[Any, str]] = [
-    (3, "contact: must be a mapping with keys among on, gap, foundation, friction, or a list of"),
-    ([3], "contact.0: must be a mapping with keys among on, gap, foundation, friction, not 3"),
-    ([{}, {"gapp": 1}], r"contact.1.gapp: unknown key (did you mean 'gap'?); known here: on, gap"),
+    (
+        3,
+        "contact: must be a mapping with keys among on, against, gap, foundation, friction, or",
+    ),
+    (
+        [3],
+        "contact.0: must be a mapping with keys among on, against, gap, foundation, friction,",
+    ),
+    (
+        [{}, {"gapp": 1}],
+        r"contact.1.gapp: unknown key (did you mean 'gap'?); known here: on, against",
+    ),
     ([{}, {"on": "botom"}], "contact.1.on: no part of the boundary is named 'botom' (did you"),
     ([{}, {"gap": "z"}], "contact.1.gap: in the expression 'z': unknown name 'z'"),
     ([{}, {"gap": 1, "foundation": SPHERE}], "contact.1.gap: the foundation defines the gap"),

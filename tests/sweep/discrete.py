@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from simplices import Body
 
 from contact_locking.arrays import AXES, BoolArray, FloatArray
+from contact_locking.contact.pairing import Side, pair
 from contact_locking.expressions import parse
 from contact_locking.laws.elasticity import mean_young
 from contact_locking.mesh.domain import Domain
@@ -34,6 +35,8 @@ class Contact:
     """Nodes of Gamma_C with weights, normals (k, d), gap and the rounding in that, all (k,).
 
     ``decides`` says where contact has a say: where the normal displacement is not prescribed.
+    ``seen`` maps displacements to what contact limits at the nodes, (k d, dofs): the displacement
+    there, or the jump to another body.
     """
 
     nodes: IntArray
@@ -42,6 +45,16 @@ class Contact:
     gap: FloatArray
     rounding: FloatArray
     decides: BoolArray
+    seen: Matrix
+
+    def of(self, u: FloatArray) -> FloatArray:
+        """What contact limits (k, d)."""
+        return np.asarray(self.seen @ u).reshape(self.normals.shape)
+
+    def forces(self, tractions: FloatArray) -> FloatArray:
+        """The nodal forces of tractions (k, d), sizes if they are sizes."""
+        signs = abs(self.seen) if np.all(tractions >= 0.0) else self.seen
+        return np.asarray(signs.T @ (self.weights[:, None] * tractions).ravel())
 
 
 @dataclass(frozen=True)
@@ -261,9 +274,52 @@ def _contact(
         rounding = 4e-16 * np.abs(gap)
     else:
         gap, normals, rounding = _distance(given, x)
+    if part.against:
+        return _between(geometry, facets, geometry.facets(part.against), gap, free)
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     decides = np.linalg.norm(normals * free.reshape(-1, dim)[nodes], axis=1) > 1e-6
-    return Contact(nodes, weights[nodes], normals, gap, rounding, decides)
+    seen = sp.kron(sp.eye(len(geometry.x), format="csr")[nodes], sp.eye(dim), "csr")
+    return Contact(nodes, weights[nodes], normals, gap, rounding, decides, seen)
+
+
+def _between(
+    geometry: Geometry, facets: IntArray, others: IntArray, added: FloatArray, free: BoolArray
+) -> Contact:
+    """Contact between the sides of two bodies, with the pairing of the package.
+
+    The patch tests have judged the pairing.
+    """
+    dim = geometry.x.shape[1]
+
+    def side(corners: IntArray) -> tuple[Side, IntArray]:
+        nodes, numbers = np.unique(corners, return_inverse=True)
+        normals = geometry.normals(corners)
+        outward = normals / np.linalg.norm(normals, axis=1)[:, None]
+        return Side(geometry.x[nodes], numbers.reshape(corners.shape), outward), nodes
+
+    (one, nodes), (two, theirs) = side(facets), side(others)
+    found = pair(one, two)
+    count = len(geometry.x)
+    shares = found.shares.tocoo()
+    facing = sp.csr_matrix((shares.data, (shares.row, theirs[shares.col])), (len(nodes), count))
+    own = sp.csr_matrix((np.ones(len(nodes)), (np.arange(len(nodes)), nodes)), facing.shape)
+    jump = sp.diags(found.faces.astype(float)) @ (own - facing)
+    seen = sp.kron(jump, sp.eye(dim), "csr")
+    normals = np.zeros_like(one.points)
+    for corner in one.facets.T:
+        np.add.at(normals, corner, one.outward * one.sizes()[:, None])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    along = (
+        sp.block_diag([normal[None] for normal in normals], "csr")
+        @ seen
+        @ sp.diags(free.astype(float))
+    )
+    decides = np.sqrt(np.asarray(along.power(2).sum(axis=1)).ravel()) > 1e-6
+    extent = float(np.ptp(geometry.x, axis=0).max())
+    gap = np.where(found.faces, found.gap, extent) + added
+    rounding = np.full(len(nodes), 1e-14 * extent)
+    weights = np.where(found.faces, found.weights, extent ** (dim - 1))
+    return Contact(nodes, weights, normals, gap, rounding, decides, seen)
 
 
 def _distance(given: Any, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from . import (
     between,
+    bodies,
     frictions,
     held,
     materials,
@@ -36,6 +37,7 @@ MODULES = (
     processes,
     between,
     thin,
+    bodies,
 )
 
 

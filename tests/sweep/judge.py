@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
@@ -85,9 +87,7 @@ class _Scales:
         if discrete.contact is not None:
             contact = discrete.contact
             size = state.pressure[:, None] * np.abs(contact.normals) + np.abs(state.traction)
-            self.tractions.reshape(-1, discrete.dim)[contact.nodes] = (
-                contact.weights[:, None] * size
-            )
+            self.tractions += contact.forces(np.abs(size))
         self.rounding = DIGITS * _EPS * (parts + self.tractions)
         strain = np.linalg.norm(discrete.strains(u), axis=1)
         stress = np.linalg.norm(state.locking, axis=1)
@@ -118,9 +118,8 @@ def _inverse(
     if discrete.contact is not None and is_loose:
         x = discrete.geometry.x
         stiffness = float(np.median(discrete.law[:, 0, 0])) / float(np.ptp(x, axis=0).max())
-        for axis in range(discrete.dim):
-            dofs = discrete.contact.nodes * discrete.dim + axis
-            diagonal[dofs] = stiffness * discrete.contact.weights
+        springs = np.full_like(discrete.contact.normals, stiffness)
+        diagonal += discrete.contact.forces(springs)
     if not discrete.free.any():
         return lambda f: f
     matrix = (K + sp.diags(diagonal)).tocsr()[discrete.free][:, discrete.free]
@@ -130,8 +129,16 @@ def _inverse(
 
 
 def _loose(discrete: Discrete) -> bool:
-    """Whether a rigid motion is left by the prescribed displacements."""
-    x, dim = discrete.geometry.x, discrete.dim
+    """Whether a rigid motion of a part of the body is left by the prescribed displacements."""
+    parts, cells = discrete.geometry.domain.parts, discrete.geometry.cells
+    return any(
+        _is_loose(discrete, np.unique(cells[parts[: len(cells)] == part]))
+        for part in np.unique(parts)
+    )
+
+
+def _is_loose(discrete: Discrete, nodes: npt.NDArray[Any]) -> bool:
+    x, dim = discrete.geometry.x[nodes], discrete.dim
     x = (x - x.mean(axis=0)) / np.ptp(x, axis=0).max()
     motions = [np.tile(np.eye(dim)[i], (len(x), 1)) for i in range(dim)]
     for i in range(dim):
@@ -139,7 +146,8 @@ def _loose(discrete: Discrete) -> bool:
             turn = np.zeros_like(x)
             turn[:, i], turn[:, j] = -x[:, j], x[:, i]
             motions.append(turn)
-    held = np.array([m.ravel()[~discrete.free] for m in motions]).T
+    fixed = ~discrete.free.reshape(-1, dim)[nodes].ravel()
+    held = np.array([m.ravel()[fixed] for m in motions]).T
     return bool(np.linalg.matrix_rank(held, tol=1e-6) < len(motions))
 
 
@@ -163,7 +171,7 @@ def _equilibrium(discrete: Discrete, state: State, scales: _Scales) -> float:
     if discrete.contact is not None:
         contact = discrete.contact
         force = state.pressure[:, None] * contact.normals - state.traction
-        surface.reshape(-1, discrete.dim)[contact.nodes] = contact.weights[:, None] * force
+        surface = contact.seen.T @ (contact.weights[:, None] * force).ravel()
     residual = elastic + locking + surface - discrete.load
     parts = [discrete.load, locking, surface]
     size = max(scales.norm(part) for part in parts)
@@ -199,7 +207,7 @@ def _locking(discrete: Discrete, state: State, scales: _Scales) -> Found:
 def _contact(discrete: Discrete, state: State, scales: _Scales) -> Found:
     contact = discrete.contact
     assert contact is not None
-    u = state.u.reshape(-1, discrete.dim)[contact.nodes]
+    u = contact.of(state.u)
     normal = np.einsum("kd,kd->k", u, contact.normals)
     on, p, w = contact.decides, state.pressure, contact.weights
     depth = (normal - contact.gap)[on]
@@ -224,8 +232,8 @@ def _contact(discrete: Discrete, state: State, scales: _Scales) -> Found:
 def _friction(parameters: Parameters, discrete: Discrete, state: State, scales: _Scales) -> Found:
     contact = discrete.contact
     assert contact is not None
-    dim, w = discrete.dim, contact.weights
-    u = state.u.reshape(-1, dim)[contact.nodes]
+    w = contact.weights
+    u = contact.of(state.u)
     slip = u - np.einsum("kd,kd->k", u, contact.normals)[:, None] * contact.normals
     s = np.linalg.norm(slip, axis=1)
     size = np.linalg.norm(state.traction, axis=1)
@@ -277,4 +285,5 @@ def _held(discrete: Discrete) -> BoolArray:
     """(k,) nodes of Gamma_C of which a component is prescribed."""
     contact = discrete.contact
     assert contact is not None
-    return np.asarray(~discrete.free.reshape(-1, discrete.dim)[contact.nodes].all(axis=1))
+    touched = abs(contact.seen) @ (~discrete.free).astype(float)
+    return np.asarray((touched > 0.0).reshape(contact.normals.shape).any(axis=1))

@@ -172,7 +172,7 @@ def energy(discrete: Discrete, bound: FloatArray, u: FloatArray) -> float:
         value += discrete.n * discrete.volumes @ np.maximum(over, 0.0) ** 2
     contact = discrete.contact
     if contact is not None:
-        at_nodes = u.reshape(-1, discrete.dim)[contact.nodes]
+        at_nodes = contact.of(u)
         normal = np.einsum("kd,kd->k", at_nodes, contact.normals)
         slip = np.linalg.norm(at_nodes - normal[:, None] * contact.normals, axis=1)
         held = np.where(contact.decides, bound, 0.0) * contact.weights
@@ -199,12 +199,12 @@ def _normals(discrete: Discrete) -> tuple[sp.csr_matrix, FloatArray]:
     """``u -> u_nu`` (k, dofs) and the gap (k,), where contact has a say."""
     contact, dim = discrete.contact, discrete.dim
     assert contact is not None
-    nodes, normals = contact.nodes[contact.decides], contact.normals[contact.decides]
-    columns = nodes[:, None] * dim + np.arange(dim)
+    nodes = np.flatnonzero(contact.decides)
+    normals, columns = contact.normals[nodes], nodes[:, None] * dim + np.arange(dim)
     lines = np.repeat(np.arange(len(nodes)), dim)
-    shape = (len(nodes), len(discrete.free))
-    matrix = sp.csr_matrix((normals.ravel(), (lines, columns.ravel())), shape)
-    return matrix, contact.gap[contact.decides]
+    shape = (len(nodes), contact.seen.shape[0])
+    matrix = sp.csr_matrix((normals.ravel(), (lines, columns.ravel())), shape) @ contact.seen
+    return matrix.tocsr(), contact.gap[nodes]
 
 
 def _tangents(discrete: Discrete, which: IntArray) -> sp.csr_matrix:
@@ -212,12 +212,13 @@ def _tangents(discrete: Discrete, which: IntArray) -> sp.csr_matrix:
     contact, dim = discrete.contact, discrete.dim
     assert contact is not None
     bases = np.array([np.linalg.svd(contact.normals[i][None, :])[2][1:] for i in which])
-    columns = contact.nodes[which][:, None, None] * dim + np.arange(dim)
+    columns = np.asarray(which)[:, None, None] * dim + np.arange(dim)
     columns = np.broadcast_to(columns, bases.shape)
     lines = np.arange(len(which) * (dim - 1)).reshape(len(which), dim - 1, 1)
     lines = np.broadcast_to(lines, bases.shape)
-    shape = (len(which) * (dim - 1), len(discrete.free))
-    return sp.csr_matrix((bases.ravel(), (lines.ravel(), columns.ravel())), shape)
+    shape = (len(which) * (dim - 1), contact.seen.shape[0])
+    found = sp.csr_matrix((bases.ravel(), (lines.ravel(), columns.ravel())), shape)
+    return (found @ contact.seen).tocsr()
 
 
 def _clarabel() -> Any:

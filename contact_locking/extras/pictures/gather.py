@@ -151,6 +151,7 @@ def gather(solution: StudySolution) -> Snapshot | None:
             np.concatenate([np.empty(0), *smoothed]),
             names,
             tuple(drawn_tool(solution.contacts[number].outline, x) for number in numbers),
+            tuple(solution.contacts[number].surface.jump is not None for number in numbers),
         ),
         title=solution.parameters.title,
         dofs=solution.summary["dofs"],

@@ -207,7 +207,7 @@ def _deformed(
         axes.plot(*body.x[outline].T, color=style.GREY, lw=0.9, ls=_DASHES)
         axes.plot(*x[outline].T, color=style.BLACK, lw=1.1)
     handles.append(Line2D([], [], color=style.GREY, lw=0.9, ls=_DASHES, label="undeformed"))
-    if len(body.contact.points):
+    if body.contact.on_foundations():
         handles.append(_foundation(axes, body.contact, factor, body.size))
     axes.set_aspect("equal")
     axes.set_xlabel("$x$")
@@ -241,7 +241,7 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line
 
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
     """A hatched layer on the far side of the surface at Gamma_C + gap nu."""
-    for part in contact.parts():
+    for part in contact.on_foundations():
         if len(segments := tool(part, factor)):
             _draw_tool(axes, segments, size)
         else:

@@ -187,7 +187,7 @@ class Scene:
 
     def _foundation(self, towards: FloatArray | None = None, middle: Any = None) -> None:
         """Add the foundations, without the half beyond a plane if one is given."""
-        for contact in self._body.contact.parts():
+        for contact in self._body.contact.on_foundations():
             if self._body.dim == 2:
                 segments = tool(contact, self._factor)
                 if not len(segments):

@@ -20,7 +20,8 @@ class ContactMap:
     ``facets`` (m, d) are numbers of the points, ``vertices`` (k,) the points as vertices of the
     body, ``smoothed`` (k,) is R sigma_nu, and ``names`` are those of the contacts.  ``tools`` has
     for each contact the facets (t, d, d) of the surface of the tool at its place, by their corners,
-    and none for a foundation that is drawn as far as Gamma_C sees it.
+    and none for a foundation that is drawn as far as Gamma_C sees it.  ``bodies`` tells which
+    contacts are with another body, which is no foundation; without entries none is.
     """
 
     points: ContactPoints
@@ -29,6 +30,7 @@ class ContactMap:
     smoothed: FloatArray
     names: tuple[str, ...]
     tools: tuple[FloatArray, ...] = ()
+    bodies: tuple[bool, ...] = ()
 
     @classmethod
     def none(cls, dim: int) -> ContactMap:
@@ -50,9 +52,16 @@ class ContactMap:
                 self.smoothed[own],
                 (name,),
                 (tool,),
+                (is_body,),
             )
-            for own, name, tool in zip(rows, names, tools, strict=True)
+            for own, name, tool, is_body in zip(
+                rows, names, tools, self.bodies or (False,) * len(rows), strict=True
+            )
         ]
+
+    def on_foundations(self) -> list[ContactMap]:
+        """The maps of the contacts with foundations."""
+        return [part for part in self.parts() if not any(part.bodies)]
 
     def titled(self, title: str, before_names: str = ": ") -> str:
         """A title that ends with the names of the contacts."""

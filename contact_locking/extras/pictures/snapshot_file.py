@@ -58,7 +58,7 @@ def save(body: Snapshot, path: Path, compressed: bool = True) -> None:
         tools = enumerate(body.contact.tools)
         arrays |= {f"tool.{number}": facets for number, facets in tools}
     known: dict[str, Any] = {name: kind(getattr(body, name)) for name, kind in _FACTS.items()}
-    facts = json.dumps(known | {"contacts": body.contact.names})
+    facts = json.dumps(known | {"contacts": body.contact.names, "bodies": body.contact.bodies})
     try:
         with path.open("wb") as stream:
             write = np.savez_compressed if compressed else np.savez
@@ -98,13 +98,13 @@ def _snapshot(stored: Mapping[str, npt.NDArray[Any]]) -> Snapshot:
         raise ValueError("no body in two or three dimensions")
     contact = ContactMap.none(sizes["d"])
     if "facets" in stored:
-        contact = _contact(stored, sizes, facts.get("contacts"))
+        contact = _contact(stored, sizes, facts.get("contacts"), facts.get("bodies", []))
     known: dict[str, Any] = {name: kind(facts[name]) for name, kind in _FACTS.items()}
     return Snapshot(**body, **known, contact=contact)
 
 
 def _contact(
-    stored: Mapping[str, npt.NDArray[Any]], sizes: dict[str, int], names: Any
+    stored: Mapping[str, npt.NDArray[Any]], sizes: dict[str, int], names: Any, bodies: Any
 ) -> ContactMap:
     arrays = {
         name: _checked(name, stored[f"points.{name}"], shape, sizes)
@@ -120,9 +120,17 @@ def _contact(
     count = len(points.rows())
     if not isinstance(names, list) or len(names) != count:
         raise ValueError("the contacts have no names")
+    if not isinstance(bodies, list) or len(bodies) not in (0, count):
+        raise ValueError("it does not tell which contacts are with bodies")
     tools = [stored[f"tool.{number}"] for number in range(count)]
     checked = [_checked("tool", tool, "tdd", sizes | {"t": len(tool)}) for tool in tools]
-    return ContactMap(points, **maps, names=tuple(map(str, names)), tools=tuple(checked))
+    return ContactMap(
+        points,
+        **maps,
+        names=tuple(map(str, names)),
+        tools=tuple(checked),
+        bodies=tuple(map(bool, bodies)),
+    )
 
 
 def _checked(

@@ -5,6 +5,7 @@ Only nodes of the boundary, which consists of the facets of a single cell, need 
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,15 +27,30 @@ _FRAGMENT = (
 )
 
 
-def check_contiguity(mesh: MeshData, facets: Facets, parts: IntArray, warnings: list[str]) -> None:
+#: Pairs of boundary parts, each by its names, that touch each other without shared nodes.
+Touching = Sequence[tuple[Collection[str], Collection[str]]]
+
+
+def check_contiguity(
+    mesh: MeshData,
+    facets: Facets,
+    parts: IntArray,
+    warnings: list[str],
+    touching: Touching = (),
+) -> None:
     """Raise InputError where parts touch without shared nodes, or a node hangs on a facet."""
     exterior = np.flatnonzero(facets.shared == 1)
     owner = facets.owner(exterior)
-    check_boundary(mesh, facets.nodes[exterior], owner, parts[owner], warnings)
+    check_boundary(mesh, facets.nodes[exterior], owner, parts[owner], warnings, touching)
 
 
 def check_boundary(
-    mesh: MeshData, boundary: IntArray, owner: IntArray, parts: IntArray, warnings: list[str]
+    mesh: MeshData,
+    boundary: IntArray,
+    owner: IntArray,
+    parts: IntArray,
+    warnings: list[str],
+    touching: Touching = (),
 ) -> None:
     """`check_contiguity` for the boundary (f, d) of a body, as nodes of ``mesh``.
 
@@ -48,9 +64,30 @@ def check_boundary(
     part = np.empty(len(mesh.points), dtype=np.int64)
     part[boundary] = parts[:, None]
     tree = cKDTree(mesh.points[nodes])
-    _check_duplicates(mesh, nodes, part, tree, float(size.min()), warnings)
-    _check_hanging(mesh, nodes, tree, boundary, owner, size)
+    sides = _Sides(mesh, touching)
+    _check_duplicates(mesh, nodes, part, tree, float(size.min()), warnings, sides)
+    _check_hanging(mesh, nodes, tree, boundary, owner, size, sides)
     _warn_of_hinges(mesh, boundary, parts, warnings)
+
+
+class _Sides:
+    """The nodes on both sides of boundary parts that may touch each other."""
+
+    def __init__(self, mesh: MeshData, touching: Touching) -> None:
+        def nodes(names: Collection[str]) -> BoolArray:
+            marks = np.zeros(len(mesh.points), dtype=bool)
+            for name in set(names) & mesh.facets.names.keys():
+                marks[mesh.facets.nodes[mesh.facets.named(name)]] = True
+            return marks
+
+        self._pairs = [(nodes(one), nodes(other)) for one, other in touching]
+
+    def may_meet(self, one: IntArray, other: IntArray) -> BoolArray:
+        """(k,) whether nodes ``one`` (k,) and all nodes ``other`` (k, n) are on facing sides."""
+        found = np.zeros(len(one), dtype=bool)
+        for a, b in self._pairs:
+            found |= a[one] & b[other].all(axis=1) | b[one] & a[other].all(axis=1)
+        return found
 
 
 def _check_duplicates(
@@ -60,6 +97,7 @@ def _check_duplicates(
     tree: cKDTree,
     size: float,
     warnings: list[str],
+    sides: _Sides,
 ) -> None:
     # The nearest neighbour suffices, and the number of nodes at one place has no bound.
     distance, near = tree.query(tree.data, k=2, distance_upper_bound=_SAME_PLACE * size)
@@ -67,6 +105,7 @@ def _check_duplicates(
     own = np.arange(len(nodes))
     other = np.where(near[:, 0] == own, near[:, 1], near[:, 0])
     double = np.isfinite(distance[:, 1])
+    double &= ~sides.may_meet(nodes, nodes[np.minimum(other, len(nodes) - 1)][:, None])
     if not double.any():
         return
     pairs = np.column_stack([nodes[double], nodes[other[double]]])
@@ -95,6 +134,7 @@ def _check_hanging(
     boundary: IntArray,
     owner: IntArray,
     size: FloatArray,
+    sides: _Sides,
 ) -> None:
     corners = mesh.points[boundary]
     middle = corners.mean(axis=1)
@@ -108,6 +148,7 @@ def _check_hanging(
     facet = np.repeat(more, [len(found) for found in lists])
     node = nodes[np.concatenate([np.asarray(found, dtype=np.int64) for found in lists])]
     keep = (node[:, None] != boundary[facet]).all(axis=1)
+    keep &= ~sides.may_meet(node, boundary[facet])
     facet, node = facet[keep], node[keep]
     hanging = np.flatnonzero(_inside(mesh.points[node], corners[facet], size[facet]))
     if not len(hanging):

@@ -13,7 +13,7 @@ import numpy as np
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.file import places
-from contact_locking.mesh.file.contiguity import check_contiguity
+from contact_locking.mesh.file.contiguity import Touching, check_contiguity
 from contact_locking.mesh.file.data import MeshData, Simplices
 from contact_locking.mesh.file.topology import Facets, components, longest_edges, signed_measures
 
@@ -41,21 +41,32 @@ class Diagnosis:
     warnings: list[str]
 
     @staticmethod
-    def of_sound(mesh: MeshData) -> Diagnosis:
-        """The result for a mesh of a builder: one part, all groups of facets on the boundary."""
+    def of_sound(mesh: MeshData, bodies: int = 1) -> Diagnosis:
+        """The result for a mesh of a builder, with all groups of facets on the boundary.
+
+        ``bodies`` is the number of its parts that share no nodes.
+        """
         named = mesh.facets.take(mesh.facets.groups != 0)
-        return Diagnosis(("the body",), np.zeros(len(mesh.cells), dtype=np.int64), named, {}, [])
+        labels: IntArray = np.zeros(len(mesh.cells), dtype=np.int64)
+        if bodies > 1:
+            facets = Facets(mesh.cells.nodes, len(mesh.points))
+            joined, _ = facets.pairs(np.flatnonzero(facets.shared == 2))
+            bodies, labels = components(joined, len(mesh.cells))
+        return Diagnosis(_part_names(mesh, bodies, labels), labels, named, {}, [])
 
 
-def diagnose(mesh: MeshData, origin: str) -> Diagnosis:
-    """Check a mesh, which messages call ``origin``; raises InputError if it cannot be a body."""
+def diagnose(mesh: MeshData, origin: str, touching: Touching = ()) -> Diagnosis:
+    """Check a mesh, which messages call ``origin``; raises InputError if it cannot be a body.
+
+    ``touching`` are pairs of boundary parts that may touch each other without shared nodes.
+    """
     try:
-        return _diagnose(mesh)
+        return _diagnose(mesh, touching)
     except InputError as error:
         raise InputError(f"{origin}: {error}", error.key) from None
 
 
-def _diagnose(mesh: MeshData) -> Diagnosis:
+def _diagnose(mesh: MeshData, touching: Touching) -> Diagnosis:
     warnings: list[str] = []
     check_coordinates(mesh)
     _check_groups_of_cells(mesh)
@@ -65,7 +76,7 @@ def _diagnose(mesh: MeshData) -> Diagnosis:
     _check_folds(mesh, facets)
     joined, _ = facets.pairs(np.flatnonzero(facets.shared >= 2))
     count, labels = components(joined, len(mesh.cells))
-    check_contiguity(mesh, facets, labels, warnings)
+    check_contiguity(mesh, facets, labels, warnings, touching)
     if count > MOST_PARTS:
         raise InputError(
             f"the body falls into {count} parts that share no edges or faces; at most "

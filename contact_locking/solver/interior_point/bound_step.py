@@ -58,6 +58,12 @@ class MovingBound:
         """Whether the bound stays as it is within a solve."""
         return self.contact.friction.stands
 
+    @property
+    def follows_pressure(self) -> bool:
+        """Whether the bound follows the pressure, and nothing else."""
+        bound = self.contact.friction
+        return bound.is_coulomb and not (bound.depends_on_slip or bound.stands)
+
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure, else what it is now.
 
@@ -127,11 +133,20 @@ class BoundStep:
         contracts: bool = False,
     ) -> None:
         self._tangent, self._tuning, self.contracts = tangent, tuning, contracts
-        self._laws = [BoundLaw(bound, tuning.bound_most_taken) for bound in bounds]
+        self._bounds = bounds
+        self.look()
         counts = [len(law.friction.weights) for law in self._laws]
         self._ends = np.cumsum(counts)[:-1]
         self._known: list[_Known] = []
         self._foreseen = 0.0
+
+    def look(self) -> None:
+        """Linearise the laws of the bounds at the present iterate; collective.
+
+        Responses that are known stay those of the tangent.
+        """
+        most = self._tuning.bound_most_taken
+        self._laws = [BoundLaw(bound, most) for bound in self._bounds]
 
     def foresee(self, predictor: Direction) -> None:
         """Let the step of each bound be what the predictor asks for; collective.

@@ -68,7 +68,7 @@ class ContactCones(HalfLines):
 
     def response(self, seen: FloatArray) -> FloatArray:
         """The change of the pressure (k,) with the normal displacement."""
-        return self.z * seen / (self.x + self._yielding * self.z)
+        return self.block(seen)
 
     # The tangent.
 

@@ -9,10 +9,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from petsc4py import PETSc
-from scipy.sparse import identity, kron
 
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.contact.nodal_contact import NodalContact
+from contact_locking.fem.trace import displacement_map
 from contact_locking.problem.system import PenalisedSystem
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -169,13 +169,5 @@ class ContactNodes:
 
     def _limited_values(self, system: PenalisedSystem) -> PETSc.Mat:
         """The map from displacements to limited values, node by node; collective."""
-        dofmap = system.u.function_space.dofmap
-        by_node = self.contact.surface.limited.matrix[self._active]
-        local = kron(by_node, identity(self.dim), format="csr")
-        blocks, axes = np.divmod(local.indices, self.dim)
-        columns = self.dim * dofmap.index_map.local_to_global(blocks.astype(np.int32)) + axes
-        return PETSc.Mat().createAIJ(
-            ((local.shape[0], None), (self.dim * dofmap.index_map.size_local, None)),
-            csr=(local.indptr.astype(PETSc.IntType), columns.astype(PETSc.IntType), local.data),
-            comm=self.comm,
-        )
+        rows = self.contact.surface.limited.by_blocks[self._active]
+        return displacement_map(rows, system.u.function_space)

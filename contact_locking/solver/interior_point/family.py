@@ -267,6 +267,10 @@ class Family(ABC):
         """``int M`` and the volume where there is a limit M of the strain (2,), on this rank."""
         return np.zeros(2)
 
+    def beyond(self) -> FloatArray:
+        """How many points exceed a limit of the strain, and how many have one, on this rank."""
+        return np.zeros(2)
+
     def body_work(self) -> float:
         """The work of reactions inside the body, on this rank."""
         return 0.0

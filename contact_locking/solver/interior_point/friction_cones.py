@@ -107,6 +107,20 @@ class FrictionCones(LorentzCones):
         # Where all of a foot slips, only the growth holds a body that friction alone holds.
         self.b += 2.0 * self.growth / (2.0 * w_0**2 - 1.0)
         self.w = scaling.w[1 : 1 + self.nodes.dim]
+        self._follows = 2.0 * w_0 / (2.0 * w_0**2 - 1.0) * self.w
+        self._grows = self.growth / w_0 * self.w
+
+    def set_block(self, a: FloatArray, b: FloatArray, w: FloatArray, follows: FloatArray) -> None:
+        """Put ``D = a I + b w w^T`` in place of the block of the cones, without a growth.
+
+        ``follows`` (d, k) is the change of ``-sigma_tau`` with the bound where nothing moves.
+        """
+        self.a, self.b, self.w, self._follows = a, b, w, follows
+        self._grows = np.zeros_like(w)
+
+    def touch(self) -> None:
+        """Put the points at the boundary of their cones, above what was seen."""
+        self._open(np.zeros(len(self.weights)))
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         self._aim = self._scaling.aim(target, correction)
@@ -124,23 +138,19 @@ class FrictionCones(LorentzCones):
 
     def grown(self, slip_step: FloatArray) -> FloatArray:
         """How far the growth moves the bound (k,) with a step (d, k) of the slip."""
-        return np.asarray(self.growth * dot(self.w, slip_step) / self._scaling.w[0])
+        return dot(self._grows, slip_step)
 
     def response(self, bound_step: FloatArray) -> FloatArray:
         """The change of ``-sigma_tau`` (d, k) with the bound where nothing moves."""
-        return np.asarray(self._per_bound() * bound_step)
+        return np.asarray(self._follows * bound_step)
 
     def response_adjoint(self, seen: FloatArray) -> FloatArray:
         """The adjoint (k,) of :meth:`response` at what was seen (d, k)."""
-        return dot(self._per_bound(), seen)
-
-    def _per_bound(self) -> FloatArray:
-        w = self._scaling.w
-        return np.asarray(2.0 * w[0] / (2.0 * w[0] ** 2 - 1.0) * w[1 : 1 + self.nodes.dim])
+        return dot(self._follows, seen)
 
     def grown_adjoint(self, bound: FloatArray) -> FloatArray:
         """The adjoint (d, k) of :meth:`grown` at a bound (k,)."""
-        return np.asarray(self.growth * bound / self._scaling.w[0] * self.w)
+        return np.asarray(self._grows * bound)
 
     def primal_gap(self) -> FloatArray:
         return np.vstack([np.zeros(len(self.weights)), self._rows_gap()])

@@ -179,6 +179,9 @@ class LockingCones(LorentzCones):
     def strain_limit(self) -> FloatArray:
         return np.array([self.weights @ self.limit, self.weights.sum()])
 
+    def beyond(self) -> FloatArray:
+        return np.array([np.count_nonzero(norm(self.seen) > self.limit), len(self.limit)])
+
     def body_work(self) -> float:
         return self.power(self.reactions, self.seen)
 
@@ -272,6 +275,9 @@ class StrainHalfLines(HalfLines):
 
     def is_kept(self, margin: float, displacement: float) -> bool:
         return bool(np.all(self.seen <= self.limit * (1.0 + margin + ROUNDING)))
+
+    def beyond(self) -> FloatArray:
+        return np.array([np.count_nonzero(self.seen > self.limit), len(self.limit)])
 
     def body_work(self) -> float:
         return self.power(self.reactions, self.seen)

@@ -34,10 +34,10 @@ import numpy as np
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
 from contact_locking.problem.strain_sets import NormSet
 from contact_locking.problem.system import PenalisedSystem
+from contact_locking.solver.interior_point.active_set import ActiveSet
 from contact_locking.solver.interior_point.bound_step import BoundLaw, MovingBound
 from contact_locking.solver.interior_point.centred import centred
 from contact_locking.solver.interior_point.contact_cones import ContactCones
@@ -46,6 +46,7 @@ from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.farkas import excluded_factor
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.interior_point.judge import Judge
 from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
 from contact_locking.solver.interior_point.measures import Measures
 from contact_locking.solver.interior_point.search import Search
@@ -128,21 +129,27 @@ class InteriorPoint:
         self._tangent = Tangent(task, self._families.every, tuning)
         self._iterate = Iterate(self._tangent, tuning.band)
         self._search = Search(self._iterate, [], tuning, task.settings)
-        self._friction_change = 0.0
+        self._judge = Judge(task, self._tangent, tuning)
         #: Whether the elastic displacement alone is the solution.
         self.is_elastic = False
+        #: Whether the solution goes on from that of an earlier step.
+        self.from_last = False
+        self._pieces: ActiveSet | None = None
         self._first: tuple[float, float] | None = None
 
-    def solve(self) -> Multipliers:
-        """Iterate to the tolerances; raises NotConverged, the best iterate left in place."""
+    def solve(self, last: LastIterate | None = None) -> Multipliers:
+        """Iterate to the tolerances; raises NotConverged, the best iterate left in place.
+
+        ``last`` is the solution of the step before, if there is one.
+        """
         # What is no number is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
             try:
-                found = self._iterate_to_the_end()
+                found = self._iterate_to_the_end(last)
                 self._task.report.last = self._last()
                 return found
             finally:
-                self._task.report.friction_change = self._friction_change
+                self._task.report.friction_change = self._judge.friction_change
 
     def multipliers(self) -> Multipliers:
         """Those of the present iterate; collective."""
@@ -167,8 +174,9 @@ class InteriorPoint:
         bounds = [bound for bound in self._families.bounds if bound.friction.takes_part]
         if self.is_elastic or not bounds:
             return []
-        for family in self._iterate.families:
-            family.x, family.z = centred(family, (family.x, family.z))
+        for family, pair in zip(self._families.every, self._last().cones, strict=True):
+            if pair is not None:
+                family.x, family.z = centred(family, pair)
         for bound in bounds:
             bound.friction.growth = np.zeros(len(bound.friction.weights))
         self._iterate.linearise()
@@ -179,6 +187,8 @@ class InteriorPoint:
         return self._tangent.respond(reactions, self._task.settings.tolerance)
 
     def _last(self) -> LastIterate:
+        if self._pieces is not None:
+            return self._pieces.last()
         system, taking_part = self._task.system, set()
         if not self.is_elastic:
             taking_part = set(self._iterate.families)
@@ -217,13 +227,14 @@ class InteriorPoint:
         self._tangent.destroy()
         self._families.destroy()
 
-    def _iterate_to_the_end(self) -> Multipliers:
+    def _iterate_to_the_end(self, last: LastIterate | None) -> Multipliers:
         task, settings = self._task, self._task.settings
-        self._friction_change, self._first = 0.0, None
+        self._judge.friction_change, self._first = 0.0, None
         self._left = self._stiffest = math.inf
         self._crawled = 0
+        self._pieces, self.from_last = None, False
         try:
-            self._start()
+            is_found = self._start(last)
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
@@ -234,6 +245,8 @@ class InteriorPoint:
             task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
             task.report.duality_gap = 0.0
             return self.multipliers()
+        if is_found:
+            return self.multipliers()
         limit = settings.max_iterations
         for iteration in range(limit + 1):
             measures = self._measure()
@@ -242,7 +255,7 @@ class InteriorPoint:
                 raise NotConverged("the interior point iteration lost its digits")
             if self._rests():
                 self.is_elastic, measures.gap = True, 0.0
-                self._friction_change = 0.0
+                self._judge.friction_change = 0.0
                 task.system.remove_friction()
                 break
             if measures.reached(settings, self._tuning.gap_tolerance):
@@ -267,10 +280,20 @@ class InteriorPoint:
 
     # 1. The start.
 
-    def _start(self) -> None:
-        """Elastic displacements are the solution, or give the place to start around."""
+    def _start(self, last: LastIterate | None) -> bool:
+        """Elastic displacements are the solution, or give the place to start around.
+
+        Near the last step, or near the elastic displacement, Newton's method on the pieces of the
+        laws is tried before; True if it has found the solution.
+        """
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
+        pieces = self._pieces_of_laws()
+        if pieces is not None and last is not None and pieces.knows(last):
+            self.from_last = self._take(pieces, pieces.from_last(last))
+            if self.from_last:
+                return True
+            pieces = None
         elastic = ElasticStart(task, tangent, tuning)
         task.report.tangents += 1
         is_admissible = elastic.solve()
@@ -278,12 +301,12 @@ class InteriorPoint:
         self.is_elastic = is_admissible and (
             self.bound_moves or all(bound.is_zero() for bound in bounds)
         )
-        energy = target.ellipticity * elastic.strain**2
-        self._least_energy = tuning.least_energy * energy * target.volume
-        self._least_force = self._least_energy / ((elastic.strain or 1.0) * target.length)
+        self._judge.begin(elastic.strain)
         if self.is_elastic:
             task.system.remove_friction()
-            return
+            return False
+        if pieces is not None and self._take(pieces, pieces.from_elastic()):
+            return True
         opening = tuning.opening(self.approach, elastic.overstrain())
         least = opening * elastic.retreat() * target.length
         for family in tangent.families:
@@ -300,32 +323,32 @@ class InteriorPoint:
         self._search = Search(
             self._iterate, self._moving, tuning, task.settings, self.approach.foresees
         )
+        return False
+
+    def _pieces_of_laws(self) -> ActiveSet | None:
+        """The method that is tried before; None where it is no use.
+
+        It needs direct solves, and bounds that follow the pressure alone: where they follow the
+        slip as well, it takes more tangents.
+        """
+        bounds = self._families.bounds
+        follows = self.bound_moves and all(bound.follows_pressure for bound in bounds)
+        if self._tangent.direct is None or not follows:
+            return None
+        return ActiveSet(self._task, self._tangent, bounds, self._judge, self._tuning)
+
+    def _take(self, pieces: ActiveSet, found: Iterate | None) -> bool:
+        """Take the solution of that method, if it has found one."""
+        if found is None:
+            return False
+        self._pieces, self._iterate = pieces, found
+        return True
 
     # 2. The stopping rule.
 
     def _measure(self) -> Measures:
         """Look at the iterate and judge it; collective."""
-        iterate, tangent, target = self._iterate, self._tangent, self._task.target
-        iterate.visit()
-        tolerance = self._task.settings.tolerance
-        strain = self._mean_strain(tolerance)
-        # The gap bounds the square of an error, so that it is the square of the rounding that must
-        # come below the tolerance of it.
-        told = self._mean_strain(math.sqrt(tolerance))
-        energy = 0.5 * target.ellipticity * told**2 * target.volume
-        energy = max(energy, self._tuning.locking_share * iterate.body_work())
-        scale = max(tangent.force_scale, self._least_force)
-        return Measures(
-            max(iterate.equilibrium_residual(scale, tolerance), iterate.tool_residual()),
-            iterate.primal_residual(strain * target.length),
-            iterate.total_product() / max(energy, self._least_energy),
-            self._friction_change,
-        )
-
-    def _mean_strain(self, tolerance: float) -> float:
-        """The strain that the iterate is judged by; collective."""
-        displacement = self._task.system.largest_displacement()
-        return self._task.target.mean_strain(self._tangent.energy, displacement, tolerance)
+        return self._judge.measure(self._iterate)
 
     def _stop_if_infeasible(self, measures: Measures) -> None:
         """Raise Infeasible if multipliers that grow, while laws stay violated, prove it."""
@@ -390,19 +413,13 @@ class InteriorPoint:
         stop, start or turn round.
         """
         tuning, moving = self._tuning, self._moving
-        tolerance = self._task.settings.tolerance
         contacts = [item.contact for item in moving]
-        wanted = [item.wanted() for item in moving]
-        used = [item.used(values) for item, values in zip(moving, wanted, strict=True)]
-        left = [a - b for a, b in zip(wanted, used, strict=True)]
-        least = self._task.target.least_bound(self._mean_strain(tolerance))
-        size = max(joint_norm(contacts, wanted), least)
-        before = self._friction_change
-        self._friction_change = joint_norm(contacts, left) / size if size > 0.0 else 0.0
+        before = self._judge.friction_change
+        wanted, used = self._judge.compare(moving)
         close_enough = tuning.bound_closer * before
         if t >= tuning.bound_led:
             close_enough = max(close_enough, tuning.bound_close)
-        came_closer = self._friction_change <= close_enough
+        came_closer = self._judge.friction_change <= close_enough
         for contact, values in zip(contacts, used, strict=True):
             contact.bounds = values
         if not (came_closer and self.approach.trusts_newton):

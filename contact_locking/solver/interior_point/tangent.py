@@ -179,7 +179,7 @@ class Tangent:
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         elastic = forms.elastic_form(du, v, data)
         terms = [family.tangent_term(v, du) for family in families]
-        self._form = JointForm(sum(terms, start=elastic))
+        self._form = JointForm(sum(terms, start=elastic), data.jumps)
         # In blocks products are fast, but a factorisation needs none.
         if self.comm.size == 1 and is_direct(task.settings.linear, system.dim, system.size):
             self.matrix = self._form.create_shared_matrix()

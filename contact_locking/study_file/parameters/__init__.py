@@ -155,12 +155,23 @@ class Parameters(Section):
     def refined_names(self) -> tuple[str, ...]:
         """The boundary parts of a builder that ``h_contact`` refines: Gamma_C, or what has it."""
         own = self.mesh.geometry.facet_names
-        names = [
-            part
-            for name in self.contact_names
-            for part in (self.mesh.parts[name].on if name in self.mesh.parts else (name,))
-        ]
-        return tuple(dict.fromkeys(name for name in names if name in own))
+        names = [*self.contact_names, *(name for item in self.contacts for name in item.against)]
+        return tuple(name for name in self._of_the_mesh(names) if name in own)
+
+    @property
+    def touching(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
+        """The boundary parts of the mesh that touch each other without shared nodes, in pairs."""
+        return tuple(
+            (self._of_the_mesh(item.on), self._of_the_mesh(item.against))
+            for item in self.contacts
+            if item.against
+        )
+
+    def _of_the_mesh(self, names: Sequence[str]) -> tuple[str, ...]:
+        """The boundary parts of the mesh without ``mesh.parts`` that contain these parts."""
+        parts = self.mesh.parts
+        found = [part for name in names for part in (parts[name].on if name in parts else (name,))]
+        return tuple(dict.fromkeys(found))
 
     def timed(self) -> Iterator[tuple[str, str]]:
         """The key and the text of every expression that may depend on the time t."""
@@ -273,12 +284,32 @@ class Parameters(Section):
                     "must be 0: the total force on a body of revolution acts along the axis; give "
                     "what acts along the radius in loads.pressures or loads.tractions",
                 )
+        yield from self._faults_of_bodies()
         yield from self._expression_faults()
         if self.study is not None:
             yield from below(("study",), self.study.key_faults(type(self)))
         if self.mesh.dim is not None:
             yield from self._dimension_faults(self.mesh.dim)
             yield from self._name_faults()
+
+    def _faults_of_bodies(self) -> Iterator[Fault]:
+        """What there is not yet where two bodies touch each other."""
+        places = [place for place, section in self._contact_sections() if section.against]
+        missing = {
+            "adapt": self.adapt is not None,
+            "sensitivities": self.sensitivities is not None,
+            "mesh.axisymmetric": self.mesh.axisymmetric,
+            "discretisation.degree: 2": self.discretisation.degree == 2,
+            "solver.linear: iterative": self.solver.linear == "iterative",
+        }
+        for place in places[:1]:
+            for key, is_wanted in missing.items():
+                if is_wanted:
+                    yield Fault(
+                        (*place, "against"),
+                        f"does not go with {key} yet: contact between two bodies is there for "
+                        "linear elements in the plane and in space, and direct solvers",
+                    )
 
     def _contact_sections(self) -> list[tuple[Place, ContactSection]]:
         """The sections of contact with their places in the file."""
@@ -302,6 +333,8 @@ class Parameters(Section):
         for contact, section in self._contact_sections():
             for name in section.on:
                 yield from _unknown_name((*contact, "on"), name, facets, "the boundary")
+            for name in section.against or ():
+                yield from _unknown_name((*contact, "against"), name, facets, "the boundary")
 
     def _expression_faults(self) -> Iterator[Fault]:
         """Names of tables that no expression can use or that are no tables, and t without steps."""

@@ -92,7 +92,18 @@ class ContactSection(Section):
     """Signorini's conditions (5) on Gamma_C: u_nu <= gap, or a rigid foundation."""
 
     on: Names = entry(("bottom",), "name(s) of the parts of Gamma_C; []: no contact")
-    gap: TimedScalar = entry(0.0, "distance to the foundation along nu", "length", scalar="t")
+    against: Names | None = entry(
+        None,
+        "name(s) of the parts of another body, or of the other side of a cut, that on touches; "
+        "null: a foundation",
+        optional=True,
+    )
+    gap: TimedScalar = entry(
+        0.0,
+        "distance to the foundation along nu; with against: beyond the distance in the mesh",
+        "length",
+        scalar="t",
+    )
     foundation: Foundation | None = entry(None, "a rigid body, in place of gap", optional=True)
     friction: OwnFriction | None = entry(
         None, "friction on this part; what it leaves out is as under friction", optional=True
@@ -102,6 +113,15 @@ class ContactSection(Section):
         if self.foundation is not None and self.gap != 0:
             message = "the foundation defines the gap; give either gap or foundation"
             yield Fault(("gap",), message)
+        if self.against is None:
+            return
+        if not self.against:
+            yield Fault(("against",), "needs the name of a boundary part; leave it out without one")
+        if self.foundation is not None:
+            message = "a contact is with a foundation or with another body; leave out one of both"
+            yield Fault(("against",), message)
+        if both := [name for name in self.against if name in self.on]:
+            yield Fault(("against",), f"'{both[0]}' is in on as well; a part cannot touch itself")
 
     def dimension_faults(self, dim: int) -> Iterator[Fault]:
         """The faults of the foundation in ``dim`` dimensions."""
@@ -111,7 +131,10 @@ class ContactSection(Section):
     def resolved(self, key: str, common: FrictionParameters) -> ContactParameters:
         """The section at ``key`` of the file, with its friction completed by ``common``."""
         own = OwnFriction() if self.friction is None else self.friction
-        return ContactParameters(key, self.on, self.gap, self.foundation, own.over(common), own)
+        friction = own.over(common)
+        return ContactParameters(
+            key, self.on, self.gap, self.foundation, friction, own, self.against or ()
+        )
 
 
 @dataclass(frozen=True)
@@ -119,7 +142,8 @@ class ContactParameters:
     """One part of Gamma_C with its gap or foundation and its complete law of friction.
 
     ``key`` is that of its section in the study file: ``contact``, or ``contact.1`` in a list.
-    ``own`` holds the keys of friction that the section gives itself.
+    ``own`` holds the keys of friction that the section gives itself.  ``against`` are the parts of
+    another body that it touches, empty for a foundation.
     """
 
     key: str
@@ -128,6 +152,7 @@ class ContactParameters:
     foundation: Foundation | None
     friction: FrictionParameters
     own: OwnFriction
+    against: tuple[str, ...] = ()
 
     def friction_key(self, name: str) -> str:
         """Where the study file defines a value of the friction, such as ``smoothing.radius``.

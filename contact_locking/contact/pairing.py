@@ -1,0 +1,325 @@
+"""Which points of one side face which points of another, by their geometry alone.
+
+From a point x of side 1 the ray along the outward normal n of its facet meets side 2 at chi(x), at
+the height ``h(x) = (chi(x) - x) . n``, which is negative where the sides overlap.  The jump of a
+field u at the node i of side 1 is
+
+    [u]_i = u1_i - sum_k m_ik u2_k,   m_ik = int psi_i (phi2_k o chi) / int phi_i,
+
+with the hat functions phi of both sides and the dual basis psi of side 1,
+``int psi_i phi_j = delta_ij int phi_j`` (Wohlmuth, doi:10.1137/S0036142999350929).  All integrals
+are over the part of side 1 that side 2 covers, and the dual basis is that of this part (Popp et
+al., doi:10.1016/j.cma.2010.11.004).  The facets of side 2 are projected into the plane of each
+facet of side 1 and cut there, so that every integral is exact.
+
+The facets are chords of curved sides, and so the distance between two meshes of one circle is not
+zero.  The gap is therefore that between the curved sides which the averaged normals at the nodes
+describe: beside the chord from 1 to 2 a side is ``|x_2 - x_1| (nu_2 - nu_1) . t/2`` times the
+product of both hat functions farther out, with the tangent t.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from contact_locking.arrays import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+# Two facets face each other if the cosine of the angle between their normals is below this: a facet
+# that is seen at a grazing angle is the flank of a body.
+_FACING = -0.3
+# A ray meets side 2 within this multiple of the least distance, by the angle above, or not at all.
+_REACH = 3.3
+# A rule of degree 4 on triangles: a barycentric coordinate that two corners share, and the weight
+# (Strang and Fix; Dunavant, doi:10.1002/nme.1620210612).
+_TRIANGLE = (
+    (0.445948490915965, 0.223381589678011),
+    (0.091576213509771, 0.109951743655322),
+)
+# A facet is covered if this share of it is: what is less is rounding, or the rim of side 2.
+_COVERED = 1e-3
+# A facet may be covered by this share more than once: rounding.
+_TWICE = 1e-6
+# The cosine of 15 degrees.
+_SMOOTH = 0.966
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of an interface: its facets, whose ``outward`` unit normals point to the other.
+
+    ``points`` (k, d) are its nodes, ``facets`` (m, d) the corners of its facets as numbers of
+    points, and ``outward`` is (m, d).
+    """
+
+    points: FloatArray
+    facets: IntArray
+    outward: FloatArray
+
+    @property
+    def corners(self) -> FloatArray:
+        """The corners (m, d, d) of the facets."""
+        return self.points[self.facets]
+
+    def sizes(self) -> FloatArray:
+        """The lengths (m,) or areas of the facets."""
+        edges = np.diff(self.corners, axis=1)
+        if edges.shape[2] == 2:
+            return np.asarray(np.linalg.norm(edges[:, 0], axis=1))
+        return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """How side 2 faces the k nodes of side 1.
+
+    ``shares`` (k, k2) are the m_ik, whose rows have the sum 1.  ``gap`` (k,) is
+    ``int psi_i h / int phi_i``, and ``weights`` (k,) are ``int phi_i``.  ``faces`` (k,) marks the
+    nodes that face side 2; the others have zeros.  ``twice`` is a point (d,) whose ray meets side 2
+    several times, None without such a point.
+    """
+
+    shares: csr_matrix
+    gap: FloatArray
+    weights: FloatArray
+    faces: BoolArray
+    twice: FloatArray | None
+
+
+def pair(one: Side, other: Side) -> Pairing:
+    """The pairing of side 1, ``one``, with side 2."""
+    from scipy.sparse import csr_matrix
+
+    frames, first = _tangents(one), one.corners[:, :1]
+    facet, facing = _candidates(one, other)
+    away = other.corners[facing] - first[facet]
+    flat = np.einsum("pcd,ptd->pct", away, frames[facet])
+    heights = np.einsum("pcd,pd->pc", away, one.outward[facet])
+    own = np.einsum("mcd,mtd->mct", one.corners - first, frames)
+    meet = _boxes_meet(own[facet], flat)
+    facet, facing, flat, heights = facet[meet], facing[meet], flat[meet], heights[meet]
+    number, pieces = _overlaps(own[facet], flat)
+    places, weights = _quadrature(pieces)
+    of_one = _shares(own[facet[number]], places)
+    of_other = _shares(flat[number], places)
+
+    # Sums over the pieces of each pair, then over the pairs of each facet.
+    mixed = _summed(number, len(facet), np.einsum("qn,qni,qnk->qik", weights, of_one, of_other))
+    height = np.einsum("pik,pk->pi", mixed, heights)
+    bulge = _bulge(one)[facet[number]], _bulge(other)[facing[number]]
+    bulges = sum(
+        np.einsum("qij,qni,qnj->qn", part, at, at)
+        for part, at in zip(bulge, (of_one, of_other), strict=True)
+    )
+    farther = np.einsum("qn,qni,qn->qi", weights, of_one, bulges)
+    height -= _summed(number, len(facet), farther[:, :, None])[:, :, 0]
+    mass = np.einsum("qn,qni,qnj->qij", weights, of_one, of_one)
+    mass = _summed(facet[number], len(one.facets), mass)
+    integral = mass.sum(axis=2)
+    sizes = one.sizes()
+    covered = integral.sum(axis=1)
+    is_covered = covered > _COVERED * sizes
+    dual = np.zeros_like(mass)
+    dual[is_covered] = _dual_basis(mass[is_covered])
+    mixed, height = dual[facet] @ mixed, np.einsum("pij,pj->pi", dual[facet], height)
+
+    count = len(one.points)
+    corners = one.facets[facet]
+    every: FloatArray = np.bincount(
+        one.facets[is_covered].reshape(-1), integral[is_covered].reshape(-1), count
+    ).astype(float)
+    faces = every > 0.0
+    total = np.where(faces, every, 1.0)
+    dim = corners.shape[1]
+    rows = np.repeat(corners, dim, axis=1).reshape(-1)
+    columns = np.tile(other.facets[facing], (1, dim)).reshape(-1)
+    entries = mixed.reshape(-1) / total[rows]
+    shares = csr_matrix((entries, (rows, columns)), shape=(count, len(other.points)))
+    shares.eliminate_zeros()
+    gap = np.bincount(corners.reshape(-1), height.reshape(-1), count) / total
+    several = np.flatnonzero(covered > (1.0 + _TWICE) * sizes)
+    twice = one.corners[several[0]].mean(axis=0) if len(several) else None
+    return Pairing(shares, gap, every, faces, twice)
+
+
+def _tangents(side: Side) -> FloatArray:
+    """Orthonormal tangents (m, d - 1, d) of the facets."""
+    along = side.corners[:, 1] - side.corners[:, 0]
+    along = along / np.linalg.norm(along, axis=1)[:, None]
+    if side.points.shape[1] == 2:
+        return np.asarray(along[:, None])
+    return np.stack([along, np.cross(side.outward, along)], axis=1)
+
+
+def _bulge(side: Side) -> FloatArray:
+    """The coefficients (m, d, d) of products of two hat functions, by which a side is farther out.
+
+    They have nonzero entries above the diagonal.  At a corner of the body, whose normal is more
+    than 15 degrees off that of the facet, the side is straight.  At an end of a curve it is as
+    curved as at the other end of the facet.
+    """
+    dim, areas = side.points.shape[1], side.sizes()
+    normals = np.zeros_like(side.points)
+    number = np.zeros(len(side.points))
+    for corner in side.facets.T:
+        np.add.at(normals, corner, areas[:, None] * side.outward)
+        np.add.at(number, corner, 1.0)
+    sizes = np.linalg.norm(normals, axis=1)
+    normals = (normals / np.where(sizes > 0.0, sizes, 1.0)[:, None])[side.facets]
+    found = np.zeros((len(side.facets), dim, dim))
+    for i in range(dim):
+        for j in range(i + 1, dim):
+            along = side.corners[:, j] - side.corners[:, i]
+            length = np.linalg.norm(along, axis=1)[:, None]
+            slopes = np.einsum("mci,mi->mc", normals[:, [i, j]], along / length)
+            off = np.sum(normals[:, [i, j]] * side.outward[:, None], axis=2)
+            slopes[off < _SMOOTH] = 0.0
+            if dim == 2:
+                slopes = np.where(number[side.facets] == 1.0, -slopes[:, ::-1], slopes)
+            found[:, i, j] = 0.5 * length[:, 0] * (slopes[:, 1] - slopes[:, 0])
+    return found
+
+
+def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
+    """The pairs (p,) of facets of both sides that may face each other."""
+    from scipy.spatial import cKDTree
+
+    middles, around = zip(*(_balls(side) for side in (one, other)), strict=True)
+    tree = cKDTree(middles[1])
+    largest = around[1].max(initial=0.0)
+    distance = np.maximum(tree.query(middles[0])[0] - largest, 0.0)
+    reach = _REACH * distance + around[0] + 2.0 * largest
+    found = tree.query_ball_point(middles[0], reach, return_sorted=True)
+    facet = np.repeat(np.arange(len(found)), [len(some) for some in found])
+    facing = np.concatenate([np.empty(0, np.int64), *(np.asarray(x, np.int64) for x in found)])
+    away = middles[1][facing] - middles[0][facet]
+    outward = one.outward[facet]
+    aside = np.sum(away**2, axis=1) - np.sum(away * outward, axis=1) ** 2
+    near = aside <= (around[0][facet] + around[1][facing]) ** 2
+    kept = near & (np.sum(outward * other.outward[facing], axis=1) < _FACING)
+    return facet[kept], facing[kept]
+
+
+def _balls(side: Side) -> tuple[FloatArray, FloatArray]:
+    """The middles (m, d) of the facets, and the radii (m,) of balls around them."""
+    middles = side.corners.mean(axis=1)
+    away = np.linalg.norm(side.corners - middles[:, None], axis=2)
+    return middles, np.asarray(away.max(axis=1, initial=0.0))
+
+
+def _boxes_meet(own: FloatArray, flat: FloatArray) -> BoolArray:
+    """(p,) whether the boxes around simplices (p, d, d - 1) have points in common."""
+    low = np.maximum(own.min(axis=1), flat.min(axis=1))
+    return np.all(low < np.minimum(own.max(axis=1), flat.max(axis=1)), axis=1)
+
+
+def _overlaps(own: FloatArray, flat: FloatArray) -> tuple[IntArray, FloatArray]:
+    """What simplices ``own`` and ``flat`` (p, d, d - 1) have in common.
+
+    Returns simplices (q, d, d - 1), and the number (q,) of the pair of each.
+    """
+    if own.shape[2] == 1:
+        low = np.maximum(own.min(axis=1), flat.min(axis=1))[:, 0]
+        high = np.minimum(own.max(axis=1), flat.max(axis=1))[:, 0]
+        number = np.flatnonzero(high > low)
+        return number, np.stack([low, high], axis=1)[number][:, :, None]
+    return _common_triangles(_turned_left(own), flat)
+
+
+def _turned_left(triangles: FloatArray) -> FloatArray:
+    """Triangles (p, 3, 2) with their corners in mathematically positive order."""
+    edges = np.diff(triangles, axis=1)
+    left = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0] > 0.0
+    return np.where(left[:, None, None], triangles, triangles[:, ::-1])
+
+
+def _common_triangles(own: FloatArray, polygons: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Triangles of the intersections of triangles ``own`` (p, 3, 2) and convex polygons (p, v, 2).
+
+    Each polygon is cut by the line of one edge after the other (Sutherland and Hodgman).
+    """
+    inside = np.ones(polygons.shape[:2], dtype=bool)
+    for corner in range(3):
+        start, end = own[:, corner], own[:, (corner + 1) % 3]
+        edge = end - start
+        away = polygons - start[:, None]
+        depth = edge[:, None, 0] * away[:, :, 1] - edge[:, None, 1] * away[:, :, 0]
+        polygons, inside = _cut(polygons, inside, depth)
+    fans = [
+        (np.stack([polygons[:, 0], polygons[:, i], polygons[:, i + 1]], axis=1), inside[:, i + 1])
+        for i in range(1, polygons.shape[1] - 1)
+    ]
+    number = np.concatenate([np.flatnonzero(there) for _, there in fans])
+    triangles = np.concatenate([triangles[there] for triangles, there in fans])
+    return number, triangles
+
+
+def _cut(
+    polygons: FloatArray, inside: BoolArray, depth: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """The parts of polygons (p, v, 2) with ``depth >= 0``, whose corners (p, v) are first.
+
+    ``inside`` marks the corners that a polygon has, which are its first ones.
+    """
+    count = inside.sum(axis=1)
+    following = np.arange(inside.shape[1])[None] + 1
+    following = np.where(following < count[:, None], following, 0)
+    rows = np.arange(len(polygons))[:, None]
+    after, polygons_after = depth[rows, following], polygons[rows, following]
+    keeps = inside & (depth >= 0.0)
+    crosses = inside & ((depth > 0.0) & (after < 0.0) | (depth < 0.0) & (after > 0.0))
+    share = depth / np.where(crosses, depth - after, 1.0)
+    crossings = polygons + share[:, :, None] * (polygons_after - polygons)
+    both = np.stack([polygons, crossings], axis=2).reshape(len(polygons), -1, 2)
+    there = np.stack([keeps, crosses], axis=2).reshape(len(polygons), -1)
+    order = np.argsort(~there, axis=1, kind="stable")[:, : polygons.shape[1] + 1]
+    return both[rows, order], there[rows, order]
+
+
+def _quadrature(simplices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (q, n, d - 1) and weights (q, n) that are exact for degree 3."""
+    edges = simplices[:, 1:] - simplices[:, :1]
+    if simplices.shape[2] == 1:
+        share = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+        points = simplices[:, :1] + share[None, :, None] * edges
+        return points, np.repeat(0.5 * np.abs(edges[:, 0]), 2, axis=1)
+    area = 0.5 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
+    shares, weights = [], []
+    for outer, weight in _TRIANGLE:
+        shares += [np.roll([1.0 - 2.0 * outer, outer, outer], turn) for turn in range(3)]
+        weights += [weight] * 3
+    return np.einsum("nc,qcd->qnd", np.array(shares), simplices), area[:, None] * weights
+
+
+def _shares(simplices: FloatArray, points: FloatArray) -> FloatArray:
+    """The barycentric coordinates (q, n, d) of points (q, n, d - 1) in simplices (q, d, d - 1)."""
+    edges = (simplices[:, 1:] - simplices[:, :1]).transpose(0, 2, 1)
+    away = (points - simplices[:, :1]).transpose(0, 2, 1)
+    rest = np.linalg.solve(edges, away).transpose(0, 2, 1)
+    return np.concatenate([1.0 - rest.sum(axis=2, keepdims=True), rest], axis=2)
+
+
+def _dual_basis(mass: FloatArray) -> FloatArray:
+    """The coefficients (m, d, d) of the dual functions in hat functions with these masses.
+
+    A small covered part leaves hat functions of very different sizes, which are scaled first.
+    """
+    scale = 1.0 / np.sqrt(np.einsum("mii->mi", mass))
+    scaled = np.linalg.inv(mass * scale[:, :, None] * scale[:, None])
+    return np.asarray(mass.sum(axis=2)[:, :, None] * scale[:, :, None] * scaled * scale[:, None])
+
+
+def _summed(numbers: IntArray, count: int, values: FloatArray) -> FloatArray:
+    """The sums (count, i, j) of values (q, i, j) with the same number (q,)."""
+    from scipy.sparse import csr_matrix
+
+    ones = np.ones(len(numbers))
+    gather = csr_matrix((ones, (numbers, np.arange(len(numbers)))), shape=(count, len(numbers)))
+    sums = gather @ values.reshape(len(values), math.prod(values.shape[1:]))
+    return np.asarray(sums.reshape(count, *values.shape[1:]))

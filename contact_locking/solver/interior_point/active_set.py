@@ -1,0 +1,301 @@
+"""Newton's method on the pieces of the laws: where few of them change, it takes few tangents.
+
+The cones of contact and friction and those of the strain limit are semismooth equations
+(:mod:`projections`).  Their Newton's method ends at once where the pieces are the right ones:
+nodes touch and stick, points are at their limit.  From the elastic displacement it finds the pieces
+of contact and friction in a few steps, and from the last step of a process also those of the limit.
+From far away it finds nothing, and says so early.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from petsc4py import PETSc
+
+from contact_locking.arrays import FloatArray
+from contact_locking.errors import NotConverged, raise_callback_error
+from contact_locking.parallel import on_every_rank
+from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.family import Direction, Family
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.half_lines import HalfLines
+from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.interior_point.judge import Judge
+from contact_locking.solver.interior_point.locking_cones import LockingCones
+from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.projections import (
+    FrictionProjection,
+    HalfLineProjection,
+    LockingProjection,
+    Projection,
+)
+from contact_locking.solver.interior_point.tangent import Tangent
+from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.solver.last_iterate import LastIterate
+from contact_locking.solver.task import Task
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The constants of the method, in the order in which the algorithm uses them."""
+
+    #: How many times stiffer than the body a step is where a law admits one displacement only.
+    stiffest: float = 1e7
+    #: The share of the springs of the start that open contact keeps in the tangent where contact
+    #: has to hold the body.
+    floor: float = 1e-8
+    #: The share of the points with a limit that may be beyond it at the elastic displacement.
+    beyond: float = 0.01
+    #: The residual of the linear system for the step of the bound, relative, and the most
+    #: iterations for it.  Rougher steps take more tangents.
+    bound_rtol: float = 1e-8
+    bound_iterations: int = 60
+    #: Where no point is on another piece than that of the tangent, and what is left is below this
+    #: number, the tangent is kept as long as each step leaves the share ``kept_gain`` at most.
+    keeps_below: float = 1e-2
+    kept_gain: float = 0.2
+    #: With more than this left (relative to the forces) after the first step the way leads away.
+    far: float = 10.0
+    #: Two or three steps have to reduce either what is left or the number of points on another
+    #: piece by this factor.
+    gain: float = 0.5
+    #: The most steps.
+    steps: int = 15
+    #: The products of the points and multipliers that solutions are differentiated by, over the
+    #: density of the elastic energy.
+    product: float = 1e-10
+
+
+@dataclass(frozen=True)
+class _Left:
+    """What a step left: the worst measure, and how many points are on another piece."""
+
+    worst: float
+    changed: int
+
+    def is_less_than(self, before: _Left, factor: float) -> bool:
+        return self.worst <= factor * before.worst or self.changed <= factor * before.changed
+
+
+class ActiveSet:
+    """Newton's method on the pieces for the families and the friction bounds of a system.
+
+    It uses the tangent of the interior point method, with blocks of its own.  Linear solves have to
+    be direct.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        tangent: Tangent,
+        bounds: Sequence[MovingBound],
+        judge: Judge,
+        tuning: Tuning,
+    ) -> None:
+        self._task, self._tangent, self._judge = task, tangent, judge
+        self._pieces = Pieces()
+        pieces = self._pieces
+        self._tuning = dataclasses.replace(
+            tuning,
+            bound_most_taken=1.0,
+            bound_rtol=pieces.bound_rtol,
+            bound_iterations=pieces.bound_iterations,
+        )
+        target = task.target
+        self._springs = float(task.system.held_by_contact) * target.ellipticity / target.length
+        self._moving = list(bounds)
+        self._laws = {family: self._law(family) for family in tangent.families}
+
+    def _law(self, family: Family) -> Projection:
+        """The semismooth equation of a family."""
+        stiffness, stiffest = self._task.target.stiffness, self._pieces.stiffest
+        if isinstance(family, FrictionCones):
+            return FrictionProjection(family, stiffness, stiffest)
+        if isinstance(family, LockingCones):
+            return LockingProjection(family, stiffness, stiffest)
+        assert isinstance(family, HalfLines)
+        floor = self._pieces.floor * self._springs * isinstance(family, ContactCones)
+        return HalfLineProjection(family, stiffness, stiffest, floor)
+
+    # Where it starts.
+
+    def from_elastic(self) -> Iterate | None:
+        """Solve from the elastic displacement, which is that of the system; collective.
+
+        Returns the solution, with the displacement in the system, or None without one: the
+        displacement is then what it was.
+        """
+        beyond = np.zeros(2)
+        self._tangent.visit()
+        for family, law in self._laws.items():
+            family.takes_part = True
+            family.look(self._tangent.present())
+            family.z[:] = 0.0
+            law.start(np.zeros_like(family.seen))
+            if isinstance(family, ContactCones):
+                # The springs that have held the body.
+                law.start(self._springs * np.maximum(family.seen - family.limit, 0.0))
+                family.z = law.y
+            beyond += family.beyond()
+        few, points = self._tangent.comm.allreduce(beyond)
+        if few > self._pieces.beyond * points:
+            return None
+        return self._solve_or_restore(is_linearised=False)
+
+    def knows(self, last: LastIterate) -> bool:
+        """Whether a solution has the cones of these families, as many as now; collective."""
+        families = list(self._laws)
+        fits = len(families) == len(last.cones) and all(
+            pair is None or pair[1].shape == family.z.shape
+            for family, pair in zip(families, last.cones, strict=True)
+        )
+        return on_every_rank(self._tangent.comm, fits)
+
+    def from_last(self, last: LastIterate) -> Iterate | None:
+        """As :meth:`from_elastic`, from the solution of the step before; collective.
+
+        The system has the prescribed displacements of the present step.  The first step goes on
+        from the pieces of the solution before, also where these displacements strain the body at
+        once.
+        """
+        system = self._task.system
+        held = system.u.x.array.copy(), system.tools.travels
+        system.u.x.array[:] = last.displacement
+        if len(last.travels) == len(system.tools):
+            system.tools.travels = last.travels
+        self._tangent.visit()
+        for law, pair in zip(self._laws.values(), last.cones, strict=True):
+            family = law.family
+            family.takes_part = True
+            family.look(self._tangent.present())
+            law.recall((np.zeros_like(family.x), np.zeros_like(family.z)) if pair is None else pair)
+            law.linearise()
+            law.evaluate()
+        system.constraints.apply(system.u)
+        self._tangent.visit()
+        for law in self._laws.values():
+            law.extrapolate(self._tangent.present())
+        found = self._solve_or_restore(is_linearised=True)
+        if found is None:
+            system.u.x.array[:], system.tools.travels = held
+        return found
+
+    def last(self) -> LastIterate:
+        """The solution as an iterate of the interior point method; collective."""
+        target, system = self._task.target, self._task.system
+        strain = self._judge.mean_strain(self._task.settings.tolerance)
+        product = self._pieces.product * target.ellipticity * strain**2
+        cones = tuple(law.inside(product) for law in self._laws.values())
+        return LastIterate(system.u.x.array.copy(), system.tools.travels, cones)
+
+    # The iteration.
+
+    def _solve_or_restore(self, is_linearised: bool) -> Iterate | None:
+        system = self._task.system
+        try:
+            with system.preserved(only_on_failure=True):
+                return self._solve(is_linearised)
+        except (NotConverged, PETSc.Error) as error:
+            if isinstance(error, PETSc.Error):
+                raise_callback_error(error)
+            self._judge.friction_change = 0.0
+            return None
+
+    def _solve(self, is_linearised: bool) -> Iterate:
+        """The iterate at the solution; raises NotConverged."""
+        task, tangent, pieces = self._task, self._tangent, self._pieces
+        iterate = Iterate(tangent, self._tuning.band)
+        left: list[_Left] = []
+        bound_step: BoundStep | None = None
+        keeps = False
+        for number in range(min(pieces.steps, task.settings.max_iterations)):
+            if not is_linearised:
+                self._look(linearise=not keeps)
+            is_linearised = False
+            if not keeps:
+                tangent.refresh()
+                task.report.tangents += 1
+                bound_step = BoundStep(self._moving, tangent, self._tuning)
+            else:
+                assert bound_step is not None
+                bound_step.look()
+            assert bound_step is not None
+            self._advance(self._direction(bound_step))
+            measures = self._judge.measure(iterate)
+            task.monitor.iteration(number, measures.worst())
+            if measures.reached(task.settings, self._tuning.gap_tolerance):
+                task.report.duality_gap = max(measures.gap, 0.0)
+                return iterate
+            left.append(self._left(measures))
+            if self._leads_away(left):
+                raise NotConverged("the pieces of the laws are too far away")
+            kept_well = not keeps or left[-1].worst <= pieces.kept_gain * left[-2].worst
+            is_near = left[-1].changed == 0 and left[-1].worst <= pieces.keeps_below
+            keeps = is_near and kept_well
+        raise NotConverged("the pieces of the laws do not settle")
+
+    def _look(self, linearise: bool) -> None:
+        """Linearise the laws at the present iterate, if asked, and evaluate them; collective."""
+        for law in self._laws.values():
+            if linearise:
+                law.linearise()
+            law.evaluate()
+
+    def _direction(self, bound_step: BoundStep) -> Direction:
+        """The direction, with the steps of the friction bounds that agree with it; collective."""
+        bound_step.stand_still()
+        direction = self._direction_of(self._displacement())
+        if not self._moving or bound_step.agrees(direction):
+            return direction
+        change = bound_step.adapt(direction)
+        if change is not None:
+            return self._direction_of(direction.displacement + change)
+        # A bound stays above zero, so that the steps of the others do not agree with it.
+        return self._direction_of(self._displacement())
+
+    def _displacement(self) -> FloatArray:
+        aims = [law.aim for law in self._laws.values()]
+        return self._tangent.solve_step(aims, self._task.settings.tolerance)
+
+    def _direction_of(self, du: FloatArray) -> Direction:
+        return Direction(
+            du, {family: law.step(family.see(du)) for family, law in self._laws.items()}
+        )
+
+    def _advance(self, direction: Direction) -> None:
+        """Take the step, and let the friction bounds follow the pressure; collective."""
+        tangent = self._tangent
+        tangent.move(1.0, direction.displacement)
+        tangent.visit()
+        for family, law in self._laws.items():
+            family.look(tangent.present())
+            law.advance(direction.steps[family])
+        if not self._moving:
+            return
+        self._task.report.friction += 1
+        wanted, _ = self._judge.compare(self._moving)
+        for bound, values in zip(self._moving, wanted, strict=True):
+            bound.contact.bounds = values
+            bound.friction.z[0] = bound.friction.nodes.of_all(values)
+            law = self._laws[bound.friction]
+            assert isinstance(law, FrictionProjection)
+            law.settle()
+
+    def _left(self, measures: Measures) -> _Left:
+        local = sum(law.changed for law in self._laws.values())
+        worst = measures.worst()
+        return _Left(worst, int(self._tangent.comm.allreduce(local)))
+
+    def _leads_away(self, left: Sequence[_Left]) -> bool:
+        """Whether the steps so far lead nowhere."""
+        pieces, last = self._pieces, left[-1]
+        if not np.isfinite(last.worst) or (len(left) > 1 and last.worst > pieces.far):
+            return True
+        if len(left) == 3:
+            return not last.is_less_than(left[0], pieces.gain)
+        return len(left) > 3 and not last.is_less_than(left[-4], pieces.gain)

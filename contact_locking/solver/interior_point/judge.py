@@ -1,0 +1,69 @@
+"""Judges an iterate by the scales of its problem."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from contact_locking.arrays import FloatArray
+from contact_locking.contact.nodal_contact import joint_norm
+from contact_locking.solver.interior_point.bound_step import MovingBound
+from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.interior_point.measures import Measures
+from contact_locking.solver.interior_point.tangent import Tangent
+from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.solver.task import Task
+
+
+class Judge:
+    """Measures equilibrium, laws, duality gap and friction bounds of the iterates of a solve.
+
+    ``friction_change`` is how far the friction bounds were from ``mu |R p|`` at the last
+    :meth:`compare`, relative.
+    """
+
+    def __init__(self, task: Task, tangent: Tangent, tuning: Tuning) -> None:
+        self._task, self._tangent, self._tuning = task, tangent, tuning
+        self._least_energy = self._least_force = self.friction_change = 0.0
+
+    def begin(self, strain: float) -> None:
+        """Let no energy and no force be judged by less than a share of those of a strain."""
+        target = self._task.target
+        energy = target.ellipticity * strain**2 * target.volume
+        self._least_energy = self._tuning.least_energy * energy
+        self._least_force = self._least_energy / ((strain or 1.0) * target.length)
+
+    def measure(self, iterate: Iterate) -> Measures:
+        """Look at the iterate and judge it; collective."""
+        tangent, target = self._tangent, self._task.target
+        iterate.visit()
+        tolerance = self._task.settings.tolerance
+        strain = self.mean_strain(tolerance)
+        # The gap bounds the square of an error, so that it is the square of the rounding that must
+        # come below the tolerance of it.
+        told = self.mean_strain(math.sqrt(tolerance))
+        energy = 0.5 * target.ellipticity * told**2 * target.volume
+        energy = max(energy, self._tuning.locking_share * iterate.body_work())
+        scale = max(tangent.force_scale, self._least_force)
+        return Measures(
+            max(iterate.equilibrium_residual(scale, tolerance), iterate.tool_residual()),
+            iterate.primal_residual(strain * target.length),
+            iterate.total_product() / max(energy, self._least_energy),
+            self.friction_change,
+        )
+
+    def compare(self, moving: Sequence[MovingBound]) -> tuple[list[FloatArray], list[FloatArray]]:
+        """The bounds ``mu |R p|`` of the pressure, and those of the cones; collective."""
+        contacts = [item.contact for item in moving]
+        wanted = [item.wanted() for item in moving]
+        used = [item.used(values) for item, values in zip(moving, wanted, strict=True)]
+        left = [a - b for a, b in zip(wanted, used, strict=True)]
+        least = self._task.target.least_bound(self.mean_strain(self._task.settings.tolerance))
+        size = max(joint_norm(contacts, wanted), least)
+        self.friction_change = joint_norm(contacts, left) / size if size > 0.0 else 0.0
+        return wanted, used
+
+    def mean_strain(self, tolerance: float) -> float:
+        """The strain that the iterate is judged by; collective."""
+        displacement = self._task.system.largest_displacement()
+        return self._task.target.mean_strain(self._tangent.energy, displacement, tolerance)

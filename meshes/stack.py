@@ -1,0 +1,158 @@
+"""Two blocks, one on the other, whose meshes do not match."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .block import Box
+from .geometry import Zone, length, parameter, real, vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stack(Box):
+    """A block [0, a] x ([0, b] x) [0, c] and another one above its middle, with nodes of their own.
+
+    The interface rises by ``slope`` from left to right, about the middle of the lower block.
+    Cells: lower, upper.  Facets of the lower block: left, right, in 3D front, back, bottom, and
+    lower_top; of the upper block: upper_left, upper_right, in 3D upper_front, upper_back,
+    upper_bottom, and top.  The contact zone is the interface.
+    """
+
+    upper: tuple[float, ...] = parameter(
+        (), "length", "edges of the upper block along x, (y,) and up; empty: as those of size"
+    )
+    h_upper: float | None = parameter(
+        None, "length", "target element size of the upper block, at most h; null: 0.7 h"
+    )
+    distance: float | None = parameter(
+        None, "length", "the gap between the blocks along the last axis; null: none"
+    )
+    slope: float = parameter(0, "1", "rise of the interface over its length along x")
+
+    def validate(self) -> None:
+        """Check the edges of both blocks and the slope of the interface."""
+        super().validate()
+        given = self.size if self.upper in (None, (), []) else self.upper
+        edges = tuple(length("upper", edge) for edge in vector("upper", given, self.dim))
+        object.__setattr__(self, "upper", edges)
+        object.__setattr__(self, "slope", real("slope", self.slope))
+        if self.fine > self.h:
+            raise ValueError(f"h_upper: {self.fine:g} is more than h, {self.h:g}")
+        if 0.5 * abs(self.slope) * max(self.size[0], edges[0]) > 0.5 * min(
+            self.size[-1], edges[-1]
+        ):
+            raise ValueError(f"slope: {self.slope:g} takes more than half of the height of a block")
+
+    @property
+    def fine(self) -> float:
+        """The element size of the upper block."""
+        return 0.7 * self.h if self.h_upper is None else self.h_upper
+
+    @property
+    def bodies(self) -> int:
+        """The number of parts that share no nodes."""
+        return 2
+
+    @property
+    def thickness(self) -> float:
+        """The shortest edge of both blocks."""
+        return min(*self.size, *self.upper)
+
+    @property
+    def measure(self) -> float:
+        """The area or volume of both blocks."""
+        return math.prod(self.size) + math.prod(self.upper)
+
+    @property
+    def cell_names(self) -> tuple[str, ...]:
+        """The blocks."""
+        return ("lower", "upper")
+
+    @property
+    def facet_names(self) -> tuple[str, ...]:
+        """The sides of both blocks."""
+        *around, bottom, top = self.sides
+        of_upper = (f"upper_{name}" for name in (*around, "bottom"))
+        return (*around, bottom, "lower_top", *of_upper, top)
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """The two sides of the interface."""
+        return ("lower_top", "upper_bottom")
+
+    @property
+    def zone(self) -> Zone:
+        """Two layers of elements on both sides of the interface."""
+        rise = 0.5 * abs(self.slope) * max(self.size[0], self.upper[0])
+        depth = 2 * self.finest + rise
+        middle = self.size[-1] + 0.5 * self.between
+        far = depth + 0.5 * self.between
+        box = self.limits(upper=middle + far, lower=middle - far)
+        area = math.prod(self.size[:-1]) + math.prod(self.upper[:-1])
+        return Zone("Box", box, area * (depth + self.transition))
+
+    @property
+    def between(self) -> float:
+        """The gap between the blocks."""
+        return self.distance or 0.0
+
+    def shape(self, occ: Any) -> dict[str, list[int]]:
+        """Both blocks, each with corners of its own."""
+        a, c = self.size[0], self.size[-1]
+        width, height = self.upper[0], self.upper[-1]
+        left = 0.5 * (a - width)
+
+        def at(x: float) -> float:
+            return c + self.slope * (x - 0.5 * a)
+
+        lower = [(0.0, 0.0), (a, 0.0), (a, at(a)), (0.0, at(0.0))]
+        right, gap = left + width, self.between
+        top = c + gap + height
+        upper = [(left, at(left) + gap), (right, at(right) + gap), (right, top), (left, top)]
+        depth = self.size[1] if self.dim == 3 else 0.0
+        deep = self.upper[1] if self.dim == 3 else 0.0
+        return {
+            "lower": [self._prism(occ, lower, 0.0, depth)],
+            "upper": [self._prism(occ, upper, 0.5 * (depth - deep), deep)],
+        }
+
+    def _prism(
+        self, occ: Any, corners: Sequence[tuple[float, float]], start: float, depth: float
+    ) -> int:
+        """The face with these corners (x, up), or in 3D a prism on it along y."""
+        if self.dim == 2:
+            points = [occ.addPoint(x, up, 0.0) for x, up in corners]
+        else:
+            points = [occ.addPoint(x, start, up) for x, up in corners]
+        ends = zip(points, [*points[1:], points[0]], strict=True)
+        face = occ.addPlaneSurface([occ.addCurveLoop([occ.addLine(*pair) for pair in ends])])
+        if self.dim == 2:
+            return int(face)
+        made = occ.extrude([(2, face)], 0.0, depth, 0.0)
+        return next(int(tag) for dim, tag in made if dim == 3)
+
+    def name_of(self, model: Any, tag: int, regions: dict[str, list[int]]) -> str:
+        """The name of a side, which tells the blocks apart by the cells beside it."""
+        (beside,) = model.getAdjacencies(self.dim - 1, tag)[0]
+        x, *middle, up = model.occ.getCenterOfMass(self.dim - 1, tag)[: self.dim]
+        is_upper = beside in regions["upper"]
+        edges, start = (self.upper, self.size[-1] + self.between) if is_upper else (self.size, 0.0)
+        # Sides that are no ends of the interface, whose middle lies at its height.
+        centred = [x - 0.5 * (self.size[0] - edges[0])]
+        centred += [y - 0.5 * (self.size[1] - edges[1]) for y in middle]
+        names = iter(self.sides)
+        for coordinate, edge in zip(centred, edges, strict=False):
+            for plane in (0.0, edge):
+                name = next(names)
+                if self.at(coordinate, plane):
+                    return f"upper_{name}" if is_upper else name
+        low = self.at(up, start)
+        if is_upper:
+            return "upper_bottom" if low else "top"
+        return "bottom" if low else "lower_top"
+
+    def set_sizes(self, model: Any, sides: Sequence[int] = ()) -> None:
+        """Prescribe the element size of both blocks, and of the zone."""
+        super().set_sizes(model, sides)
+        self.refine_second(model, self.fine)

@@ -1,0 +1,367 @@
+"""Two bodies, or the two sides of a cut, that touch each other."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import with_changes
+from small_meshes import Groups, grid, shared, side_by_side
+from two_bodies import POISSON, YOUNG, fit, lame_pressure, stack
+
+from contact_locking import StudySolution, assemble, save, solve
+from contact_locking.errors import InputError
+from contact_locking.problem.body_forms import BodyForms
+from contact_locking.study_file.parameters import Parameters
+
+pytest.importorskip("gmsh")
+
+
+def solved(parameters: Parameters) -> StudySolution:
+    solution = solve(parameters)
+    assert solution.converged, solution.summary["reason"]
+    return solution
+
+
+def largest(solution: StudySolution, values: Any) -> float:
+    return float(solution.domain.comm.allreduce(np.abs(values).max(initial=0.0), op=MPI.MAX))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_constant_stresses_cross_unmatched_and_tilted_interfaces(
+    dim: int, swapped: bool, slope: float
+) -> None:
+    sides = ["lower_top", "upper_bottom"] if swapped else ["upper_bottom", "lower_top"]
+    problem = assemble(
+        stack(
+            dim,
+            0.25 if dim == 2 else 0.4,
+            mesh__slope=slope,
+            contact={"on": sides[0], "against": sides[1]},
+            friction__coefficient=1.0,
+        ),
+        MPI.COMM_WORLD,
+    )
+    (contact,) = problem.contacts
+    gradient = np.arange(1.0, dim * dim + 1.0).reshape(dim, dim)
+    u = problem.u
+    u.interpolate(lambda x: gradient @ x[:dim])
+    # No jump, and forces in equilibrium with any stress: at the outer boundary alone are reactions.
+    jump = contact.surface.limited.of_function(u)
+    assert np.abs(jump).max(initial=0.0) <= 1e-12
+    stress = elastic_stress(0.5 * (gradient + gradient.T))
+    forces = BodyForms(u.function_space, problem.data).elastic_forces(u)
+    forces -= contact.surface.nodal_forces(contact.normals @ stress)
+    x = u.function_space.tabulate_dof_coordinates()
+    inside = np.ones(len(x), dtype=bool)
+    for axis in range(dim):
+        low, high = (0.0, 1.0) if axis < dim - 1 else (0.0, 2.0)
+        inside &= (x[:, axis] > low + 1e-9) & (x[:, axis] < high - 1e-9)
+    assert np.abs(forces.reshape(-1, dim)[inside]).max(initial=0.0) <= 1e-12
+    area = problem.domain.comm.allreduce(contact.surface.weights.sum())
+    assert area == pytest.approx(math.hypot(1.0, slope), rel=1e-12)
+
+
+def elastic_stress(strain: Any) -> Any:
+    shear = YOUNG / (2.0 * (1.0 + POISSON))
+    lame = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
+    return lame * np.trace(strain) * np.eye(len(strain)) + 2.0 * shear * strain
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("n", "share"), [(1e3, 1e-10), (math.inf, 1e-7)])
+def test_a_tilted_interface_with_friction_carries_a_uniform_pressure(
+    dim: int, n: float, share: float
+) -> None:
+    # Free sides: the lower face widens as it wants to.
+    factor = (1.0 + POISSON) / YOUNG if dim == 2 else 1.0 / YOUNG
+    widening = factor * POISSON * 0.01
+    bottom = [f"{widening}*{axis}" for axis in "xy"[: dim - 1]]
+    solution = solved(
+        stack(
+            dim,
+            0.25 if dim == 2 else 0.5,
+            mesh__slope=0.2,
+            loads__displacements=[{"on": "bottom", "value": [*bottom, 0.0]}],
+            friction__coefficient=1.0,
+            penalty__n=n,
+            solver__tolerance=1e-8 if n == math.inf else 1e-12,
+        )
+    )
+    exact = np.zeros((dim, dim))
+    exact[-1, -1] = -0.01
+    stress = solution.elastic_stress.x.array.reshape(-1, dim, dim)
+    assert largest(solution, stress - exact) <= 0.01 * share
+
+
+def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
+    solution = solved(
+        stack(
+            2,
+            0.2,
+            loads__tractions=[{"on": "top", "value": [0.001, -0.01]}],
+            friction__coefficient=0.3,
+            mesh__upper=[0.6, 0.5],
+        )
+    )
+    summary = solution.summary
+    assert summary["certificate"]["resultants"]["contact"] == pytest.approx([0.0, 0.0], abs=1e-15)
+    (contact,) = summary["contacts"]
+    assert contact["against"] == ["lower_top"]
+    # On the upper block, which nothing else holds.
+    force = np.add(contact["contact_force"], contact["friction_force"])
+    assert force == pytest.approx([-0.0006, 0.006], rel=1e-6)
+    assert summary["reactions"]["bottom"] == pytest.approx([-0.0006, 0.006], rel=1e-6)
+
+
+def test_the_overlap_may_be_that_of_the_drawing() -> None:
+    solution = solved(fit(mesh__radius=1.01, contact={"on": "inner", "against": "rim"}))
+    force = solution.summary["contacts"][0]["contact_force"]
+    # Of a quarter: the pressure times the radius along each axis.
+    assert np.abs(force) == pytest.approx([lame_pressure(0.01)] * 2, rel=0.03)
+
+
+def test_friction_between_bodies_remembers_its_slip() -> None:
+    """The upper block is pushed there and back, and dissipates what the slip takes."""
+    solution = solved(
+        stack(
+            2,
+            0.25,
+            friction__coefficient=0.3,
+            loads={
+                "displacements": [
+                    {"on": "bottom", "value": [0.0, 0.0]},
+                    {"on": "top", "value": ["0.03*sin(pi*t)", -0.005]},
+                ]
+            },
+            steps={"to": 1.5, "count": 6},
+        )
+    )
+    history = solution.history.rows
+    force = [row["friction_force_x"] for row in history]
+    normal = [row["contact_force_y"] for row in history]
+    # It slides to the right, sticks as it turns round, and slides back.
+    slides = np.array([True, True, False, True, True, True])
+    bound = 0.3 * np.abs(normal)
+    assert np.abs(force)[slides] == pytest.approx(bound[slides], rel=1e-4)
+    assert np.abs(force)[~slides] < 0.5 * bound[~slides]
+    assert np.sign(force[1]) == -np.sign(force[-1])
+    assert all(row["dissipated"] >= -1e-12 for row in history)
+    assert sum(row["dissipated"] for row in history) > 5e-5
+
+
+def test_a_body_that_only_others_hold_is_accepted_where_nothing_moves_it() -> None:
+    solved(stack(2, 0.25, friction__coefficient=0.5))
+    with pytest.raises(InputError, match=r"the displacement conditions leave a rigid motion free"):
+        solve(stack(2, 0.25))
+    with pytest.raises(InputError, match=r"loads do not press|upper"):
+        solve(
+            stack(
+                2,
+                0.25,
+                friction__coefficient=0.5,
+                loads__tractions=[{"on": "top", "value": [0.0, 0.01]}],
+            )
+        )
+
+
+def test_wrong_sides_are_refused_with_words() -> None:
+    with pytest.raises(InputError, match=r"meet no facet of top that faces them"):
+        solve(stack(contact={"on": "left", "against": "top"}))
+    with pytest.raises(InputError, match=r"same and lower_top share the nodes of 4 facets, as at"):
+        named = {"same": {"on": ["lower_top"]}}
+        solve(stack(mesh__parts=named, contact={"on": "same", "against": "lower_top"}))
+    with pytest.raises(InputError, match=r"reaches 0\.4\d* deep into rim"):
+        solve(fit(mesh__radius=1.4, contact={"on": "inner", "against": "rim"}))
+    with pytest.raises(ValueError, match=r"'lower_top' is in on as well"):
+        stack(contact={"on": "lower_top", "against": "lower_top"})
+    with pytest.raises(ValueError, match=r"leave out one of both"):
+        half = {"half_space": {"point": [0, 0], "normal": [0, 1]}}
+        stack(contact={"on": "upper_bottom", "against": "lower_top", "foundation": half})
+
+
+def test_a_side_that_is_much_coarser_is_warned_of() -> None:
+    contact = {"on": "lower_top", "against": "upper_bottom"}
+    solution = solved(
+        stack(2, 0.25, mesh__h_upper=0.05, contact=contact, friction__coefficient=0.3)
+    )
+    (warning,) = solution.summary["warnings"]
+    assert "let the finer side be on" in warning
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"discretisation": {"degree": 2}},
+        {"solver": {"linear": "iterative"}},
+        {"adapt": {}},
+        {"sensitivities": {"to": ["friction.coefficient"]}},
+    ],
+)
+def test_what_is_missing_is_refused(change: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"does not go with .* yet"):
+        stack(**change)
+
+
+def from_file(path: Path, contact: dict[str, Any], **changes: Any) -> Parameters:
+    """A body from a mesh file, held on the left and pressed from the right."""
+    data: dict[str, Any] = {
+        "mesh": {"file": str(path)},
+        "material": {"elasticity": {"young": YOUNG, "poisson": 0.0}},
+        "loads": {
+            "displacements": [{"on": "left", "value": [0.0, 0.0]}],
+            "tractions": [{"on": "right", "value": [-0.01, 0.0]}],
+        },
+        "contact": contact,
+        "friction": {"coefficient": 0.5, "smoothing": {"kernel": "none"}},
+    }
+    return with_changes(data, **changes)
+
+
+def test_nodes_of_both_sides_may_be_at_one_place_in_a_file(tmp_path: Path) -> None:
+    comm, n, m = MPI.COMM_WORLD, 4, 6
+    points, groups = side_by_side(n, m)
+    rest = len(grid(0, 0, 1, n)[0])
+    groups["left"] = [(1 + j * (n + 1), 1 + (j + 1) * (n + 1)) for j in range(n)]
+    groups["face"] = [((j + 1) * (n + 1), (j + 2) * (n + 1)) for j in range(n)]
+    groups["back"] = [(rest + 1 + j * (m + 1), rest + 1 + (j + 1) * (m + 1)) for j in range(m)]
+    groups["right"] = [(rest + (j + 1) * (m + 1), rest + (j + 2) * (m + 1)) for j in range(m)]
+    path = shared(comm, tmp_path, points, groups)
+    with pytest.raises(InputError, match="two parts of the body touch and share no nodes"):
+        solve(from_file(path, {"on": []}))
+    solution = solved(from_file(path, {"on": "back", "against": "face"}))
+    stress = solution.elastic_stress.x.array.reshape(-1, 2, 2)
+    assert largest(solution, stress - np.diag([-0.01, 0.0])) <= 1e-8
+
+
+def test_the_lips_of_a_closed_crack_that_sticks_are_one_body(tmp_path: Path) -> None:
+    """A cut from the right to the middle, whose lips share the node at its tip."""
+    comm, n = MPI.COMM_WORLD, 8
+    points, cells = grid(0, 0, 1, n)
+    row = [1 + (n // 2) * (n + 1) + i for i in range(n + 1)]
+    twins = {node: len(points) + k + 1 for k, node in enumerate(row[n // 2 + 1 :])}
+    cut = [*points, *(points[node - 1] for node in twins)]
+
+    def above(cell: Any) -> bool:
+        return float(np.mean([points[node - 1][1] for node in cell])) > 0.5
+
+    body = [tuple(twins.get(i, i) for i in cell) if above(cell) else cell for cell in cells]
+    lower = list(zip(row[n // 2 :], row[n // 2 + 1 :], strict=False))
+    upper = [tuple(twins.get(i, i) for i in facet) for facet in lower]
+    last = (n + 1) * (n + 1)
+    sides: Groups = {
+        "left": [(i + 1, i + 2) for i in range(n)],
+        "right": [(last - i, last - i - 1) for i in range(n)],
+    }
+    contact = {"on": "upper", "against": "lower"}
+    # Here left is the bottom, and right the top.
+    load = [{"on": "right", "value": [0.001, -0.01]}]
+    whole = shared(comm, tmp_path, points, {**sides, "body": cells})
+    one = solved(from_file(whole, {"on": []}, loads__tractions=load))
+    folder = Path(comm.bcast(str(tmp_path))) / "cut"
+    if comm.rank == 0:
+        folder.mkdir()
+    comm.Barrier()
+    groups: Groups = {**sides, "upper": upper, "lower": lower, "body": body}
+    path = shared(comm, folder, cut, groups)
+    two = solved(from_file(path, contact, loads__tractions=load))
+    for key in ("displacement_max", "elastic_energy"):
+        assert two.summary[key] == pytest.approx(one.summary[key], rel=1e-6)
+    slips = solved(from_file(path, contact, loads__tractions=load, friction__coefficient=0.0))
+    assert slips.summary["elastic_energy"] > (1.0 + 1e-4) * one.summary["elastic_energy"]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_saved_step_goes_on_as_without_a_break(dim: int, tmp_path: Path) -> None:
+    folder = Path(MPI.COMM_WORLD.bcast(str(tmp_path))) / "saved"
+    push = ["0.02*t*(2-t)", *[0.0] * (dim - 2), -0.005]
+    held = [{"on": "bottom", "value": [0.0] * dim}, {"on": "top", "value": push}]
+    given: dict[str, Any] = {"loads": {"displacements": held}, "friction__coefficient": 0.3}
+    h = 0.25 if dim == 2 else 0.5
+    whole = solved(stack(dim, h, **given, steps={"to": 2.0, "count": 4}))
+    half = solved(stack(dim, h, **given, steps={"to": 1.0, "count": 2}))
+    save(half, folder)
+    rest = solve(stack(dim, h, **given, steps={"to": 2.0, "count": 4}), restart=folder)
+    for key in ("friction_force", "slip_max", "elastic_energy"):
+        assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-5, abs=1e-9)
+
+
+def test_two_blocks_without_slip_are_one_block() -> None:
+    load = [{"on": "top", "value": [0.001, -0.01]}]
+    glued = solved(stack(2, 0.1, friction__coefficient=math.inf, loads__tractions=load))
+    one = stack(2, 0.07, loads__tractions=load, contact={"on": []})
+    whole = one.model_dump() | {"mesh": {"builder": "block", "size": [1.0, 2.0], "h": 0.07}}
+    block = solved(Parameters.model_validate(whole))
+    for key, share in (("elastic_energy", 0.01), ("displacement_max", 0.01)):
+        assert glued.summary[key] == pytest.approx(block.summary[key], rel=share)
+    assert glued.summary["slip_max"] < 1e-12
+
+
+def test_newton_and_the_interior_point_method_agree_on_two_bodies() -> None:
+    held = [
+        {"on": "bottom", "value": [0.0, 0.0]},
+        {"on": "upper_left", "value": [0.001, None]},
+    ]
+    given: dict[str, Any] = {
+        "friction__coefficient": 0.3,
+        "material__locking_limit": 0.006,
+        "penalty__n": 1e3,
+        "loads__displacements": held,
+    }
+    found = [
+        solved(stack(2, 0.2, **given, solver__method=method))
+        for method in ("newton", "interior_point")
+    ]
+    energies = [one.summary["elastic_energy"] for one in found]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-8)
+
+
+def test_two_locking_blocks_that_are_squeezed_too_far_are_proved_to_be() -> None:
+    """Blocks of height 1 and strains of 0.005 at most give way by 0.01."""
+    held = [{"on": "bottom", "value": [0.0, 0.0]}, {"on": "top", "value": [0.0, -0.05]}]
+    solution = solve(stack(2, 0.25, material__locking_limit=0.005, loads={"displacements": held}))
+    assert not solution.converged and "infeasible" in solution.summary["reason"]
+    assert "20 % of the prescribed displacements" in solution.summary["reason"]
+
+
+def test_a_pushed_foundation_presses_one_body_on_another() -> None:
+    plate = {"half_space": {"point": [0, 2], "normal": [0, -1]}, "force": [0, -0.01]}
+    contact = [
+        {"on": "upper_bottom", "against": "lower_top"},
+        {"on": "top", "foundation": plate},
+    ]
+    held = {"displacements": [{"on": "bottom", "value": [0.0, 0.0]}]}
+    solution = solved(stack(2, 0.25, contact=contact, loads=held, friction__coefficient=0.3))
+    forces = [part["contact_force"][1] for part in solution.summary["contacts"]]
+    assert forces == pytest.approx([0.01, -0.01], rel=1e-6)
+
+
+def test_a_row_of_three_bodies_passes_the_force_on(tmp_path: Path) -> None:
+    """Each body is held by the next alone; the body in the middle is side 1 and side 2."""
+    points: Any = []
+    groups: Groups = {}
+    for number, n in enumerate((3, 5, 4)):
+        first = len(points) + 1
+        own, cells = grid(float(number), 0.0, first, n)
+        points += own
+        groups[f"body{number}"] = cells
+        columns = {f"west{number}": first, f"east{number}": first + n}
+        for name, start in columns.items():
+            groups[name] = [(start + j * (n + 1), start + (j + 1) * (n + 1)) for j in range(n)]
+    contact = [{"on": f"east{i}", "against": f"west{i + 1}"} for i in range(2)]
+    path = shared(MPI.COMM_WORLD, tmp_path, points, groups)
+    loads = {
+        "displacements": [{"on": "west0", "value": [0.0, 0.0]}],
+        "tractions": [{"on": "east2", "value": [-0.01, 0.002]}],
+    }
+    given = from_file(path, {"on": []}).model_dump() | {"contact": contact, "loads": loads}
+    solution = solved(Parameters.model_validate(given))
+    for part in solution.summary["contacts"]:
+        assert part["contact_force"] == pytest.approx([-0.01, 0.0], abs=1e-9)
+        assert part["friction_force"] == pytest.approx([0.0, 0.002], abs=1e-9)

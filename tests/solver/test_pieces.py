@@ -1,0 +1,166 @@
+"""Newton's method on the pieces of the laws: its steps, their number, and where it gives up."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from contact_locking import Parameters, load
+from contact_locking.process import solving
+from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.half_lines import HalfLines
+from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
+from contact_locking.solver.interior_point.lorentz import dot, norm
+from contact_locking.solver.interior_point.projections import (
+    FrictionProjection,
+    HalfLineProjection,
+    LockingProjection,
+    Projection,
+    inside,
+)
+
+DEMOS = Path(__file__).resolve().parents[2] / "demos"
+POINTS, STIFFEST = 6, 1e9
+
+
+def _points(**given: Any) -> Any:
+    """Points with weights, which is all that the algebra of a family takes."""
+    return SimpleNamespace(comm=MPI.COMM_SELF, weights=np.ones(POINTS), **given)
+
+
+def _half_lines(compliance: float) -> tuple[Projection, Any]:
+    family: HalfLines = StrainHalfLines(
+        _points(limit=np.full(POINTS, 0.7), rows=1), compliance, number=0
+    )
+    law = HalfLineProjection(family, 2.0, STIFFEST)
+
+    def projected(y: Any, seen: Any) -> Any:
+        return np.maximum(0.0, y + law.c * (seen - 0.7)) / (1.0 + law.c * compliance)
+
+    return law, projected
+
+
+def _locking(compliance: float) -> tuple[Projection, Any]:
+    family = LockingCones(_points(limit=np.full(POINTS, 0.7), rows=3), compliance, 0)
+    law = LockingProjection(family, 2.0, STIFFEST)
+
+    def projected(y: Any, seen: Any) -> Any:
+        v = y + law.c * seen
+        excess = np.maximum(norm(v) - law.c * 0.7, 0.0) / (1.0 + law.c * compliance)
+        return excess * v / norm(v)
+
+    return law, projected
+
+
+def _friction(bound: float) -> tuple[Projection, Any]:
+    family = FrictionCones(_points(dim=3), 0.0, 1.0)
+    family.z[0] = bound
+    law = FrictionProjection(family, 2.0, STIFFEST)
+
+    def projected(y: Any, seen: Any) -> Any:
+        v = y + law.c * seen
+        return v * bound / np.maximum(bound, norm(v))
+
+    return law, projected
+
+
+@pytest.mark.parametrize(
+    ("make", "number"),
+    [(_half_lines, 1e-3), (_half_lines, 0.3), (_locking, 1e-3), (_locking, 0.3), (_friction, 1.5)],
+)
+def test_steps_solve_the_linearised_equation(make: Any, number: float) -> None:
+    law, projected = make(number)
+    random = np.random.default_rng(7)
+    shape = (POINTS,) if make is _half_lines else (3, POINTS)
+    y, seen, change = 2.0 * random.standard_normal((3, *shape))
+    law.family.seen = seen
+    law.start(y)
+    law.linearise()
+    law.evaluate()
+    dual = law.step(change).dual
+    dy = dual if make is _half_lines else -dual[1:]
+    # y + dy = P(y + c s) + DP(dy + c ds), with the derivative of P by central differences.
+    h = 1e-8
+    ahead, behind = (projected(y + t * dy, seen + t * change) for t in (h, -h))
+    wanted = projected(y, seen) + (ahead - behind) / (2.0 * h)
+    np.testing.assert_allclose(y + dy, wanted, atol=2e-5 * max(1.0, float(np.abs(dy).max())))
+
+
+def test_pairs_inside_their_cones_have_the_product_asked_for() -> None:
+    x, z = np.array([2.0, 0.0, 0.0]), np.array([0.0, 3.0, 0.0])
+    x_inside, z_inside = inside(x, z, 5.0, 1e-8)
+    np.testing.assert_allclose(x_inside * z_inside, 1e-8)
+    np.testing.assert_allclose(x_inside, x, atol=1e-4)
+    np.testing.assert_allclose(z_inside, z, atol=1e-3)
+    # A node that slides, one that sticks: |y| = G and x beside it, |y| < G and x = 0.
+    x = np.array([[0.5, 0.0], [0.5, 0.0], [0.0, 0.0]])
+    z = np.array([[2.0, 2.0], [-2.0, 1.0], [0.0, 0.5]])
+    x_inside, z_inside = inside(x, z, 5.0, 1e-8)
+    np.testing.assert_allclose(dot(x_inside, z_inside), 1e-8, rtol=1e-6)
+    assert np.all(x_inside[0] > norm(x_inside[1:])) and np.all(z_inside[0] > norm(z_inside[1:]))
+    np.testing.assert_allclose(x_inside, x, atol=1e-7)
+    np.testing.assert_allclose(z_inside, z, atol=1e-6)
+
+
+def _block(**changes: Any) -> Parameters:
+    study: dict[str, Any] = {
+        "mesh": {"builder": "block", "h": 0.1, "structured": True},
+        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
+        "loads": {
+            "tractions": [{"on": "top", "value": [0.03, -0.05]}],
+            "displacements": [{"on": "left", "value": [0.0, 0.0]}],
+        },
+        "contact": {"on": "bottom"},
+        "friction": {"coefficient": 0.3, "smoothing": {"kernel": "none"}},
+    }
+    return Parameters.model_validate(study | changes)
+
+
+def test_an_elastic_body_with_friction_takes_few_tangents_to_the_same_solution() -> None:
+    found = solving.solve(_block())
+    # Multigrid leaves the solve to the interior point method.
+    other = solving.solve(_block(solver={"linear": "iterative"}))
+    assert found.converged and other.converged
+    # The first tangent is the elastic one.
+    assert 1 < found.summary["iterations"]["tangents"] <= 9
+    assert found.summary["iterations"]["tangents"] < other.summary["iterations"]["tangents"]
+    u, v = found.displacement.x.array, other.displacement.x.array
+    assert found.domain.comm.allreduce(float(np.sum((u - v) ** 2))) <= 1e-12 * (
+        found.domain.comm.allreduce(float(np.sum(v**2)))
+    )
+
+
+def test_a_body_that_contact_holds_takes_few_tangents() -> None:
+    solution = solving.solve(load(DEMOS / "ssnv128.yml").parameters)
+    assert solution.converged
+    assert solution.summary["iterations"]["tangents"] <= 12
+
+
+def test_a_body_that_locks_in_many_cells_is_left_to_the_interior_point_method() -> None:
+    material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.02}
+    solution = solving.solve(_block(material=material))
+    assert solution.converged and solution.summary["locked_fraction"] > 0.1
+
+
+@pytest.mark.parametrize("n", [math.inf, 1e4])
+def test_steps_go_on_from_the_locked_cells_of_the_last(n: float) -> None:
+    material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.02}
+    tractions = [{"on": "top", "value": ["0.03*(1 + 0.1*t)", -0.05]}]
+    loads = {"tractions": tractions, "displacements": [{"on": "left", "value": [0.0, 0.0]}]}
+    study = _block(
+        material=material,
+        loads=loads,
+        steps={"to": 1.0, "count": 4},
+        penalty={"n": n},
+        friction={"coefficient": 0.3},
+    )
+    steps = list(solving.solve_steps(study))
+    assert all(step.converged for step in steps)
+    first, *later = (step.summary["iterations"]["tangents"] for step in steps)
+    assert np.mean(later) <= 8.0 and np.mean(later) < first

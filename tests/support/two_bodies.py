@@ -1,0 +1,103 @@
+"""Two bodies that touch each other: blocks, rings and discs whose meshes do not match."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import basix.ufl
+import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from problems import with_changes
+from small_meshes import builder
+
+from contact_locking.mesh.file.gmsh_model import extract
+from contact_locking.meshes import build
+from contact_locking.study_file.parameters import Parameters
+
+YOUNG, POISSON = 2.0, 0.3
+
+
+def stack(dim: int = 2, h: float = 0.25, **changes: Any) -> Parameters:
+    """Two blocks with unmatched meshes; the lower one rests on its bottom."""
+    data: dict[str, Any] = {
+        "mesh": {"builder": "stack", "dim": dim, "h": h},
+        "material": {"elasticity": {"young": YOUNG, "poisson": POISSON}},
+        "loads": {
+            "displacements": [{"on": "bottom", "value": [0.0] * dim}],
+            "tractions": [{"on": "top", "value": [0.0] * (dim - 1) + [-0.01]}],
+        },
+        "contact": {"on": "upper_bottom", "against": "lower_top"},
+        "friction": {"coefficient": 0.0, "smoothing": {"kernel": "none"}},
+        "penalty": {"n": math.inf},
+    }
+    return with_changes(data, **changes)
+
+
+def fit(**changes: Any) -> Parameters:
+    """A ring in a ring, in plane stress, which overlap by 0.01."""
+    data: dict[str, Any] = {
+        "mesh": {"builder": "disc_in_ring", "quarter": True, "hole": 0.5, "h": 0.08},
+        "material": {
+            "elasticity": {"young": 1.0, "poisson": 0.3},
+            "regions": {"ring": {"elasticity": {"young": 3.0, "poisson": 0.2}}},
+            "plane": "stress",
+        },
+        "loads": {
+            "displacements": [
+                {"on": "left", "value": [0.0, None]},
+                {"on": "bottom", "value": [None, 0.0]},
+            ]
+        },
+        "contact": {"on": "inner", "against": "rim", "gap": -0.01},
+        "penalty": {"n": math.inf},
+    }
+    return with_changes(data, **changes)
+
+
+def lame_pressure(overlap: float) -> float:
+    """The pressure between the rings 0.5 < r < 1 and 1 < r < 2."""
+    inner = ((1.0 + 0.25) / (1.0 - 0.25) - 0.3) / 1.0
+    outer = ((4.0 + 1.0) / (4.0 - 1.0) + 0.2) / 3.0
+    return overlap / (inner + outer)
+
+
+def two_discs(radii: tuple[float, float], h: float, fine: float) -> tuple[dmesh.Mesh, Any]:
+    """Quarters of discs that touch at the origin, and their facets by names; collective."""
+
+    def quarter(radius: float, h: float, fine: float) -> Any:
+        disc = builder("disc", radius=radius, quarter=True, h=h, h_contact=fine)
+        with build(disc) as model:
+            return extract(model, "disc")
+
+    comm = MPI.COMM_WORLD
+    points, cells = np.zeros((0, 2)), np.zeros((0, 3), dtype=np.int64)
+    if comm.rank == 0:
+        upper, lower = quarter(radii[0], h, fine), quarter(radii[1], h, 0.7 * fine)
+        points = np.concatenate([upper.points, lower.points * [1.0, -1.0]])
+        cells = np.concatenate([upper.cells.nodes, lower.cells.nodes + len(upper.points)])
+    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+    mesh = dmesh.create_mesh(comm, cells, points, element)
+    of_cells = dmesh.compute_midpoints
+
+    def on(marker: Any) -> Any:
+        return dmesh.locate_entities_boundary(mesh, 1, marker)
+
+    def round_part(side: float, radius: float) -> Any:
+        def inside(x: Any) -> Any:
+            away = np.hypot(x[0], x[1] - side * radius)
+            return (np.abs(away - radius) < 1e-6) & (side * x[1] < 0.2 * radius)
+
+        facets = on(inside)
+        middles = of_cells(mesh, 1, facets)
+        return facets[side * middles[:, 1] > 0.0]
+
+    facets = {
+        "top": on(lambda x: np.abs(x[1] - radii[0]) < 1e-9),
+        "bottom": on(lambda x: np.abs(x[1] + radii[1]) < 1e-9),
+        "axis": on(lambda x: np.abs(x[0]) < 1e-9),
+        "upper": round_part(1.0, radii[0]),
+        "lower": round_part(-1.0, radii[1]),
+    }
+    return mesh, facets
