@@ -19,6 +19,8 @@ from contact_locking.errors import InputError
 from contact_locking.process import solving
 from contact_locking.process.of_study import solver_of
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.results import in_words
+from contact_locking.running import writing
 from contact_locking.solver.equilibria.bound_map import BoundMap
 from contact_locking.solver.equilibria.branch import Branch
 from contact_locking.solver.equilibria.newton import Deflation, MapNewton
@@ -185,7 +187,9 @@ def test_where_equilibrium_is_lost_the_branch_says_how_much_friction_has_one() -
 
 
 def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:
-    parameters = Parameters.model_validate(_weakening(equilibria={"find": 2}))
+    parameters = Parameters.model_validate(
+        _weakening(equilibria={"find": 2}, output={"fields": False, "picture": False})
+    )
     found = find_equilibria(parameters, MPI.COMM_WORLD)
     assert len(found) == 2
     assert all(solution.converged for solution in found)
@@ -195,6 +199,15 @@ def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:
     assert [row["folder"] for row in entry["solutions"]] == [".", "equilibrium_2"]
     assert [row["index"] for row in entry["solutions"]] == [1, 1]
     assert "there are 1 others at least" in entry["missing"]
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+    writing.write_equilibria(found, folder)
+    table = in_words.equilibria(found[0].summary)
+    assert [row[0] for row in table] == ["equilibria", ".", "equilibrium_2"]
+    assert (folder / "equilibrium_2" / "contact.csv").exists()
+    MPI.COMM_WORLD.barrier()
+    writing.write(found[0], folder)
+    assert (folder / "summary.json").exists()
+    assert not (folder / "equilibrium_2").exists()
 
 
 def test_the_method_of_the_solver_falls_back_on_the_branch(monkeypatch: Any) -> None:

@@ -21,6 +21,8 @@ _SHARPER = 0.1
 # The most nodes with friction that the dense derivative is made for, and the most points of the
 # branch from no friction and of one from a solution.
 _MOST_NODES, _MOST_POINTS, _FEWER_POINTS = 1500, 100, 40
+# A branch from no friction may take so many tangents, some times those of a solve that fails.
+_MOST_TANGENTS = 2000
 # Without a penalty a branch ends where the bounds are so many times those without friction: they
 # grow without a limit where friction wedges the body in.  With a penalty they have a limit.
 _FARTHEST = 300.0
@@ -78,7 +80,8 @@ class Equilibria:
             if is_strict and branch.reach > _FARTHEST:
                 self.end = _ENDS.format(share=100.0 * point.share, times=branch.reach)
                 return
-            if point.share > _BEYOND:
+            takes_long = start is None and self.report.tangents > _MOST_TANGENTS
+            if takes_long or point.share > _BEYOND:
                 return
             if before is not None:
                 folds += point.sign != before.sign
@@ -159,6 +162,7 @@ def solve_on_branch(task: Task) -> int | None:
     """
     if not has_map(task):
         return None
+    task.monitor.message("following the solutions from less friction")
     equilibria = Equilibria(task)
     try:
         with task.system.preserved(only_on_failure=True):
