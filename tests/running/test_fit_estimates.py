@@ -14,7 +14,7 @@ from contact_locking.running.fit.estimate import Residuals, Variable, estimate
 
 pytestmark = pytest.mark.serial
 
-T: FloatArray = np.linspace(0.1, 3.0, 40)
+T: FloatArray = np.linspace(0.1, 3.0, 40, dtype=float)
 NOISE = 0.01
 
 
@@ -146,11 +146,11 @@ def test_a_wrong_model_is_seen_by_the_signs_of_its_residuals() -> None:
 
 
 def test_residuals_above_their_errors_are_told() -> None:
-    noise = 3.0 * np.random.default_rng(6).standard_normal(60)
+    noise: FloatArray = 3.0 * np.random.default_rng(6).standard_normal(60)
     ones = np.ones(60)
     (told,) = words.about_residuals("force", noise, 50.0 * ones, ones, 1.0)
     assert "times their standard errors" in told
-    assert words.about_residuals("force", noise / 3.0, 50.0 * ones, ones, 1.0) == []
+    assert words.about_residuals("force", np.asarray(noise / 3.0), 50.0 * ones, ones, 1.0) == []
 
 
 def test_units_that_do_not_belong_together_are_told() -> None:

@@ -199,7 +199,7 @@ class FrictionProjection(Projection):
         # A node that would turn round in each step sticks instead.
         turns_again = self._turned & self._turns(v)
         self._turned = self._turns(v) & ~turns_again
-        self._sticks = (size <= self._slides_at * bound) | turns_again
+        self._sticks = np.asarray((size <= self._slides_at * bound) | turns_again)
         self._slides_at = 1.0
         self._along = v / np.maximum(size, _TINY)
         share = np.where(self._sticks, 0.0, bound / np.maximum(size, _TINY))
