@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from dolfinx import fem, graph
 from dolfinx import mesh as dmesh
-from dolfinx.cpp.mesh import cell_num_vertices
+from dolfinx.cpp.mesh import cell_entity_type, cell_num_vertices
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
@@ -41,7 +41,8 @@ def entities_to_geometry(mesh: dmesh.Mesh, dim: int, entities: Any) -> IndexArra
     DOLFINx 0.9 divides by zero if there is no entity.
     """
     if len(entities) == 0:
-        return np.empty((0, dim + 1), dtype=np.int32)
+        entity = cell_entity_type(mesh.topology.cell_type, dim, 0)
+        return np.empty((0, cell_num_vertices(entity)), dtype=np.int32)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
     return dmesh.entities_to_geometry(mesh, dim, entities)
 

@@ -18,6 +18,7 @@ from contact_locking.certificate import Extras, certify
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element, element_of
+from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.given_mesh import NamedFacets
 from contact_locking.mesh.half_section import half_section
@@ -45,12 +46,13 @@ class ContactProblem:
     form.  ``bcs`` are conditions of DOLFINx and :class:`Support`; ``limits`` are sets of strains
     whose intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of
     facets whose values have the ``names`` that contacts and supports may use.  ``space`` is the
-    space of displacements, P1 or P2 on triangles or tetrahedra, where neither ``a`` nor ``L`` is a
+    space of displacements, of degree 1 or 2 on triangles or tetrahedra and of degree 1 on
+    quadrilaterals or hexahedra, where neither ``a`` nor ``L`` is a
     form.  ``n`` is a stress, and ``compliance`` a length over a stress, None for 1/n.
     ``energy`` maps u to a convex and differentiable functional J(u), which adds to the energy.
     ``limit_at`` chooses the points where quadratic displacements keep K: the "vertices" of each
-    cell or the "gauss" points.  ``axisymmetric`` says that the mesh is the half section (r, z) of a
-    body of revolution; ``a`` is then an :class:`Elasticity`.
+    cell, which is the default on simplices, or the "gauss" points.  ``axisymmetric`` says that the
+    mesh is the half section (r, z) of a body of revolution; ``a`` is then an :class:`Elasticity`.
 
     The problem is made once.  Each solve reads the present values of the constants and functions
     in the data.  The constructor is collective, as all methods are, and raises InputError for data
@@ -71,7 +73,7 @@ class ContactProblem:
         n: float = math.inf,
         compliance: float | None = None,
         energy: Callable[[fem.Function], Expr] | None = None,
-        limit_at: str = "vertices",
+        limit_at: str | None = None,
         axisymmetric: bool = False,
         settings: Settings | None = None,
         monitor: Monitor | None = None,
@@ -198,7 +200,7 @@ def _space_of(a: ufl.Form | Elasticity, L: ufl.Form | None) -> fem.FunctionSpace
     raise InputError("needs the space of displacements: give L, a form for a, or space", "space")
 
 
-def _element_of(space: fem.FunctionSpace, limit_at: str, axisymmetric: bool) -> Element:
+def _element_of(space: fem.FunctionSpace, limit_at: str | None, axisymmetric: bool) -> Element:
     element, dim = space.element.basix_element, space.mesh.topology.dim
     degree = element.degree
     if space.dofmap.bs != dim or degree not in (1, 2) or element.discontinuous:
@@ -207,9 +209,10 @@ def _element_of(space: fem.FunctionSpace, limit_at: str, axisymmetric: bool) -> 
             f'fem.functionspace(mesh, ("Lagrange", 1, ({dim},)))',
             "space",
         )
-    if limit_at not in ("vertices", "gauss"):
+    if limit_at not in ("vertices", "gauss", None):
         raise InputError(f"must be vertices or gauss, not {limit_at!r}", "limit_at")
-    return element_of(degree, limit_at, axisymmetric)
+    boxes = not NAMED[space.mesh.topology.cell_name()].is_simplex
+    return element_of(degree, limit_at, axisymmetric, boxes)
 
 
 def _support(given: Support, on: tuple[str, ...], key: str) -> Support:

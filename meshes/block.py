@@ -98,9 +98,9 @@ class Box(Geometry):
 
 @dataclass(frozen=True, kw_only=True)
 class Block(Box):
-    """A block, unstructured or as a regular grid of split rectangles or boxes."""
+    """A block, unstructured or as a regular grid of boxes or of split boxes."""
 
-    structured: bool = parameter(False, "1", "regular grid: right triangles or split cubes")
+    structured: bool = parameter(False, "1", "regular grid, of boxes or of split boxes")
 
     def validate(self) -> None:
         """Refuse ``h_contact`` for a structured block."""
@@ -117,7 +117,13 @@ class Block(Box):
         """The exact number of cells for a structured block, else the estimate of the base class."""
         if not self.structured:
             return super().estimated_cells()
-        return math.factorial(self.dim) * math.prod(self.divisions)
+        split = math.factorial(self.dim) if self.cells == "simplex" else 1
+        return split * math.prod(self.divisions)
+
+    @property
+    def subdivides(self) -> bool:
+        """A regular grid consists of boxes."""
+        return super().subdivides and not self.structured
 
     def set_sizes(self, model: Any, sides: Sequence[int] = ()) -> None:
         """Prescribe the grid of a structured block, else the element size of the base class."""

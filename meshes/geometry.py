@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from numbers import Real
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from .curved import Curved
 
@@ -45,7 +45,7 @@ class Zone:
 
 @dataclass(frozen=True, kw_only=True)
 class Geometry(ABC):
-    """A body that Gmsh can mesh with first-order simplices.
+    """A body that Gmsh can mesh with first-order simplices or boxes.
 
     A subclass defines the parameters as fields, the shape, and the name of every part of the
     boundary. Raises ValueError("name: reason") for a parameter that cannot be used.
@@ -55,16 +55,28 @@ class Geometry(ABC):
     h_contact: float | None = parameter(
         None, "length", "element size near contact.on, from where it grows to h; null: h"
     )
+    cells: Literal["simplex", "box"] = parameter(
+        "simplex", "1", "triangles and tetrahedra, or quadrilaterals and hexahedra"
+    )
 
     def __post_init__(self) -> None:
         for entry in fields(self):
             value = getattr(self, entry.name)
-            if isinstance(entry.default, bool):
+            if entry.name == "cells":
+                if value not in ("simplex", "box"):
+                    raise ValueError(f"cells: must be simplex or box, not {value!r}")
+            elif isinstance(entry.default, bool):
                 if not isinstance(value, bool):
                     raise ValueError(f"{entry.name}: must be true or false, not {value!r}")
             elif isinstance(entry.default, float) or (entry.default is None and value is not None):
                 object.__setattr__(self, entry.name, length(entry.name, value))
         self.validate()
+        if self.subdivides and self.dim == 3:
+            # Gmsh divides tetrahedra into hexahedra, some of which are folded at curved sides.
+            raise ValueError(
+                "cells: box in 3D is for a block with structured: true; give another body of "
+                "hexahedra as a mesh file"
+            )
         if self.h > self.thickness * (1 + 1e-9):
             raise ValueError(
                 f"h: {self.h:g} is more than the thickness of the body, {self.thickness:g}"
@@ -176,6 +188,11 @@ class Geometry(ABC):
         return replace(self, **{name: scaled(getattr(self, name)) for name in names})
 
     @property
+    def subdivides(self) -> bool:
+        """Whether cells are made simplices first, and then divided into boxes of half the size."""
+        return self.cells == "box"
+
+    @property
     def finest(self) -> float:
         """The smallest element size: ``h_contact``, or ``h`` without it."""
         return self.h if self.h_contact is None else self.h_contact
@@ -209,6 +226,9 @@ class Geometry(ABC):
                 model.addPhysicalGroup(dim, tags, number, name=name)
         sides = [tag for name in contact for tag in facets[name]]
         self.set_sizes(model, [] if set(contact) <= set(self.contact_names) else sides)
+        if self.cells == "box":
+            for dim, tag in model.getEntities(2):
+                model.mesh.setRecombine(dim, tag)
         model.mesh.generate(self.dim)
 
     def set_sizes(self, model: Any, sides: Sequence[int] = ()) -> None:
@@ -223,7 +243,8 @@ class Geometry(ABC):
             self._set_sizes_at(size, sides, thickness)
             return
         tag = size.add(self.zone.kind)
-        values = {"VIn": self.finest, "VOut": self.h, "Thickness": thickness}
+        factor = 2.0 if self.subdivides else 1.0
+        values = {"VIn": factor * self.finest, "VOut": factor * self.h, "Thickness": thickness}
         for option, value in (self.zone.options | values).items():
             size.setNumber(tag, option, value)
         size.setAsBackgroundMesh(tag)
@@ -238,7 +259,8 @@ class Geometry(ABC):
         tag = size.add("Threshold")
         near = 2 * self.finest
         limits = {"DistMin": near, "DistMax": near + thickness}
-        sizes = {"SizeMin": self.finest, "SizeMax": self.h}
+        factor = 2.0 if self.subdivides else 1.0
+        sizes = {"SizeMin": factor * self.finest, "SizeMax": factor * self.h}
         for option, value in {"InField": distance, **limits, **sizes}.items():
             size.setNumber(tag, option, value)
         size.setAsBackgroundMesh(tag)
@@ -259,6 +281,8 @@ class Geometry(ABC):
         return abs(coordinate - plane) <= 1e-6 * self.thickness
 
     def _cells(self, measure: float, h: float) -> float:
+        if self.cells == "box":
+            return measure / h**self.dim
         # The measures of the equilateral triangle and the regular tetrahedron with edge 1.
         cell = math.sqrt(3) / 4 if self.dim == 2 else math.sqrt(2) / 12
         return measure / (cell * h**self.dim)

@@ -18,6 +18,7 @@ OPTIONS = {
     "Mesh.Algorithm": 6,  # frontal Delaunay
     "Mesh.Algorithm3D": 1,  # Delaunay
     "Mesh.ElementOrder": 1,
+    "Mesh.SubdivisionAlgorithm": 0,
     # Only the size field of the geometry sets the element size.
     "Mesh.MeshSizeFromPoints": 0,
     "Mesh.MeshSizeFromCurvature": 0,
@@ -62,12 +63,20 @@ def build(
     with empty_model(model_name) as model:
         try:
             # The geometry kernel has absolute tolerances for lengths around 1.
+            _divide_cells(geometry)
             geometry.in_units_of(unit).build(model, contact)
             if unit != 1.0:
                 model.mesh.affineTransform([unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0])
         except Exception as error:  # Gmsh raises Exception itself
             raise RuntimeError(f"Gmsh cannot mesh {geometry}: {error}") from error
         yield model
+
+
+def _divide_cells(geometry: Geometry) -> None:
+    """Let Gmsh divide all cells into quadrilaterals, if the geometry asks for it."""
+    import gmsh
+
+    gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1 if geometry.subdivides else 0)
 
 
 def write(geometry: Geometry, path: str | os.PathLike[str], contact: Collection[str] = ()) -> None:

@@ -34,6 +34,7 @@ COARSE = {
     "press_fit": ("mesh.h=0.12", *PLAIN),
     "gripper": ("mesh.h=0.14", "steps.count=4", *PLAIN),
     "sensitivity": ("mesh.h=0.14", "steps.count=2", *PLAIN),
+    "fit_indentation": ("mesh.h=10", *PLAIN),
     "ball_3d": ("mesh.h=0.5", "mesh.h_contact=0.06", *PLAIN),
     "pressed_tool": ("mesh.h=0.4", "steps.count=2", *PLAIN),
     "notch": ("mesh.h=0.2", "mesh.h_contact=0.05", *PLAIN),

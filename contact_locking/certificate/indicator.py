@@ -43,7 +43,7 @@ class PatchRecovery:
         self._corners: IndexArray = self._space(1).dofmap.list[:count]
         nodes = _compat.cell_nodes(mesh)[:count]
         self._x = mesh.geometry.x[nodes][:, :, : self._dim]
-        shares = gauss_points.shares(self._dim)
+        shares = gauss_points.shares(mesh.topology.cell_name())
         self._points = np.einsum("qc,kcd->kqd", shares, self._x)
         middles = [self._x[:, list(edge)].mean(axis=1) for edge in EDGES[self._dim]]
         self._nodes = np.concatenate([self._x, np.stack(middles, axis=1)], axis=1)
@@ -135,8 +135,8 @@ class ErrorIndicator:
 def error_indicator(state: SolvedState) -> ErrorIndicator:
     """``eta_K^2 = |int_K (s* - s) : (e* - e)|``, total stress ``s = A eps(u) + Z``, ``e = eps(u)``.
 
-    For degree 1, s* and e* are continuous and piecewise linear: their values at a node are the
-    means over the cells around the node, weighted by volume (Zienkiewicz and Zhu,
+    For degree 1, s* and e* are continuous and of degree 1: their values at a node are the means
+    over the cells around the node, weighted by volume (Zienkiewicz and Zhu,
     doi:10.1002/nme.1620240206).  For degree 2 they are continuous and piecewise quadratic
     (`patch_recovery`).  The cells around a node are those of one named region, because stress and
     strain may jump between regions.
@@ -157,15 +157,17 @@ def error_indicator(state: SolvedState) -> ErrorIndicator:
         mandel_values(points.strain, pairs),
     )
     values = np.concatenate([total, elastic, strain], axis=1)
+    weights = points.by_cell(points.weights)
     if element.degree == 1:
-        defect = _recovered(state, values) - values[:, None, :]
-        cell_volumes = points.weights
-    elif element.strain_degree == 1:
+        means = np.einsum("kq,kqm->km", weights, values.reshape(*weights.shape, 3 * m))
+        means /= weights.sum(axis=1, keepdims=True)
+        defect = _recovered(state, means) - _at_corners(state, values)
+    elif element.strain_degree == 1 and not element.boxes:
         defect = _defect_of_affine(state, values)
-        cell_volumes = points.weights.reshape(-1, state.dim + 1).sum(axis=1)
     else:
         raise NotApplicable("not applicable: the points of the element do not determine the strain")
-    mass = _mass(state.dim, element.degree)
+    cell_volumes = weights.sum(axis=1)
+    mass = _mass(state.problem.domain.kind.name, element.degree)
 
     def work(stress: FloatArray) -> FloatArray:
         product = np.einsum("kim,kjm,ij->k", stress, defect[:, :, 2 * m :], mass, optimize=True)
@@ -196,7 +198,7 @@ def _defect_of_affine(state: SolvedState, values: FloatArray) -> FloatArray:
     """
     dim, m = state.dim, values.shape[1]
     in_cells = values.reshape(-1, dim + 1, m)
-    shares = gauss_points.shares(dim)
+    shares = gauss_points.shares(state.problem.domain.kind.name)
     at_corners = state.problem.element.limit_at == "vertices"
     corners = in_cells if at_corners else np.einsum("cq,kqm->kcm", np.linalg.inv(shares), in_cells)
     at_points = np.einsum("qc,kcm->kqm", shares, corners)
@@ -209,9 +211,19 @@ def _defect_of_affine(state: SolvedState, values: FloatArray) -> FloatArray:
     return defect
 
 
-def _mass(dim: int, degree: int) -> FloatArray:
-    """The mass matrix of the nodal basis of a degree on a simplex of volume 1."""
-    cell = gauss_points.SIMPLICES[dim]
+def _at_corners(state: SolvedState, values: FloatArray) -> FloatArray:
+    """The values (k, c, m) at the corners, or (k, 1, m) of constants, of those at the points."""
+    shape = state.points.by_cell(state.points.weights).shape
+    in_cells = values.reshape(*shape, values.shape[1])
+    if in_cells.shape[1] == 1:
+        return in_cells
+    shares = gauss_points.shares(state.problem.domain.kind.name)
+    return np.asarray(np.einsum("cq,kqm->kcm", np.linalg.inv(shares), in_cells))
+
+
+def _mass(name: str, degree: int) -> FloatArray:
+    """The mass matrix of the nodal basis of a degree on a cell of a kind, of volume 1."""
+    cell = basix.CellType[name]
     element = basix.create_element(
         basix.ElementFamily.P, cell, degree, basix.LagrangeVariant.gll_warped
     )
@@ -221,21 +233,23 @@ def _mass(dim: int, degree: int) -> FloatArray:
 
 
 def _recovered(state: SolvedState, values: FloatArray) -> FloatArray:
-    """The nodal means (k, d + 1, m) of cell values (k, m) at the corners of each owned cell.
+    """The nodal means (k, c, m) of cell values (k, m) at the c corners of each owned cell.
 
     Collective.
     """
-    mesh, points, size = state.problem.domain.mesh, state.points, values.shape[1]
+    mesh, size = state.problem.domain.mesh, values.shape[1]
+    volumes = state.points.by_cell(state.points.weights).sum(axis=1)
     space = state.problem.element.nodal_space(mesh, size + 1)
     corners = space.dofmap.list[: len(values)]
-    result = np.empty((len(values), state.dim + 1, size))
-    weighted = np.column_stack([values, np.ones(len(values))]) * points.weights[:, None]
+    count = corners.shape[1]
+    result = np.empty((len(values), count, size))
+    weighted = np.column_stack([values, np.ones(len(values))]) * volumes[:, None]
     for inside in _regions(state, len(values)):
         sums = fem.Function(space)
         nodal = sums.x.array.reshape(-1, size + 1)
         cells = np.flatnonzero(inside)
         # A row for each cell, with 1 at its corners.
-        starts = np.arange(len(cells) + 1) * (state.dim + 1)
+        starts = np.arange(len(cells) + 1) * count
         entries = np.ones(starts[-1]), corners[cells].reshape(-1), starts
         at_corners = sparse.csr_matrix(entries, shape=(len(cells), len(nodal)))
         nodal[:] = at_corners.T @ weighted[cells]

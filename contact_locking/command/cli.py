@@ -97,6 +97,9 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument(
         "--executor", choices=("local", "slurm"), default="local", help="where the cases run"
     )
+    one = add_for_file("fit", "Fit numbers of a study file to curves; repeat it to continue.")
+    one.add_argument("--output", metavar="DIR", help="folder of the results")
+    one.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     one = add("report", "Write an HTML page and charts of a finished run or study.")
     one.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
     one.add_argument("--pdf", action="store_true", help="also print the page, by Chromium")

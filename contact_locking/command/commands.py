@@ -114,6 +114,36 @@ def study(arguments: argparse.Namespace) -> int:
     return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
 
 
+def fit(arguments: argparse.Namespace) -> int:
+    """Fit numbers of the file to its measured curves, and print what was found."""
+    file = _load(arguments.file, _overrides(arguments))
+    comm = world_with_dolfinx(arguments)
+    from contact_locking.results import output_folder
+    from contact_locking.running.fit import session, words
+
+    directory = file.parameters.output.directory
+    arguments.left = lambda: (
+        f"the evaluations so far are in {directory}; the same command goes on from there"
+    )
+    speaks = comm.rank == 0 and not arguments.quiet
+    with (
+        _explained(file),
+        output_folder.reserved(directory, comm),
+        _monitor(arguments, comm, speaks) as monitor,
+        petsc_complaints(),
+    ):
+        found, solution = session.fit(file.parameters, directory, comm, monitor)
+    for text in [*found["words"], *found["undetermined"]]:
+        terminal.complain(f"warning: {text}")
+    if speaks:
+        print(terminal.columns(words.rows(found)))
+        print(f"results in {directory}")
+    if found["converged"] and solution.converged:
+        return CONVERGED
+    terminal.complain(f"error: not converged: {found['reason']}")
+    return NOT_CONVERGED
+
+
 def report(arguments: argparse.Namespace) -> int:
     """Write the page and the charts of a finished run or study."""
     from contact_locking.extras.report import print_page, write_all
@@ -150,6 +180,7 @@ def check(arguments: argparse.Namespace) -> int:
     from contact_locking.mesh import groups
     from contact_locking.process import forecast
     from contact_locking.results import output_folder
+    from contact_locking.running.fit.curves import read_experiments
     from contact_locking.study import assembly
 
     with _explained(study):
@@ -158,6 +189,7 @@ def check(arguments: argparse.Namespace) -> int:
             from contact_locking.process import of_study
 
             of_study.require_usable_options(parameters)
+        experiments = read_experiments(parameters) if parameters.fit is not None else []
         facts = forecast.completed(assembly.check(parameters, comm), parameters, comm)
     for warning in facts.pop("warnings"):
         terminal.complain(f"warning: {warning}")
@@ -173,6 +205,10 @@ def check(arguments: argparse.Namespace) -> int:
             cases = studies.Study.of(study)
             finished = f"{cases.finished} finished in {cases.directory}"
             rows.append(("cases of the study", f"{len(cases.cases)}, {finished}"))
+        if parameters.fit is not None:
+            numbers = sum(one.count for one in experiments)
+            told = f"{len(parameters.fit.parameters)} to {numbers} measured numbers"
+            rows.append(("numbers to fit", told))
         rows.append(("estimated memory", expected.words()))
         print(f"{arguments.file} can be run:\n{terminal.columns(rows)}\n")
         print(terminal.columns(groups.table(table)))
@@ -237,8 +273,9 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
+_ALL = (new, run, study, fit, report, view, check, mesh, schema)
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
-    command.__name__: command for command in (new, run, study, report, view, check, mesh, schema)
+    command.__name__: command for command in _ALL
 }
 
 
@@ -302,8 +339,8 @@ def _monitor(arguments: argparse.Namespace, comm: MPI.Intracomm, speaks: bool) -
         TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
     )
     with shown as monitor:
-        is_watched = arguments.progress is not None and comm.rank == 0
-        yield ProgressFile(arguments.progress, monitor) if is_watched else monitor
+        progress: Path | None = getattr(arguments, "progress", None)
+        yield monitor if progress is None or comm.rank else ProgressFile(progress, monitor)
 
 
 def _load(path: Path, overrides: Sequence[str]) -> StudyFile:

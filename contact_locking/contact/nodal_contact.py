@@ -13,6 +13,7 @@ from contact_locking.contact.contact import Contact, Gap
 from contact_locking.contact.foundation import GivenGap, PlacedFoundation, RigidFoundation
 from contact_locking.contact.state import ContactState
 from contact_locking.contact.surface import ContactSurface
+from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.plausibility import about_the_gap
 from contact_locking.laws.convex import normal_part, tangential_part
@@ -257,6 +258,13 @@ def _surface(
     """The place of a contact; collective."""
     if given.against is None:
         return ContactSurface(domain, space, given.on, f"{given.key}.on", element, limited)
+    is_gap = isinstance(given.foundation, Gap | GivenGap)
+    if not is_gap or given.motion is not None or given.force is not None:
+        raise InputError(
+            "a contact is with a foundation, which may move, or with another body; leave out one "
+            "of both",
+            f"{given.key}.against",
+        )
     # `check` of one body does without SciPy, whose import takes a tenth of its time.
     from contact_locking.contact.paired_surface import PairedSurface
 

@@ -37,8 +37,12 @@ class PairedSurface(ContactSurface):
         self, domain: Domain, space: fem.FunctionSpace, given: Contact, element: Element
     ) -> None:
         key, names = given.key, tuple(given.against or ())
-        if element.degree != 1 or domain.axisymmetric:
-            what = "axisymmetric bodies" if domain.axisymmetric else "quadratic elements"
+        unknown = {
+            "axisymmetric bodies": domain.axisymmetric,
+            "quadratic elements": element.degree != 1,
+            f"{domain.kind.plural}; take simplices": element.boxes,
+        }
+        for what in (name for name, holds in unknown.items() if holds):
             raise InputError(f"bodies that touch each other are not there for {what}", key)
         super().__init__(domain, space, given.on, f"{key}.on", element, space)
         other = domain.facets(names, f"{key}.against")

@@ -20,6 +20,7 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.surface_mesh import SurfaceMesh
 from contact_locking.fem import compiled
+from contact_locking.fem.facet_nodes import facet_nodes
 from contact_locking.fem.spaces import P1, Element
 from contact_locking.fem.trace import PointValues
 from contact_locking.laws.kinematics import WeightedMeasure
@@ -45,8 +46,8 @@ class ContactSurface:
     ``space`` is the space of displacements, and ``limited`` the space of limited values that
     several contacts share; by default the surface has its own.  ``nodes`` (k,) are the owned nodes
     as indices of the scalar space, ``blocks`` (k,) the same nodes as blocks of the vector space,
-    ``points`` (k, d) the coordinates of the nodes, and ``weights`` (k,) their shares of the measure
-    of Gamma_C.
+    ``points`` (k, d) the coordinates of the nodes, ``degree`` that of the displacement, and
+    ``weights`` (k,) their shares of the measure of Gamma_C.
     Raises InputError with the ``key`` for an element that has no contact.  The constructor is
     collective.
     """
@@ -62,9 +63,9 @@ class ContactSurface:
     ) -> None:
         element.trace.check(domain.dim, element.degree, key)
         self._pieces = np.array(element.trace.pieces[domain.dim], dtype=np.int32)
-        self.domain, self.names = domain, names
+        self.domain, self.names, self._corners = domain, names, domain.kind.facet.corners
         self.facets = domain.facets(names, key)
-        self.vector_space = space
+        self.vector_space, self.degree = space, element.degree
         self.scalar_space, to_vector = _compat.collapse(space.sub(0))
         owned = self.scalar_space.dofmap.index_map.size_local
         test = ufl.TestFunction(self.scalar_space)
@@ -87,11 +88,12 @@ class ContactSurface:
         #: The gap (k,) that the places of two sides leave.
         self.distance: FloatArray = np.zeros(len(self.nodes))
         self.ds = lengths
+        is_plain = domain.kind.facet.is_simplex and not domain.axisymmetric
         # Every rule is exact for the gradients of affine fields.
-        self._exact_ds = lengths if element.degree == 1 else domain.ds(names, key)
-        if domain.axisymmetric:
-            self._exact_ds = domain.ds(names, key)
-            self.ds = self._with_circumference(lengths, self._assemble(test * self._exact_ds))
+        is_exact = is_plain and element.degree == 1
+        self._exact_ds = lengths if is_exact else domain.ds(names, key)
+        if not is_plain:
+            self.ds = self._with_density(lengths, self._assemble(test * self._exact_ds))
 
     def is_of(self, dofs: BoolArray) -> BoolArray:
         """(k,) whether each node is marked; ``dofs`` marks the local dofs of the vector space."""
@@ -127,7 +129,7 @@ class ContactSurface:
             return found
         function = self.vector_function(self.body_normals())
         count = fem.Function(self.scalar_space)
-        np.add.at(count.x.array, self.facet_nodes[:, : self.domain.dim], 1.0)
+        np.add.at(count.x.array, self.facet_nodes[:, : self._corners], 1.0)
         count.x.scatter_reverse(la.InsertMode.add)
         count.x.scatter_forward()
         middles, ends = self.limited.edges(function)
@@ -176,7 +178,7 @@ class ContactSurface:
         first = sum(counts[: comm.rank])
         facets = self._numbered(self.facet_nodes)
         if sides is not None:
-            facets = facets[np.ptp(sides[facets[:, : self.domain.dim]], axis=1) == 0]
+            facets = facets[np.ptp(sides[facets[:, : self._corners]], axis=1) == 0]
         pieces = np.sort(facets[:, self._pieces].reshape(-1, self.domain.dim), axis=1)
         return SurfaceMesh(
             np.concatenate(comm.allgather(self.points)),
@@ -193,20 +195,21 @@ class ContactSurface:
         facets where the contact normal turns by less than 40 degrees between the corners, and is
         less than 60 degrees off the outward normal of the body.
         """
-        comm, dim = self.domain.comm, self.domain.dim
+        comm, count = self.domain.comm, self._corners
         every = np.concatenate(comm.allgather(normals))
         facing = np.sum(normals * self.body_normals(), axis=1) > _FACING
         faces = np.concatenate(comm.allgather(facing))
-        corners = np.unique(self._numbered(self.facet_nodes)[:, :dim], axis=0)
+        corners = np.unique(self._numbered(self.facet_nodes)[:, :count], axis=0)
         joins = faces[corners].all(axis=1)
-        for i in range(dim):
+        for i in range(count):
             for j in range(i):
                 one, other = every[corners[:, i]], every[corners[:, j]]
                 joins &= np.sum(one * other, axis=1) > _TURNED
         if joins.all():
             return np.zeros(len(every), dtype=np.int64)
         points = np.concatenate(comm.allgather(self.points))
-        return SurfaceMesh(points, np.ones(len(points)), corners[joins], slice(0, 0)).parts
+        joined = self.domain.kind.facet.split(corners[joins])
+        return SurfaceMesh(points, np.ones(len(points)), joined, slice(0, 0)).parts
 
     def scalar_function(self, values: FloatArray, name: str = "f") -> fem.Function:
         """A function with the given values (k,) on Gamma_C and zero elsewhere; collective."""
@@ -306,13 +309,15 @@ class ContactSurface:
         nodal.destroy()
         return surface
 
-    def _with_circumference(self, lengths: ufl.Measure, integrals: FloatArray) -> ufl.Measure:
-        """The measure of Gamma_C of an axisymmetric body; sets ``weights``; collective.
+    def _with_density(self, lengths: ufl.Measure, integrals: FloatArray) -> ufl.Measure:
+        """The measure of Gamma_C with exact weights; sets ``weights``; collective.
 
-        The rule of the trace would give the nodes on the axis, where r is 0, no weight.  The weight
-        of a node is therefore the integral of ``2 pi r`` times the function of its limited value, a
-        hat function or one of Bernstein's; ``integrals`` are those of the nodal functions.  The
-        density of the measure, which counts at the nodes alone, is the quotient of both weights.
+        The rule of the trace would give the nodes on the axis of an axisymmetric body, where r is
+        0, no weight, and is not exact for the functions of nodes on a quadrilateral that is no
+        parallelogram.  The weight of a node is therefore the integral of the function of its
+        limited value, a hat function or one of Bernstein's; ``integrals`` are those of the nodal
+        functions.  The density of the measure, which counts at the nodes alone, is the quotient of
+        both weights.
         """
         values = fem.Function(self.scalar_space)
         to_nodal = self.limited.inverse(self.nodes, np.arange(len(values.x.array)))
@@ -354,15 +359,8 @@ class ContactSurface:
 
         The nodes are local ones.
         """
-        topology, dim = self.domain.mesh.topology, self.domain.dim
-        dofmap = self.scalar_space.dofmap
         cells = self.domain.owners(self.facets)
-        topology.create_connectivity(dim, dim - 1)
-        facets_of = topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)
-        place = np.argmax(facets_of[cells] == self.facets[:, None], axis=1)
-        layout = dofmap.dof_layout
-        closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
-        return np.asarray(dofmap.list[cells[:, None], closure[place]])
+        return facet_nodes(self.domain, self.scalar_space, self.facets, cells)
 
     def _assemble(self, form: Expr) -> FloatArray:
         vector = fem.assemble_vector(compiled.form(form))

@@ -1,6 +1,8 @@
-"""The d + 1 points of Gauss's rule of degree 2 in a simplex, and affine functions given there.
+"""The points of Gauss's rule of degree 2 in a cell, and functions given there.
 
-The points are numbered as the corners: each point is next to the corner with its number.
+A cell has as many points as corners, and the points are numbered as the corners: each point is next
+to the corner with its number.  The functions are affine in a simplex, and of degree 1 in each
+coordinate of a quadrilateral or a hexahedron.
 """
 
 from __future__ import annotations
@@ -13,46 +15,45 @@ import basix.ufl
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-
-SIMPLICES = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
-
-
-def shares(dim: int) -> FloatArray:
-    """The barycentric coordinates (d + 1, d + 1) of the points, with a row for each point."""
-    points = _points(dim)
-    return np.column_stack([1.0 - points.sum(axis=1), points])
+from contact_locking.mesh.cell_kind import NAMED
 
 
-def affine(dim: int, shape: tuple[int, ...] = ()) -> Any:
-    """The element of discontinuous affine functions whose dofs are the values at the points.
+@cache
+def shares(cell: str) -> FloatArray:
+    """The values (c, c) of the corners' functions of degree 1, with a row for each point."""
+    return NAMED[cell].basis(_points(cell))
+
+
+def element(cell: str, shape: tuple[int, ...] = ()) -> Any:
+    """The element of discontinuous functions whose dofs are the values at the points.
 
     ``shape`` is the shape of the values, () for scalars.
     """
-    element = _affine(dim)
-    return basix.ufl.blocked_element(element, shape=shape) if shape else element
+    scalars = _element(cell)
+    return basix.ufl.blocked_element(scalars, shape=shape) if shape else scalars
 
 
-def _points(dim: int) -> FloatArray:
-    """The points (d + 1, d) in the reference simplex."""
-    cell = SIMPLICES[dim]
-    points, _ = basix.make_quadrature(cell, 2)
-    apart = np.linalg.norm(basix.geometry(cell)[:, None] - points, axis=2)
+def _points(cell: str) -> FloatArray:
+    """The points (c, d) in the reference cell."""
+    kind = basix.CellType[cell]
+    points, _ = basix.make_quadrature(kind, 2)
+    apart = np.linalg.norm(basix.geometry(kind)[:, None] - points, axis=2)
     return np.asarray(points[np.argmin(apart, axis=1)])
 
 
 @cache
-def _affine(dim: int) -> Any:
-    cell, number = SIMPLICES[dim], dim + 1
+def _element(cell: str) -> Any:
+    kind, dim, number = basix.CellType[cell], NAMED[cell].dim, NAMED[cell].corners
     # basix takes points and dual functionals for the entities of each of the dimensions 0 to 3.
     points: list[list[Any]] = [[], [], [], []]
     functionals: list[list[Any]] = [[], [], [], []]
-    for entity_dim, entities in enumerate(basix.topology(cell)[:dim]):
+    for entity_dim, entities in enumerate(basix.topology(kind)[:dim]):
         points[entity_dim] = [np.zeros((0, dim))] * len(entities)
         functionals[entity_dim] = [np.zeros((0, 1, 0, 1))] * len(entities)
-    points[dim] = [_points(dim)]
+    points[dim] = [_points(cell)]
     functionals[dim] = [np.eye(number).reshape(number, 1, number, 1)]
     return basix.ufl.custom_element(
-        cell,
+        kind,
         (),
         np.eye(number),
         points,

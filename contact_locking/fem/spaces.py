@@ -17,6 +17,7 @@ from ufl.core.expr import Expr
 
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
+from contact_locking.errors import InputError
 from contact_locking.fem import gauss_points
 from contact_locking.fem.trace import Rule, Trace
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
@@ -24,13 +25,15 @@ from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
 
 @dataclass(frozen=True)
 class Element:
-    """Displacements, strains, and the points of the laws, on triangles and tetrahedra.
+    """Displacements, strains, and the points of the laws, on simplices or ``boxes``.
 
-    Displacements are continuous and of degree ``degree`` in each cell.  Strains, stresses and
-    limits are discontinuous and of degree ``strain_degree``, 0 or 1.  Their degrees of freedom are
-    the values at the midpoint of each cell for degree 0.  For degree 1 they are the values at d + 1
-    points, one beside each corner in the order of the corners: with ``limit_at`` "vertices" the
-    corners themselves, with "gauss" the points of Gauss's rule of degree 2.
+    Boxes are quadrilaterals and hexahedra; there a degree is that in each coordinate of the
+    reference cell.  Displacements are continuous and of degree ``degree`` in each cell.  Strains,
+    stresses and limits are discontinuous and of degree ``strain_degree``, 0 or 1.  Their degrees of
+    freedom are the values at the midpoint of each cell for degree 0.  For degree 1 they are the
+    values at as many points as a cell has corners, one beside each corner in the order of the
+    corners: with ``limit_at`` "vertices" the corners themselves, with "gauss" the points of Gauss's
+    rule of degree 2.
 
     The points of ``locking_rule``, the rule for integrals of the locking law over the cells, must
     be the points of the strains: the limit then holds at these points, with the weights of the
@@ -46,11 +49,13 @@ class Element:
     limit_at: str = "vertices"
     elastic_rule: Rule = field(default_factory=dict)
     kinematics: Kinematics = STRAIGHT
+    boxes: bool = False
 
     def __str__(self) -> str:
         """The element in words."""
         where = {"vertices": "the vertices", "gauss": "the Gauss points"}[self.limit_at]
         body = ", axisymmetric" if self.kinematics.axisymmetric else ""
+        body += " on quadrilaterals or hexahedra" if self.boxes else ""
         if self.strain_degree == 0:
             return f"degree {self.degree}{body}"
         return f"degree {self.degree}{body}, the locking limit at {where} of each cell"
@@ -86,7 +91,7 @@ class Element:
         """
         if self.strain_degree == 0 or self.limit_at == "vertices":
             return fem.functionspace(mesh, ("DG", self.strain_degree, shape))
-        return fem.functionspace(mesh, gauss_points.affine(mesh.topology.dim, shape))
+        return fem.functionspace(mesh, gauss_points.element(mesh.topology.cell_name(), shape))
 
     def strain_places(self, mesh: dolfinx.mesh.Mesh) -> FloatArray:
         """The coordinates (d, k) of the points of the strains, local cell by local cell.
@@ -100,18 +105,27 @@ class Element:
             return np.asarray(dmesh.compute_midpoints(mesh, dim, cells)[:, :dim].T)
         corners = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][:, :, :dim]
         if self.limit_at == "gauss":
-            corners = np.einsum("pc,kcd->kpd", gauss_points.shares(dim), corners)
+            shares = gauss_points.shares(mesh.topology.cell_name())
+            corners = np.einsum("pc,kcd->kpd", shares, corners)
         return np.asarray(corners.reshape(-1, dim).T)
+
+    def height(self, mesh: ufl.Mesh, dim: int) -> Expr:
+        """A length of the order of the height of each cell, in a measure of degree 1."""
+        if self.boxes:
+            return abs(ufl.JacobianDeterminant(mesh)) / ufl.CellDiameter(mesh) ** (dim - 1)
+        return ufl.CellVolume(mesh) / ufl.Circumradius(mesh) ** (dim - 1)
 
     @property
     def at_peaks(self) -> Element:
         """The element with strains at points where |eps(u)| is largest in each cell.
 
-        A convex function of an affine strain is largest at a corner.  This is the element itself if
-        its strain is constant in a cell or has its points at the corners, and for bodies of
-        revolution, where the hoop strain is not affine and not a number at a corner on the axis.
+        A convex function of an affine strain is largest at a corner, and so is that of a bilinear
+        or trilinear strain in a parallelogram or a parallelepiped; other boxes are near these.
+        This is the element itself if its strain is constant in a cell or has its points at the
+        corners, and for bodies of revolution, where the hoop strain is not affine and not a number
+        at a corner on the axis.
         """
-        if self.kinematics.axisymmetric or self.degree == 1:
+        if self.kinematics.axisymmetric or self.strain_degree == 0:
             return self
         if self.strain_degree == 1 and self.limit_at == "vertices":
             return self
@@ -199,16 +213,62 @@ P1_REVOLUTION = replace(P1, locking_rule=_MIDPOINT, elastic_rule=_MIDPOINT, kine
 #: P2 for bodies of revolution.  Corners can lie on the axis, Gauss's points cannot.
 P2_REVOLUTION = replace(P2_GAUSS, kinematics=REVOLUTION)
 
+_FACE = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
+
+#: Bilinear or trilinear displacements on quadrilaterals and hexahedra.  The limit holds at the
+#: Gauss points, 2 in each direction.  Their rule is exact for Z : eps(v) with constant Z in every
+#: cell with straight edges, so that a body with constant stress is in equilibrium to rounding; a
+#: rule with the corners as its points is not.  The strain may exceed the limit between the points:
+#: the admissible set is approximated from outside.  The contact condition at the nodes implies the
+#: condition on the facets if the gap is multilinear.
+Q1 = Element(
+    degree=1,
+    strain_degree=1,
+    locking_rule=_GAUSS,
+    trace=Trace(
+        rules={2: _VERTICES, 3: _nodes_alike(*_FACE, measure=1.0)},
+        pieces={2: ((0, 1),), 3: ((0, 1, 2), (3, 2, 1))},
+    ),
+    limit_at="gauss",
+    elastic_rule=_GAUSS,
+    boxes=True,
+)
+
 _ELEMENTS = {(1, "vertices"): P1, (1, "gauss"): P1, (2, "vertices"): P2, (2, "gauss"): P2_GAUSS}
 _OF_REVOLUTION = {1: P1_REVOLUTION, 2: P2_REVOLUTION}
 
 
-def element_of(degree: int, limit_at: str | None = None, axisymmetric: bool = False) -> Element:
+def element_of(
+    degree: int, limit_at: str | None = None, axisymmetric: bool = False, boxes: bool = False
+) -> Element:
     """The element of a degree, 1 or 2, with the points where the strain keeps the limit.
 
     ``limit_at`` is "vertices" or "gauss"; None stands for the vertices, and for the Gauss points of
-    an axisymmetric body.
+    an axisymmetric body and of ``boxes``.  Raises InputError where there is no such element.
     """
+    if boxes:
+        return _of_boxes(degree, limit_at, axisymmetric)
     if axisymmetric:
         return _OF_REVOLUTION[degree]
     return _ELEMENTS[degree, limit_at or "vertices"]
+
+
+def _of_boxes(degree: int, limit_at: str | None, axisymmetric: bool) -> Element:
+    cells = "quadrilaterals and hexahedra"
+    if axisymmetric:
+        raise InputError(
+            f"is for triangles so far, not for {cells}; mesh the half section with triangles",
+            "mesh.axisymmetric",
+        )
+    if degree != 1:
+        raise InputError(
+            f"must be 1 on {cells} so far; for degree 2 mesh the body with triangles or tetrahedra",
+            "discretisation.degree",
+        )
+    if limit_at == "vertices":
+        raise InputError(
+            f"must be gauss on {cells}, where a rule with the corners as its points would not keep "
+            "a body with constant stress in equilibrium; leave the key out",
+            "discretisation.limit_at",
+        )
+    return Q1

@@ -20,6 +20,7 @@ from contact_locking import _compat
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.expressions import TIME, Expression
+from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum
 
@@ -76,13 +77,15 @@ def rule(dim: int, halvings: int, degree: int) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class Entities:
-    """The cells or facets (n,) of a rank on which data are given, each on one rank only.
+    """The cells or facets of a kind of a rank on which data are given, each on one rank only.
 
-    ``corners`` (n, dim + 1, d) are their corners, and ``sizes`` (n,) their lengths, areas or
-    volumes.  ``halvings`` says how often an entity is halved for the points inside.
+    They are n simplices: boxes are divided.  ``corners`` (n, dim + 1, d) are their corners, and
+    ``sizes`` (n,) their lengths, areas or volumes.  ``halvings`` says how often a simplex is halved
+    for the points inside.
     """
 
     domain: Domain
+    kind: CellKind
     corners: FloatArray
     sizes: FloatArray
     halvings: int
@@ -97,17 +100,26 @@ class Entities:
             if dim == domain.dim
             else _compat.entities_to_geometry(mesh, dim, own)
         )
-        corners = mesh.geometry.x[:, : domain.dim][nodes.reshape(len(own), dim + 1)]
+        kind = domain.kind if dim == domain.dim else domain.kind.facet
+        simplices = kind.split(nodes.reshape(len(own), kind.corners))
+        corners = mesh.geometry.x[:, : domain.dim][simplices]
         edges = corners[:, 1:] - corners[:, :1]
         sizes = np.sqrt(np.linalg.det(edges @ np.swapaxes(edges, 1, 2)))
-        total = domain.comm.allreduce(len(own))
+        total = domain.comm.allreduce(len(simplices))
         room = max(_POINTS // max(total, 1), 1)
         halvings = min(int(np.log2(room)) // dim, _MOST_HALVINGS[dim])
-        return cls(domain, corners, sizes, halvings)
+        return cls(domain, kind, corners, sizes, halvings)
 
     @property
     def dim(self) -> int:
-        return self.corners.shape[1] - 1
+        return self.kind.dim
+
+    def reference_rule(self, halvings: int, degree: int) -> tuple[FloatArray, FloatArray]:
+        """`rule` in the whole reference cell: points (q, dim) and weights (q,)."""
+        shares, weights = rule(self.dim, halvings, degree)
+        parts = self.kind.places[np.array(self.kind.simplices)]
+        points = np.einsum("qc,pcd->pqd", shares, parts).reshape(-1, self.dim)
+        return points, np.tile(weights * self.kind.measure / len(parts), len(parts))
 
     @property
     def name(self) -> str:

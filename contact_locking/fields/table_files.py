@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -14,14 +13,12 @@ from mpi4py import MPI
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import LARGEST, Table
+from contact_locking.files.csv_file import place_of, rows_of
 from contact_locking.parallel import on_root
-from contact_locking.plain_text import nearest
 from contact_locking.study_file.parameters import TableParameters
 
-# A larger file is no table of loads.
-_MOST_BYTES, _MOST_ROWS, _LONGEST_LINE = 50_000_000, 1_000_000, 100_000
-
-_SEPARATORS = {";": "semicolons", "\t": "tabs"}
+# A longer file is no table of loads.
+_MOST_ROWS = 1_000_000
 
 
 def read_tables(comm: MPI.Intracomm, given: Mapping[str, TableParameters]) -> dict[str, Table]:
@@ -37,31 +34,9 @@ def read_tables(comm: MPI.Intracomm, given: Mapping[str, TableParameters]) -> di
 
 
 def _read(name: str, given: TableParameters) -> tuple[FloatArray, FloatArray]:
-    path = Path(given.file)
-    key = f"tables.{name}"
-    try:
-        size = path.stat().st_size
-        if size > _MOST_BYTES:
-            raise InputError(
-                f"{path} has {size / 1e6:.0f} MB; at most {_MOST_BYTES / 1e6:.0f} MB are allowed",
-                f"{key}.file",
-            )
-        # utf-8-sig, because spreadsheets begin a file with a byte order mark.
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            return _columns(csv.reader(_lines(stream)), path, given, key)
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is no text in UTF-8", f"{key}.file") from None
-    except csv.Error as error:
-        raise InputError(f"{path} is no CSV file: {error}", f"{key}.file") from None
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}", f"{key}.file") from None
-
-
-def _lines(stream: Iterable[str]) -> Iterator[str]:
-    for line in stream:
-        if len(line) > _LONGEST_LINE:
-            raise csv.Error(f"a line has more than {_LONGEST_LINE} characters")
-        yield line
+    path, key = Path(given.file), f"tables.{name}"
+    with rows_of(path, f"{key}.file") as rows:
+        return _columns(rows, path, given, key)
 
 
 def _columns(
@@ -69,7 +44,7 @@ def _columns(
 ) -> tuple[FloatArray, FloatArray]:
     header = [column.strip() for column in next(rows, [])]
     places = [
-        with_key(f"{key}.{which}", partial(_place, column, header, path))
+        with_key(f"{key}.{which}", partial(place_of, column, header, path))
         for which, column in (("over", given.over), ("column", given.column))
     ]
     found: list[tuple[float, float]] = []
@@ -90,24 +65,6 @@ def _columns(
         raise InputError(f"{path} has {len(found)} rows of numbers; 2 are the least", f"{key}.file")
     points, values = np.array(found).T
     return points.copy(), values.copy()
-
-
-def _place(column: str, header: list[str], path: Path) -> int:
-    if column not in header and len(header) == 1:
-        for separator, name in _SEPARATORS.items():
-            if separator in header[0]:
-                raise InputError(
-                    f"{path} has {name} between its columns, as Excel writes them in some "
-                    "languages; save it with commas, and with points in the numbers"
-                )
-    if header.count(column) != 1:
-        count = "no column" if column not in header else "several columns"
-        guess = nearest(column, header) if column not in header else ""
-        raise InputError(
-            f"{path} has {count} '{column[:60]}'{guess}; its first row is "
-            f"{', '.join(header)[:200]!r}"
-        )
-    return header.index(column)
 
 
 def _number(row: list[str], place: int, where: str, key: str) -> float:

@@ -22,9 +22,10 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.cell_kind import NAMED, CellKind
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.contiguity import check_boundary
-from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import MOST_PARTS, check_cells, check_coordinates
 from contact_locking.mesh.file.topology import components, keys, signed_measures
 from contact_locking.parallel import agree, maximum, on_any_rank, on_root
@@ -35,20 +36,20 @@ _FLAT = 1e-12
 
 @dataclass(frozen=True)
 class MeshShare:
-    """A rank's share of the points (m, dim or 3) and of the cells (k, dim + 1) of a mesh.
+    """A rank's share of the points (m, dim or 3) and of the cells (k, c) of a mesh.
 
     Points and cells are numbered from 0, rank after rank; cells name points of all ranks.  DOLFINx
     needs numbers of nodes that are there, cells that occur once, and facets of two cells.
     """
 
     comm: MPI.Intracomm
-    dim: int
+    kind: CellKind
     points: FloatArray
     cells: IntArray
 
     def check(self) -> None:
         """Raise InputError, on all ranks, for arrays that are no mesh of a body; collective."""
-        comm, dim = self.comm, self.dim
+        comm, kind, dim = self.comm, self.kind, self.kind.dim
         if not comm.allreduce(len(self.cells)):
             raise InputError("the mesh has no cells")
         first, first_cell = (comm.exscan(len(rows)) or 0 for rows in (self.points, self.cells))
@@ -58,19 +59,20 @@ class MeshShare:
             flat = _FLAT * maximum(comm, np.abs(self.points))
             if on_any_rank(comm, np.abs(self.points[:, dim:]) > flat):
                 raise InputError("the mesh is a surface in space; a 2D body lies in z = 0")
-        corners = np.sort(self.cells, axis=1)
-        cells = self._in_charge_of(corners, total)
-        agree(comm, lambda: _require_once(cells, total, dim))
-        facets = np.concatenate([np.delete(corners, i, axis=1) for i in range(dim + 1)])
+        cells = self._in_charge_of(np.sort(self.cells, axis=1), total)
+        agree(comm, lambda: _require_once(cells, total, kind))
+        facets = np.sort(kind.facets_of(self.cells), axis=1)
         shared = self._in_charge_of(facets, total)
-        agree(comm, lambda: _require_two_cells(shared, total, dim))
+        agree(comm, lambda: _require_two_cells(shared, total, kind))
 
     def _check_numbers(self, first: int, first_cell: int, total: int) -> None:
-        """Raise InputError for a point that is not finite, and for a cell that is no simplex."""
-        points, cells, dim = self.points, self.cells, self.dim
-        if cells.shape[1:] != (dim + 1,) or points.shape[1:] not in ((dim,), (3,)):
-            raise InputError("the sizes of its arrays are not those of a mesh of simplices")
-        none = Simplices(np.empty((0, dim), int), np.empty(0, int), np.empty(0, int), {})
+        """Raise InputError for a point that is not finite, and for a cell without its corners."""
+        points, cells, dim = self.points, self.cells, self.kind.dim
+        if cells.shape[1:] != (self.kind.corners,) or points.shape[1:] not in ((dim,), (3,)):
+            raise InputError(
+                f"the sizes of its arrays are not those of a mesh of {self.kind.plural}"
+            )
+        none = MeshElements(np.empty((0, dim), int), np.empty(0, int), np.empty(0, int), {})
         numbers = np.arange(first, first + len(points))
         check_coordinates(MeshData(dim, points, numbers, none, none))
         outside = ((cells < 0) | (cells >= total)).any(axis=1)
@@ -83,7 +85,7 @@ class MeshShare:
             if bad.any():
                 place = first_cell + int(np.argmax(bad))
                 many = places.more(int(bad.sum()))
-                raise InputError(f"{places.CELL[dim]} {place} {what}{many}")
+                raise InputError(f"{self.kind.name} {place} {what}{many}")
 
     def _in_charge_of(self, rows: IntArray, total: int) -> IntArray:
         """The rows of all ranks whose first node this rank is in charge of; collective."""
@@ -96,27 +98,27 @@ class MeshShare:
         return np.concatenate(self.comm.alltoall(np.split(rows[order], ends)))
 
 
-def _require_once(cells: IntArray, total: int, dim: int) -> None:
+def _require_once(cells: IntArray, total: int, kind: CellKind) -> None:
     """Raise InputError for a cell that is there twice."""
     _, first, number = np.unique(keys(cells, total), return_index=True, return_counts=True)
     if np.any(number > 1):
         nodes = _listed(cells[first[np.argmax(number > 1)]])
         raise InputError(
-            f"a {places.CELL[dim]} is there twice: both have the nodes {nodes}"
+            f"a {kind.name} is there twice: both have the nodes {nodes}"
             f"{places.more(int(np.count_nonzero(number > 1)))}; remove the duplicates"
         )
 
 
-def _require_two_cells(facets: IntArray, total: int, dim: int) -> None:
+def _require_two_cells(facets: IntArray, total: int, kind: CellKind) -> None:
     """Raise InputError for a facet of more than two cells."""
     _, first, number = np.unique(keys(facets, total), return_index=True, return_counts=True)
     if np.any(number > 2):
         where = int(np.argmax(number > 2))
-        what, plural = ("edge", "triangles") if dim == 2 else ("face", "tetrahedra")
+        what = "edge" if kind.dim == 2 else "face"
         raise InputError(
-            f"{number[where]} {plural} share one {what} (nodes {_listed(facets[first[where]])})"
-            f"{places.more(int(np.count_nonzero(number > 2)))}; at most two can, as cells do not "
-            "overlap"
+            f"{number[where]} {kind.plural} share one {what} "
+            f"(nodes {_listed(facets[first[where]])}){places.more(int(np.sum(number > 2)))}; "
+            "at most two can, as cells do not overlap"
         )
 
 
@@ -126,10 +128,10 @@ def _listed(nodes: IntArray) -> str:
 
 
 class DistributedCells:
-    """The owned cells (k, d + 1) of a mesh, with sums over the cells of all ranks at facets.
+    """The owned cells (k, c) of a mesh, with sums over the cells of all ranks at facets.
 
     ``data`` has the points and the owned cells of this rank, with their numbers in the file.
-    ``facets`` (k, d + 1) are the local facets of the cells; facet i is opposite to corner i.
+    ``facets`` (k, n) are the local facets of the cells in the order of `CellKind`.
     ``shared`` (f,) is the number of cells of each local facet, and ``sides`` (f,) the sum of the
     sides, 1 or -1, on which these cells lie.  The constructor is collective.
     """
@@ -142,7 +144,8 @@ class DistributedCells:
         self._map = topology.index_map(self.dim - 1)
         owned = topology.index_map(self.dim).size_local
         facets = topology.connectivity(self.dim, self.dim - 1).array
-        self.facets = facets.reshape(-1, self.dim + 1)[:owned]
+        self._kind = NAMED[topology.cell_name()]
+        self.facets = facets.reshape(-1, len(self._kind.facets))[:owned]
         numbers = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
         self.data = MeshData(
             self.dim,
@@ -152,7 +155,9 @@ class DistributedCells:
                 np.asarray(_compat.cell_nodes(mesh)[:owned], dtype=np.int64),
                 np.asarray(topology.original_cell_index[:owned], dtype=np.int64),
             ),
-            _unnamed(np.empty((0, self.dim), dtype=np.int64), np.empty(0, dtype=np.int64)),
+            _unnamed(
+                np.empty((0, self._kind.facet.corners), dtype=np.int64), np.empty(0, dtype=np.int64)
+            ),
         )
         both = np.stack([np.ones_like(self.facets, dtype=float), self._signs()], axis=2)
         sums = self.summed(both)
@@ -160,7 +165,7 @@ class DistributedCells:
         self.sides: IntArray = np.rint(sums[:, 1]).astype(np.int64)
 
     def summed(self, values: FloatArray) -> FloatArray:
-        """(f, m) the sums over the cells of all ranks of values (k, d + 1, m); collective."""
+        """(f, m) the sums over the cells of all ranks of values (k, n, m); collective."""
         size = values.shape[2]
         total = la.vector(self._map, size)
         at = total.array.reshape(-1, size)
@@ -173,9 +178,8 @@ class DistributedCells:
         return total.array.reshape(-1, size).copy()
 
     def corners(self, cells: IntArray, sides: IntArray) -> IntArray:
-        """The nodes (m, d) of the facets opposite to the corners ``sides`` (m,) of cells (m,)."""
-        others = np.array([np.delete(np.arange(self.dim + 1), i) for i in range(self.dim + 1)])
-        return self.data.cells.nodes[cells[:, None], others[sides]]
+        """The nodes (m, n) of the facets number ``sides`` (m,) of cells (m,)."""
+        return self.data.cells.nodes[cells[:, None], np.array(self._kind.facets)[sides]]
 
     @cached_property
     def parts(self) -> tuple[int, IntArray]:
@@ -221,7 +225,7 @@ class DistributedCells:
         cells, sides = np.nonzero(self.shared[self.facets] == 1)
         corners = self.corners(cells, sides)
         local = (
-            self.data.cells.numbers[cells] * (self.dim + 1) + sides,
+            self.data.cells.numbers[cells] * len(self._kind.facets) + sides,
             self.data.numbers[corners],
             self.data.points[corners],
             self.parts[1][cells],
@@ -233,8 +237,8 @@ class DistributedCells:
             order = np.argsort(whole[0])
             keys, numbers, points, parts = (values[order] for values in whole)
             nodes, first, inverse = np.unique(numbers, return_index=True, return_inverse=True)
-            owners = keys // (self.dim + 1)
-            nowhere = np.zeros((len(owners), self.dim + 1), dtype=np.int64)
+            owners = keys // len(self._kind.facets)
+            nowhere = np.zeros((len(owners), self._kind.corners), dtype=np.int64)
             boundary = MeshData(
                 self.dim,
                 points.reshape(-1, self.dim)[first],
@@ -243,30 +247,30 @@ class DistributedCells:
                 self.data.facets,
             )
             warnings: list[str] = []
-            facets = inverse.reshape(-1, self.dim)
+            facets = inverse.reshape(-1, self._kind.facet.corners)
             check_boundary(boundary, facets, np.arange(len(owners)), parts, warnings)
             return warnings
 
         return on_root(self.comm, judge)
 
     def _signs(self) -> FloatArray:
-        """(k, d + 1) the side of each facet of each cell on which the cell lies, 1 or -1.
+        """(k, n) the side of each facet of each cell on which the cell lies, 1 or -1.
 
         The nodes of the facet, in the order of their numbers in the file, orient the facet.
         """
         signs = np.empty(self.facets.shape)
         cells = np.arange(len(signs))
-        for side in range(self.dim + 1):
+        for side, off in enumerate(self._kind.opposite):
             corners = self.corners(cells, np.full(len(cells), side))
             order = np.argsort(self.data.numbers[corners], axis=1)
-            opposite = self.data.cells.nodes[:, side]
-            simplices = np.column_stack([np.take_along_axis(corners, order, axis=1), opposite])
+            ordered = np.take_along_axis(corners, order, axis=1)[:, : self.dim]
+            simplices = np.column_stack([ordered, self.data.cells.nodes[:, off]])
             signs[:, side] = np.sign(signed_measures(self.data.points, simplices))
         return signs
 
 
-def _unnamed(nodes: IntArray, numbers: IntArray) -> Simplices:
-    return Simplices(nodes, numbers, np.zeros(len(nodes), dtype=np.int64), {})
+def _unnamed(nodes: IntArray, numbers: IntArray) -> MeshElements:
+    return MeshElements(nodes, numbers, np.zeros(len(nodes), dtype=np.int64), {})
 
 
 def box(comm: MPI.Intracomm, points: FloatArray) -> tuple[FloatArray, FloatArray]:

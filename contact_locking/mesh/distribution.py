@@ -16,9 +16,9 @@ from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
-from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.file.data import MeshData, MeshElements
 
-_CELL = {2: "triangle", 3: "tetrahedron"}
 _SCOTCH_THREADS = "SCOTCH_PTHREAD_NUMBER"
 
 
@@ -32,17 +32,22 @@ class Distributed(NamedTuple):
 
 
 def distribute(
-    comm: MPI.Intracomm, dim: int, data: MeshData | None, facets: Simplices | None, parts: IntArray
+    comm: MPI.Intracomm,
+    kind: CellKind,
+    data: MeshData | None,
+    facets: MeshElements | None,
+    parts: IntArray,
 ) -> Distributed:
-    """Distribute cells and named facets; collective.
+    """Distribute cells of a kind and named facets; collective.
 
     Only rank 0 has ``data``, ``facets`` and ``parts`` (k,), the part of each cell; the other ranks
     pass None and an empty array.  Nodes without a cell are left out.  The same mesh is distributed
     in the same way each time, so that solutions can be compared node by node.
     """
+    dim = kind.dim
     points: FloatArray = np.empty((0, dim))
-    cells: IntArray = np.empty((0, dim + 1), dtype=np.int64)
-    marked: IntArray = np.empty((0, dim), dtype=np.int64)
+    cells: IntArray = np.empty((0, kind.corners), dtype=np.int64)
+    marked: IntArray = np.empty((0, kind.facet.corners), dtype=np.int64)
     values: IndexArray = np.empty(0, dtype=np.int32)
     marks: IndexArray = np.empty(0, dtype=np.int32)
     groups: IntArray = np.empty(0, dtype=np.int64)
@@ -56,7 +61,7 @@ def distribute(
         values = (parts * len(groups) + index).astype(np.int32)
         marks = facets.groups.astype(np.int32)
     groups = comm.bcast(groups)
-    mesh = simplicial_mesh(comm, points, cells)
+    mesh = mesh_of(comm, points, cells, kind)
     mesh.topology.create_connectivity(dim, 0)
     both = _tags(mesh, dim, cells, values)
     order = np.argsort(both.indices)
@@ -68,14 +73,14 @@ def distribute(
     return Distributed(mesh, cell_tags, facet_tags, (numbers // len(groups)).astype(np.int32))
 
 
-def simplicial_mesh(comm: MPI.Intracomm, points: FloatArray, cells: IntArray) -> dmesh.Mesh:
-    """The mesh of cells (k, d + 1), as numbers of points (m, d); collective.
+def mesh_of(comm: MPI.Intracomm, points: FloatArray, cells: IntArray, kind: CellKind) -> dmesh.Mesh:
+    """The mesh of cells (k, c) of a kind, as numbers of points (m, d); collective.
 
     Each rank has a share of the cells and of the points, which are numbered rank after rank.  The
     share may be empty.
     """
-    dim = points.shape[1]
-    element = basix.ufl.element("Lagrange", _CELL[dim], 1, shape=(dim,), dtype=default_real_type)
+    shape = (kind.dim,)
+    element = basix.ufl.element("Lagrange", kind.name, 1, shape=shape, dtype=default_real_type)
     # Keyword arguments, because DOLFINx 0.10 changed the order.
     with _one_partitioning_thread():
         return dmesh.create_mesh(

@@ -20,10 +20,11 @@ from contact_locking import _compat
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.laws.kinematics import REVOLUTION, STRAIGHT, Kinematics
+from contact_locking.mesh.cell_kind import NAMED, CellKind
 from contact_locking.mesh.distribution import distribute
 from contact_locking.mesh.file.contiguity import Touching
 from contact_locking.mesh.file.data import MeshData
-from contact_locking.mesh.file.diagnosis import Diagnosis, diagnose
+from contact_locking.mesh.file.diagnosis import Diagnosis, check_cells, diagnose
 from contact_locking.mesh.file.gmsh_model import extract
 from contact_locking.mesh.file.reader import read
 from contact_locking.parallel import maximum, on_root
@@ -39,7 +40,7 @@ Where = Any
 
 @dataclass(frozen=True)
 class Domain:
-    """A simplicial mesh of the body with named boundary parts and regions.
+    """A mesh of the body, with cells of one kind, and named boundary parts and regions.
 
     ``facet_tags`` holds the exterior facets that have a name, and ``facet_names`` the values of the
     facets of each name; facets may have several names.  ``parts`` gives for each local cell
@@ -71,6 +72,11 @@ class Domain:
     @property
     def dim(self) -> int:
         return int(self.mesh.topology.dim)
+
+    @property
+    def kind(self) -> CellKind:
+        """The kind of the cells."""
+        return NAMED[self.mesh.topology.cell_name()]
 
     @property
     def kinematics(self) -> Kinematics:
@@ -136,7 +142,8 @@ class Domain:
         """
         dim, middle = self.dim, self.bounding_box().mean(axis=0)
         owned = self.mesh.topology.index_map(dim).size_local
-        x = self.mesh.geometry.x[_compat.cell_nodes(self.mesh)[:owned], :dim] - middle
+        simplices = self.kind.split(_compat.cell_nodes(self.mesh)[:owned])
+        x = self.mesh.geometry.x[simplices, :dim] - middle
         volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1]))
         sums = x.sum(axis=1)
         squares = np.einsum("cki,ckj->cij", x, x) + np.einsum("ci,cj->cij", sums, sums)
@@ -159,8 +166,9 @@ class Domain:
         boundary = dmesh.exterior_facet_indices(self.mesh.topology)
         outside = self.comm.allreduce(int(np.sum(boundary < facets.size_local)))
         nodes = unknowns / self.dim
-        # A cube of n^3 small cubes has 6 n^3 cells and 12 n^2 facets outside.
-        layers = 2.0 * degree * self.num_cells / outside
+        # A cube of n^3 small cubes has 6 n^3 tetrahedra and 12 n^2 triangles outside, or n^3
+        # hexahedra and 6 n^2 quadrilaterals: n is twice their quotient, or six times.
+        layers = (2.0 if self.kind.is_simplex else 6.0) * degree * self.num_cells / outside
         return min(unknowns, round(self.dim * (layers * nodes) ** 0.75))
 
     def where(self, point: FloatArray) -> str:
@@ -201,6 +209,8 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] =
 
         with build(geometry, contact=contact) as model:
             mesh = extract(model, origin)
+        if not mesh.kind.is_simplex:
+            check_cells(mesh, [])
         return mesh, Diagnosis.of_sound(mesh, geometry.bodies)
 
     return with_key("mesh.builder", lambda: distributed(make, comm, origin))
@@ -210,8 +220,8 @@ def from_file(path: Path, comm: MPI.Intracomm, touching: Touching = ()) -> Domai
     """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
 
     ``touching`` are pairs of boundary parts that may touch each other without shared nodes.
-    Raises InputError if the file cannot be read, if the cells are not first-order triangles or
-    tetrahedra, and if the mesh is not a body (`mesh_file.diagnosis`).
+    Raises InputError if the file cannot be read, if the cells are not of one kind and first order,
+    and if the mesh is not a body (`mesh_file.diagnosis`).
     """
 
     def make() -> tuple[MeshData, Diagnosis]:
@@ -233,7 +243,7 @@ def distributed(
     """
     held: list[tuple[MeshData, Diagnosis]] = []
 
-    def prepare() -> tuple[int, dict[str, Any]]:
+    def prepare() -> tuple[str, dict[str, Any]]:
         mesh, found = make()
         held.append((mesh, found))
         facts = {
@@ -243,13 +253,13 @@ def distributed(
             "warnings": tuple(found.warnings),
             "part_names": found.part_names,
         }
-        return mesh.dim, facts
+        return mesh.kind.name, facts
 
-    dim, facts = on_root(comm, prepare)
+    name, facts = on_root(comm, prepare)
     if held:
         mesh, found = held[0]
-        made = distribute(comm, dim, mesh, found.facets, found.parts)
+        made = distribute(comm, NAMED[name], mesh, found.facets, found.parts)
     else:
-        made = distribute(comm, dim, None, None, np.empty(0, dtype=np.int64))
+        made = distribute(comm, NAMED[name], None, None, np.empty(0, dtype=np.int64))
     facts |= {"origin": origin, **more}
     return Domain(made.mesh, made.cell_tags, made.facet_tags, made.parts, **facts)

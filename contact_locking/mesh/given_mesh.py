@@ -9,13 +9,12 @@ from dolfinx import mesh as dmesh
 
 from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.distributed_cells import connected_parts
 from contact_locking.mesh.domain import Domain, Where
 from contact_locking.mesh.named_parts import marked, tags_of
 from contact_locking.parallel import agree, on_any_rank
 from contact_locking.plain_text import nearest
-
-_SIMPLICES = (dmesh.CellType.triangle, dmesh.CellType.tetrahedron)
 
 
 class NamedFacets:
@@ -30,8 +29,9 @@ class NamedFacets:
         tags: dmesh.MeshTags | None = None,
         names: Mapping[str, int] | None = None,
     ) -> None:
-        if mesh.topology.cell_type not in _SIMPLICES:
-            raise InputError("must have triangles or tetrahedra as cells", "mesh")
+        if mesh.topology.cell_name() not in NAMED:
+            known = ", ".join(kind.plural for kind in NAMED.values())
+            raise InputError(f"must have cells of one kind of these: {known}", "mesh")
         if mesh.geometry.cmap.degree != 1 or mesh.geometry.dim != mesh.topology.dim:
             raise InputError("must have flat cells that fill the space around them", "mesh")
         self._mesh, self._tags, self._names = mesh, tags, dict(names or {})

@@ -59,7 +59,8 @@ def table(rows: list[Group]) -> list[tuple[str, str, str, str, str]]:
 def _region(domain: Domain, name: str) -> Group:
     cells = domain.cells(name)
     cells = cells[cells < domain.mesh.topology.index_map(domain.dim).size_local]
-    corners = _corners(domain, domain.dim, cells)
+    corners = _corners(domain, domain.dim, cells)[:, np.array(domain.kind.simplices)]
+    corners = corners.reshape(-1, domain.dim + 1, domain.dim)
     edges = corners[:, 1:] - corners[:, :1]
     measure = float(np.abs(np.linalg.det(edges)).sum()) / (2.0 if domain.dim == 2 else 6.0)
     count, measure = (domain.comm.allreduce(x) for x in (len(cells), measure))
@@ -70,7 +71,9 @@ def _boundary(domain: Domain, name: str, dim: int) -> Group:
     facets = domain.facets((name,))
     facets = facets[facets < domain.mesh.topology.index_map(dim).size_local]
     corners = _corners(domain, dim, facets)
-    normals = _normals(corners)
+    pieces = corners[:, np.array(domain.kind.facet.simplices)]
+    normals = _normals(pieces.reshape(-1, domain.dim, domain.dim))
+    normals = normals.reshape(*pieces.shape[:2], domain.dim).sum(axis=1)
     inward = _corners(domain, domain.dim, domain.owners(facets)).mean(axis=1) - corners.mean(axis=1)
     normals *= -np.sign(np.einsum("ki,ki->k", normals, inward))[:, None]
     sizes = np.linalg.norm(normals, axis=1).sum()

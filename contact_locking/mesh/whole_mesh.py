@@ -17,7 +17,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.mesh.domain import Domain, distributed
-from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import Diagnosis
 
 
@@ -91,10 +91,10 @@ def gather_mesh(domain: Domain) -> WholeMesh | None:
     points = np.empty((int(place.max()) + 1, dim))
     points[place] = coordinates
     order = np.lexsort(np.sort(all_corners, axis=1).T[::-1])
-    named = simplices(all_corners[order], marks[order], domain.facet_names)
+    named = elements(all_corners[order], marks[order], domain.facet_names)
     regions = {name: (tag,) for name, tag in domain.cell_names.items()}
     data = MeshData(
-        dim, points, np.arange(len(points)), simplices(all_cells, groups, regions), named
+        dim, points, np.arange(len(points)), elements(all_cells, groups, regions), named
     )
     found = Diagnosis(
         domain.part_names,
@@ -118,10 +118,10 @@ def gather_cells(domain: Domain, values: Any) -> FloatArray | None:
     return np.asarray(np.concatenate([local for _, local in parts])[np.argsort(places)])
 
 
-def simplices(nodes: Any, groups: Any, names: Mapping[str, tuple[int, ...]]) -> Simplices:
-    """Simplices numbered from 1, as in a mesh file."""
+def elements(nodes: Any, groups: Any, names: Mapping[str, tuple[int, ...]]) -> MeshElements:
+    """Elements numbered from 1, as in a mesh file."""
     count: IntArray = np.arange(1, len(nodes) + 1)
-    return Simplices(
+    return MeshElements(
         np.asarray(nodes, dtype=np.int64), count, np.asarray(groups, dtype=np.int64), dict(names)
     )
 

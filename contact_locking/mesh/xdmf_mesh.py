@@ -22,7 +22,7 @@ from contact_locking.arrays import BoolArray, IndexArray, IntArray
 from contact_locking.errors import InputError, explained, with_key
 from contact_locking.files.atomic import staging
 from contact_locking.mesh.distributed_cells import DistributedCells, MeshShare, box
-from contact_locking.mesh.distribution import simplicial_mesh
+from contact_locking.mesh.distribution import mesh_of
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.xdmf_grids import Grid, Grids, data_file, read_grids
@@ -50,8 +50,8 @@ def from_xdmf(path: Path, comm: MPI.Intracomm) -> Domain:
     is a group, whose name is the number.  Cells without any tags are one region with the name of
     the mesh.
 
-    Raises InputError if the file cannot be read, if the cells are not first-order triangles or
-    tetrahedra, and if the mesh is not a body.
+    Raises InputError if the file cannot be read, if the cells are not of one kind and first order,
+    and if the mesh is not a body.
     """
     return with_key(_KEY, lambda: _read(path, on_root(comm, lambda: read_grids(path)), comm))
 
@@ -82,11 +82,12 @@ def _read(path: Path, grids: Grids, comm: MPI.Intracomm) -> Domain:
 
 def _mesh(file: io.XDMFFile, grids: Grids) -> dmesh.Mesh:
     """The mesh, distributed; collective."""
-    comm, dim, name = file.comm, grids.dim, grids.cells.name
+    comm, kind, name = file.comm, grids.cells.kind, grids.cells.name
+    dim = kind.dim
     cells = np.asarray(file.read_topology_data(name), dtype=np.int64)
     points = np.asarray(file.read_geometry_data(name), dtype=float)
-    MeshShare(comm, dim, points, cells).check()
-    mesh = simplicial_mesh(comm, np.ascontiguousarray(points[:, :dim]), cells)
+    MeshShare(comm, kind, points, cells).check()
+    mesh = mesh_of(comm, np.ascontiguousarray(points[:, :dim]), cells, kind)
     used, total = mesh.geometry.index_map().size_global, comm.allreduce(len(points))
     if used != total:
         raise InputError(
@@ -155,6 +156,7 @@ def _boundary_parts(
     kept = []
     owned = mesh.topology.index_map(cells.dim - 1).size_local
     what = "edges" if cells.dim == 2 else "faces"
+    facet = places.of_facets(cells.data.kind)
     for name, facets, missing in (g for grid in grids for g in _groups(file, grid, mesh)):
         inner = cells.shared[facets] == 2
         mine = facets < owned
@@ -164,8 +166,8 @@ def _boundary_parts(
         )
         if missing:
             unusable[name] = (
-                f"{name!r} does not lie on the body: {missing} of its {places.FACET[cells.dim]}s "
-                f"are no {what} of the body's {places.CELL[cells.dim]}s; remove what dangles"
+                f"{name!r} does not lie on the body: {missing} of its {facet}s "
+                f"are no {what} of the body's {cells.data.kind.plural}; remove what dangles"
             )
             warnings.append(f"group {unusable[name]}")
         elif inside == total:
@@ -174,7 +176,7 @@ def _boundary_parts(
             if inside:
                 warnings.append(
                     f"group {name!r} is boundary in part only: {inside} of its {total} "
-                    f"{places.FACET[cells.dim]}s have cells on both sides, and are left out"
+                    f"{facet}s have cells on both sides, and are left out"
                 )
             kept.append((name, facets[~inner]))
     _require_different([name for name, _ in kept], what)

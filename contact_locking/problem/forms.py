@@ -106,9 +106,8 @@ def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:
 
     c is the largest eigenvalue of A in a cell, and h is the height of the cell.
     """
-    mesh = data.dx.ufl_domain()
     dim = u.ufl_shape[0]
-    height = ufl.CellVolume(mesh) / ufl.Circumradius(mesh) ** (dim - 1)
+    height = data.element.height(data.dx.ufl_domain(), dim)
     size = data.largest_eigenvalue / height**2 * ufl.sqrt(ufl.inner(u, u))
     dx = data.dx(metadata={"quadrature_degree": 1})
     return size * sum(v[i] for i in range(dim)) * dx

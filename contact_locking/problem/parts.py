@@ -92,6 +92,7 @@ def parts_held(
     for group in _groups(domain, data):
         motions = _Motions(domain, space, data, constraints, group)
         sliding = sliding_motions(motions.normals).shape[1]
+        loosest = max(zip(motions.parts, group, strict=True), key=lambda it: it[0][1].shape[1])[1]
         for number, (_, free) in zip(group, motions.parts, strict=True):
             found[number] = Held(
                 domain.part_names[number],
@@ -99,8 +100,8 @@ def parts_held(
                 _touching(domain, number, list(dict.fromkeys(touching))),
                 _touching(domain, number, list(dict.fromkeys(supports))),
                 free.shape[1],
-                # Bodies that touch each other may slide together.
-                sliding if number == group[0] else 0,
+                # Bodies that touch each other may slide together: they count once.
+                sliding if number == loosest else 0,
                 _touching(domain, number, list(dict.fromkeys(item.on for item in data.springs))),
                 free_motions(domain, space, constraints, _dofs(domain, space, number)).shape[1]
                 - free.shape[1],

@@ -19,6 +19,7 @@ from contact_locking.problem.system import PenalisedSystem
 from contact_locking.sensitivity.lazy import LazyDerivatives
 from contact_locking.solver.equilibria.search import Equilibrium, equilibria
 from contact_locking.solver.linear.factorised import chosen
+from contact_locking.solver.linear.options import UserOptions
 from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import SavedState, Settings, SolverReport, Target, Task
 
@@ -91,8 +92,12 @@ class ProblemSolver:
         if self._derivatives is not None and self._derivatives.report is report:
             return self._derivatives
         self.close()
+        settings = self.settings
+        if _linear(self.problem, "auto") == "direct" and settings.linear != "direct":
+            # The options are those of an iterative solver.
+            settings = dataclasses.replace(settings, linear="direct", petsc=UserOptions({}))
         self._derivatives = LazyDerivatives(
-            self.problem, self.system, lambda: self.target, self.settings, report
+            self.problem, self.system, lambda: self.target, settings, report
         )
         return self._derivatives
 

@@ -10,6 +10,10 @@ from contact_locking.results.solution import StudySolution
 _COLUMNS = ("index", "contact_force", "friction_force", "elastic_energy", "compliance")
 
 
+#: The pattern of the names of all of them.
+FOLDERS = "equilibrium_*"
+
+
 def folder_of(number: int) -> str:
     """The folder of solution 2, 3, ... below that of the first."""
     return f"equilibrium_{number}"

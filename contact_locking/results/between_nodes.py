@@ -39,6 +39,15 @@ _LEAST = 1e-4
 _REACH = 1.5
 # Sharp edges are looked for at points that are this share of the least radius of a facet apart.
 _SPACING = 0.25
+# The nodes of facets, or of the triangles that divide quadrilaterals, by kind and degree: the first
+# d are the corners of a triangle, and all are numbered as those of the whole from its first corner.
+_HALVES = {
+    ("interval", 1): ((0, 1),),
+    ("interval", 2): ((0, 1, 2),),
+    ("triangle", 1): ((0, 1, 2),),
+    ("triangle", 2): ((0, 1, 2, 3, 4, 5),),
+    ("quadrilateral", 1): ((0, 1, 2, 3), (3, 2, 1, 0)),
+}
 # A corner above the edge of two facets is above both, to rounding.
 _ROUNDING = 1e-9
 
@@ -95,21 +104,25 @@ def entry_between_nodes(contact: NodalContact, u: fem.Function, touches: BoolArr
 class _Facets:
     """The facets of Gamma_C of this rank, moved by u, with the values at their nodes.
 
-    Barycentric coordinates of points of the facets are (m, q, d), for q points of each of m facets.
+    A quadrilateral counts as two triangles, with its own functions in each.  Barycentric
+    coordinates of points of the facets are (m, q, d), for q points of each of m facets.
     """
 
     def __init__(self, contact: NodalContact, u: fem.Function, touches: BoolArray) -> None:
         surface = contact.surface
         self._contact, self._dim = contact, surface.domain.dim
-        dim, nodes = self._dim, surface.facet_nodes
+        dim, degree = self._dim, surface.degree
+        self._facet = surface.domain.kind.facet
+        halves = _HALVES[self._facet.name, degree]
+        nodes = np.concatenate([surface.facet_nodes[:, list(half)] for half in halves])
         blocks = surface.limited.blocks[nodes]
-        self._quadratic = nodes.shape[1] > dim
+        self._quadratic = degree > 1
         self._x = surface.scalar_space.tabulate_dof_coordinates()[nodes, :dim]
         self._u = u.x.array.reshape(-1, dim)[blocks]
         normals = contact.normal.x.array.reshape(-1, dim)[blocks]
         self._u_normal = np.sum(self._u * normals, axis=2)
         self._moved = self._x[:, :dim] + self._u[:, :dim] - contact.travel
-        self._outward = _outward(surface, self._x[:, :dim])
+        self._outward = _outward(surface, self._x[:, :dim], len(halves))
         away = self._moved - self._moved.mean(axis=1, keepdims=True)
         self._radius = np.linalg.norm(away, axis=2).max(axis=1, initial=0.0)
         eye = np.eye(dim)[None].repeat(len(nodes), axis=0)
@@ -247,6 +260,9 @@ class _Facets:
 
     def _basis(self, weights: FloatArray) -> FloatArray:
         """The nodal functions (m, q, n) of a facet at points (m, q, d)."""
+        if not self._facet.is_simplex:
+            found = self._facet.basis(weights[..., 1:].reshape(-1, 2))
+            return found.reshape(*weights.shape[:-1], self._facet.corners)
         if not self._quadratic:
             return weights
         # The middles of edges stand in the order of the corners opposite to them.
@@ -284,10 +300,13 @@ def _across(spans: FloatArray) -> FloatArray:
     return np.asarray(normals / np.where(size > 0.0, size, 1.0)[:, None])
 
 
-def _outward(surface: ContactSurface, corners: FloatArray) -> FloatArray:
-    """The outward unit normals (m, d) of facets with the corners (m, d, d) at rest."""
+def _outward(surface: ContactSurface, corners: FloatArray, parts: int) -> FloatArray:
+    """The outward unit normals (m, d) of parts of facets with the corners (m, d, d) at rest.
+
+    There are as many parts of each facet, those of one number together.
+    """
     domain = surface.domain
-    cells = _compat.cell_nodes(domain.mesh)[domain.owners(surface.facets)]
+    cells = _compat.cell_nodes(domain.mesh)[np.tile(domain.owners(surface.facets), parts)]
     inside = domain.mesh.geometry.x[cells][:, :, : domain.dim].mean(axis=1)
     normals = _across((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
     side = np.sum(normals * (corners[:, 0] - inside), axis=1)

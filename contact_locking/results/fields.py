@@ -18,6 +18,7 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.fem import compiled
+from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.results.solution import Solution
 
 FIELD_NAMES = (
@@ -46,11 +47,11 @@ def discontinuous(solution: Solution) -> list[fem.Function]:
     """All fields as discontinuous functions of the displacement's degree.
 
     All functions of a VTX file have one element, and these functions contain the displacements and
-    the strains.  For degree 1 all values are copied.  For degree 2 the strain norm is |eps(u)| at
-    each node, unless the body is axisymmetric.  The other fields of the space of strains are
-    extended to the nodes as the affine functions that they are, except ``locked``: each corner has
-    the value of the point beside the corner, so that 0 and 1 stay 0 and 1, and the middle of an
-    edge has the mean of its ends.
+    the strains.  Values that are constant in a cell are copied.  Of strains that vary in a cell the
+    norm is |eps(u)| at each node, unless the body is axisymmetric.  The other fields of the space
+    of strains are extended to the nodes as the functions that they are, except ``locked``: each
+    corner has the value of the point beside the corner, so that 0 and 1 stay 0 and 1, and the
+    middle of an edge has the mean of its ends.
     """
     degree, mesh = solution.element.degree, solution.domain.mesh
     spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
@@ -74,14 +75,15 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
     space = copy.function_space
     given, wanted = function.function_space.dofmap, space.dofmap
     values = function.x.array.reshape(-1, given.bs)[given.list]
-    number = wanted.list.shape[1]
     # On the axis of an axisymmetric body the hoop strain is no number at a node.
     kinematics = solution.element.kinematics
-    if name == "strain_norm" and solution.element.degree > 1 and not kinematics.axisymmetric:
+    element, is_constant = solution.element, values.shape[1] == 1
+    varies = element.strain_degree > 0 and not kinematics.axisymmetric
+    if name == "strain_norm" and varies:
         eps = kinematics.strain(solution.displacement)
         norm = ufl.sqrt(ufl.inner(eps, eps))
         copy.interpolate(compiled.interpolation(norm, space))
-    elif values.shape[1] in (1, number):
+    elif is_constant or np.array_equal(_points(function.function_space), _points(space)):
         # A constant has one value in a cell, which every node receives.
         copy.x.array.reshape(-1, wanted.bs)[wanted.list] = values
     elif name == "locked":
@@ -91,10 +93,15 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
         copy.interpolate(function)
 
 
+def _points(space: fem.FunctionSpace) -> FloatArray:
+    """The points (n, d) of the reference cell with the values of a scalar function."""
+    return np.asarray(space.element.basix_element.points)
+
+
 def _corner_shares(space: fem.FunctionSpace) -> FloatArray:
-    """The barycentric coordinates (n, d + 1) of the nodes of a cell."""
-    points = space.element.basix_element.points
-    return np.column_stack([1.0 - points.sum(axis=1), points])
+    """The values (n, c) of the corners' functions of degree 1 at the nodes of a cell."""
+    kind = NAMED[space.mesh.topology.cell_name()]
+    return kind.basis(_points(space))
 
 
 def size(functions: list[fem.Function], comm: MPI.Intracomm) -> int:

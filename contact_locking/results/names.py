@@ -16,12 +16,14 @@ PICTURE, SNAPSHOT = "picture.png", "snapshot.npz"
 ANIMATION = "animation.gif"
 #: The meshes of a run with adapted meshes.
 MESHES = "meshes.npz"
+#: A fit to measured curves: its numbers, and the picture of data and model.
+FIT, FIT_PICTURE = "fit.json", "fit.png"
 #: The folder of the saved state.
 CHECKPOINT = "checkpoint"
 #: All of a run in the order in which they are put in place: a folder with a summary has the others.
 FILES_OF_RUN = (
     *(PARAMETERS, CONTACT, FACETS, HISTORY, MESHES, FIELDS, XDMF_DATA, XDMF),
-    *(PROBES, SNAPSHOT, PICTURE, ANIMATION, CHECKPOINT, SUMMARY),
+    *(PROBES, SNAPSHOT, PICTURE, ANIMATION, FIT, FIT_PICTURE, CHECKPOINT, SUMMARY),
 )
 #: The table of a study, in CSV and in JSON lines.
 TABLE_CSV, TABLE_LINES = "table.csv", "table.jsonl"

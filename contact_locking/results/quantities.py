@@ -35,6 +35,7 @@ class Quantity:
     the certificate computes the value.  With a preposition ``at`` the value has a place, which the
     summary has under ``<key>_at``.  A ``share_of`` something is told in per cent, and a quantity
     ``beside`` another only if that is known.  Pages fold a ``detail``; the terminal has none.
+    One that ``derives`` has derivatives (`contact_locking.sensitivity.quantities`).
 
     A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
     ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
@@ -52,6 +53,7 @@ class Quantity:
     share_of: str = ""
     detail: bool = False
     beside: str = ""
+    derives: bool = False
 
 
 def touches(fields: ContactFields) -> FloatArray:
@@ -91,20 +93,20 @@ def von_mises_max(body: BodyFields) -> Any:
     return (None, None) if body.von_mises is None else body.peak(body.von_mises)
 
 
-@quantity("contact", "peak pressure", "stress", at="at")
+@quantity("contact", "peak pressure", "stress", at="at", derives=True)
 def pressure_max(contacts: Contacts) -> Any:
     """Largest contact pressure −σ_ν."""
     return contacts.peak(lambda fields: fields.pressure)
 
 
-@quantity("contact", "contact force", "force")
+@quantity("contact", "contact force", "force", derives=True)
 def contact_force(contacts: Contacts) -> Any:
     """Resultant of the contact pressure on the body."""
     dim = contacts.domain.dim
     return contacts.integral(lambda fields: -fields.pressure[:, None] * fields.normal, dim)
 
 
-@quantity("contact", "friction force", "force")
+@quantity("contact", "friction force", "force", derives=True)
 def friction_force(contacts: Contacts) -> Any:
     """Resultant of the friction on the body."""
     return contacts.integral(lambda fields: fields.traction, contacts.domain.dim)
@@ -215,13 +217,13 @@ def locked_fraction(body: BodyFields) -> Any:
     return body.share(body.locked.x.array)
 
 
-@quantity("body", "work of the loads", "energy", detail=True)
+@quantity("body", "work of the loads", "energy", detail=True, derives=True)
 def compliance(body: BodyFields) -> Any:
     """(f, u), the work of body force, tractions, pressures and forces."""
     return body.system.compliance()
 
 
-@quantity("body", "elastic energy", "energy", detail=True)
+@quantity("body", "elastic energy", "energy", detail=True, derives=True)
 def elastic_energy(body: BodyFields) -> Any:
     """½ a(u, u), or ½ ∫ A(ε − ε₀) : (ε − ε₀) with an eigenstrain ε₀, and the energy of springs."""
     return body.system.elastic_energy()

@@ -19,6 +19,7 @@ from contact_locking.results.names import (
     ANIMATION,
     CONTACT,
     FACETS,
+    FIT,
     HISTORY,
     MESHES,
     PARAMETERS,
@@ -37,7 +38,7 @@ _NAME = re.compile(r"[0-9a-f]{16}")
 class RunResults:
     """The results of a run; ``facets`` (m, d) number the points of ``contact``.
 
-    ``history`` has the steps of a process, and is empty without steps.
+    ``history`` has the steps of a process, and is empty without steps.  ``fit`` is fit.json.
     """
 
     folder: Path
@@ -49,6 +50,7 @@ class RunResults:
     history: History
     meshes: Path | None = None
     animation: Path | None = None
+    fit: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,7 @@ def _run(folder: Path) -> RunResults:
         read_history(_text(history), str(history)) if history.is_file() else History(),
         meshes if meshes.is_file() else None,
         film if film.is_file() else None,
+        read_mapping(folder / FIT),
     )
 
 

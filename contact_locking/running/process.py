@@ -72,7 +72,7 @@ class _Recording:
         from contact_locking.extras.pictures.gather import Pieces, gather
 
         domain = solution.domain
-        in_cell = len(Pieces.of(domain.dim, solution.element.degree).nodes)
+        in_cell = len(Pieces.of(domain.kind, solution.element.degree).nodes)
         if in_cell * domain.num_cells > MOST_PIECES[domain.dim]:
             most = MOST_PIECES[domain.dim] // in_cell
             self._problem = f"no animation was drawn: it is for at most {most} such cells"

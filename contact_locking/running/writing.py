@@ -136,7 +136,7 @@ def write(
                 (staging / ANIMATION).write_bytes(animation)
             adapted_meshes.save(solution.meshes, staging / MESHES)
             report.discard(target)
-            for other in target.glob(several.folder_of("*")):
+            for other in target.glob(several.FOLDERS):
                 ownership.discard(other)
             ownership.replace(target, staging, FILES_OF_RUN, KEY)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
+from contact_locking.sensitivity.centring import centred
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.sensitivity.linearisation import Adjoint, Change, Gradient, Linearisation
 from contact_locking.sensitivity.parameters import Frozen, Parameter, width
@@ -17,6 +18,9 @@ from contact_locking.sensitivity.quantities import Quantity, quantity_of
 from contact_locking.sensitivity.solved import require_solved
 from contact_locking.sensitivity.states import share_at_change
 from contact_locking.solver.task import Task
+
+# So many steps to the central path; two are usual.
+_MOST_STEPS = 5
 
 
 @dataclass(frozen=True)
@@ -50,12 +54,19 @@ class Derivatives:
         self._scale = domain.extent()
         with frozen.system.preserved():
             equations = frozen.equations()
-            self._linear = Linearisation(equations, task)
             try:
                 require_solved(equations)
             except InputError:
-                self.destroy()
+                equations.destroy()
                 raise
+            self._linear = Linearisation(equations, task)
+            for _ in range(_MOST_STEPS):
+                iterate = centred(self._linear)
+                if iterate is None:
+                    break
+                self.destroy()
+                self._frozen = dataclasses.replace(self._frozen, iterate=iterate)
+                self._linear = Linearisation(self._frozen.equations(), task)
 
     @property
     def solves(self) -> int:
@@ -74,7 +85,7 @@ class Derivatives:
 
     def share_at_change(self) -> dict[str, float]:
         """The share of each kind of points that are near a change of their state."""
-        return share_at_change(self._linear.equations.families, self._frozen.system.comm)
+        return share_at_change(self._linear.equations.every, self._frozen.system.comm)
 
     def forward(
         self, names: Sequence[str], parameters: Sequence[Parameter]

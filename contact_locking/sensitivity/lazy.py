@@ -63,10 +63,9 @@ class LazyDerivatives:
         if not self.report.converged:
             raise InputError("a solve that has not converged has no derivatives")
         if self._settings.linear != "direct":
-            # Such a solve ends at iterates whose derivatives were up to 4 % off.
             raise InputError(
-                "derivatives take the last iterate of a solve with direct linear solves; take "
-                "direct",
+                "derivatives take a factorisation, for which this body is too large by the choice "
+                "of auto; take direct",
                 "solver.linear",
             )
         if self._made is None:

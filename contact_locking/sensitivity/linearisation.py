@@ -17,7 +17,7 @@ are solved for the bounds, whose system is small beside K, by generalised conjug
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,14 +126,31 @@ class Linearisation:
             Reaction(family, family.reactions_of(family.step(np.zeros_like(family.seen)).dual))
             for family in families
         ]
-        found = self._solve(-residual.forces - self.tangent.forces(rest))
+        return self._moved(-residual.forces - self.tangent.forces(rest), residual.bounds)
+
+    def centring(self, product: float) -> Change:
+        """The step to products that are ``product`` in all cones and equations that hold.
+
+        Comes before all other changes, which move the families; collective.
+        """
+        residual = self.equations.residual()
+        self._still()
+        rest = [
+            Reaction(family, family.aim(product * family.scale) - family.reactions)
+            for family in self.equations.families
+        ]
+        return self._moved(-residual.forces - self.tangent.forces(rest), residual.bounds)
+
+    def _moved(self, forces: FloatArray, wanted: Sequence[FloatArray]) -> Change:
+        """The change by forces; bounds move by ``wanted``, and with what they follow."""
+        found = self._solve(forces)
         if self._laws:
             steps = self._steps(found)
             moved = [
                 law.moved(steps[pressing].dual, law.friction.slip_step(steps[law.friction]))
                 for law, pressing in zip(self._laws, self._pressing, strict=True)
             ]
-            right = np.concatenate(residual.bounds) + np.concatenate(moved)
+            right = np.concatenate(wanted) + np.concatenate(moved)
 
             def left_of(bounds: FloatArray) -> tuple[FloatArray, _Answer]:
                 answer = self._solve(-self.tangent.forces(self._respond(bounds)))

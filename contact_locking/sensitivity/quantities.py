@@ -25,24 +25,21 @@ from contact_locking.certificate.reactions import shares_by_part
 from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.plain_text import nearest
+from contact_locking.results.quantities import QUANTITIES
 from contact_locking.sensitivity.equations import Equations, Residual
 from contact_locking.sensitivity.linearisation import Gradient
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
 
-_COUNTS = ("locked_fraction", "contact_area", "slip_area")
-_KNOWN = (
-    "compliance",
-    "elastic_energy",
-    "contact_force.0",
-    "friction_force.0",
-    "contacts.0.contact_force.0",
-    "contacts.0.friction_force.0",
-    "contacts.0.tool.travel",
-    "reactions.PART.0",
-    "pressure_max",
-)
+
+def known() -> list[str]:
+    """The names, by their first components: of the registry, and those of parts and tools."""
+    own = [item for item in QUANTITIES.values() if item.derives]
+    forces = [f"{item.key}.0" for item in own if item.unit == "force"]
+    scalars = [item.key for item in own if item.unit != "force"]
+    each = [f"contacts.0.{name}" for name in forces]
+    return [*scalars, *forces, *each, "contacts.0.tool.travel", "reactions.PART.0"]
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,8 @@ class Quantity:
 def quantity_of(name: str, domain: Domain, equations: Equations) -> Quantity:
     """The quantity with a name; collective.  Raises InputError for one without a derivative."""
     parts, dim = name.split("."), domain.dim
-    if parts[-1] in _COUNTS:
+    registered = QUANTITIES.get(parts[-1])
+    if registered is not None and registered.trend == "jumps":
         raise InputError(
             f"{name} is a count of points, which jumps: it has no derivative", "sensitivities.of"
         )
@@ -87,8 +85,8 @@ def quantity_of(name: str, domain: Domain, equations: Equations) -> Quantity:
         if lifts is not None:
             return _Reaction(lifts).quantity(name)
     raise InputError(
-        f"no quantity '{name}' has a derivative{nearest(name, _KNOWN)}; there are "
-        f"{', '.join(_KNOWN)}",
+        f"no quantity '{name}' has a derivative{nearest(name, known())}; there are "
+        f"{', '.join(known())}",
         "sensitivities.of",
     )
 

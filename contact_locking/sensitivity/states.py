@@ -18,6 +18,7 @@ from contact_locking.parallel import maximum
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.friction_cones import FrictionCones
+from contact_locking.solver.interior_point.locking_cones import LockingCones, StrainHalfLines
 from contact_locking.solver.interior_point.lorentz import norm
 
 # A point is near a change where both are below this share of the largest, or of the limit.
@@ -39,11 +40,15 @@ def share_at_change(families: Sequence[Family], comm: MPI.Intracomm) -> dict[str
 def _judged(family: Family, comm: MPI.Intracomm) -> tuple[str, BoolArray]:
     """The kind of a family, and its points near a change; collective."""
     if isinstance(family, FrictionCones):
+        if not family.takes_part:
+            return "friction", np.zeros(len(family.weights), dtype=bool)
         slip, bound = norm(family.x[1:]), family.bound
         left = bound - norm(family.z[1:])
         holds = bound > _NEAR * maximum(comm, bound)
         near = (slip <= _NEAR * maximum(comm, slip)) & (left <= _NEAR * bound)
         return "friction", np.asarray(holds & near)
+    if not family.takes_part:
+        return _at_rest(family, comm)
     if family.x.ndim == 1:
         room, force = family.x, family.z
         size = maximum(comm, np.abs(family.seen))
@@ -52,3 +57,17 @@ def _judged(family: Family, comm: MPI.Intracomm) -> tuple[str, BoolArray]:
         size = family.x[0]
     near = (room <= _NEAR * size) & (force <= _NEAR * maximum(comm, force))
     return "contact" if isinstance(family, ContactCones) else "strain", np.asarray(near)
+
+
+def _at_rest(family: Family, comm: MPI.Intracomm) -> tuple[str, BoolArray]:
+    """The points of cones that take no part in an elastic solution: those that are nearly reached.
+
+    Its multipliers are zero.
+    """
+    if isinstance(family, ContactCones):
+        room = family.limit - family.seen
+        size = maximum(comm, np.concatenate([np.abs(family.seen), np.zeros(1)]))
+        return "contact", np.asarray(room <= _NEAR * size)
+    assert isinstance(family, LockingCones | StrainHalfLines)
+    seen = family.seen if family.seen.ndim == 1 else norm(family.seen)
+    return "strain", np.asarray(family.limit - seen <= _NEAR * family.limit)

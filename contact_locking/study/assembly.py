@@ -147,7 +147,9 @@ def assemble(
     if parameters.mesh.axisymmetric:
         domain = half_section(domain)
     given = parameters.discretisation
-    element = element or element_of(given.degree, given.limit_at, domain.axisymmetric)
+    element = element or element_of(
+        given.degree, given.limit_at, domain.axisymmetric, boxes=not domain.kind.is_simplex
+    )
     if element.kinematics is not domain.kinematics:
         raise InputError(
             "the given element has the kinematics of another body; take P1_REVOLUTION or "

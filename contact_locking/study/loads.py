@@ -40,7 +40,6 @@ _ACCURATE, _UNCERTAIN, _LOST = 1e-3, 0.03, 0.3
 _RESOLVED = 2.0
 # Integrals over so many cells or facets that differ most are looked at for poles.
 _SUSPECTS = 8
-_REFERENCE_MEASURE = {1: 1.0, 2: 0.5, 3: 1.0 / 6.0}
 
 
 def build_loads(domain: Domain, given: LoadParameters, element: Element, clock: Clock) -> Loads:
@@ -148,17 +147,17 @@ class _Load:
     def metadata(self) -> dict[str, Any]:
         """The rule of integration for the form compiler."""
         if self._constant:
-            # The factor 2 pi r of an axisymmetric body has the degree 1.
-            return {"quadrature_degree": self._element.degree + int(self._domain.axisymmetric)}
+            # The factor 2 pi r of an axisymmetric body has the degree 1, and so has the Jacobian of
+            # a box in each coordinate.
+            factor = int(self._domain.axisymmetric or self._element.boxes)
+            return {"quadrature_degree": self._element.degree + factor}
         found: dict[str, Any] = {"quadrature_degree": _DEGREE}
         if self.halvings > 0:
-            points, weights = rule(self._on.dim, self.halvings, _DEGREE)
+            points, weights = self._on.reference_rule(self.halvings, _DEGREE)
             found |= {
                 "quadrature_rule": "custom",
-                "quadrature_points": tuple(tuple(map(float, point)) for point in points[:, 1:]),
-                "quadrature_weights": tuple(
-                    float(weight) * _REFERENCE_MEASURE[self._on.dim] for weight in weights
-                ),
+                "quadrature_points": tuple(tuple(map(float, point)) for point in points),
+                "quadrature_weights": tuple(map(float, weights)),
             }
         return found
 

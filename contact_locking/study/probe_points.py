@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import geometry
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from contact_locking import _compat
@@ -15,7 +16,7 @@ from contact_locking.errors import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.study_file.parameters.probes import Probe
 
-# A point whose barycentric coordinates are above minus this share is in a cell.  Rounding alone
+# A point is in a cell if it is off the reference cell by this share at most.  Rounding alone
 # must not take a point of the boundary out of the body.
 _MARGIN = 1e-9
 # The number of no cell.
@@ -92,13 +93,20 @@ def _first_cells(domain: Domain, x: FloatArray) -> tuple[IntArray, IndexArray]:
     places[:, :dim] = x
     found = geometry.compute_collisions_points(tree, places)
     corners = nodes[_compat.cell_nodes(mesh)]
-    for point, place in enumerate(x):
+    for point in range(len(x)):
         candidates = found.links(point)
-        edges = np.swapaxes(corners[candidates, 1:] - corners[candidates, :1], 1, 2)
-        shares = np.linalg.solve(edges, (place - corners[candidates, 0])[:, :, None])[:, :, 0]
-        inside = np.minimum(shares.min(axis=1), 1.0 - shares.sum(axis=1)) >= -_MARGIN
+        local = np.array([_pulled_back(mesh, corners[cell], x[point]) for cell in candidates])
+        inside = domain.kind.room(local.reshape(-1, dim)) >= -_MARGIN
         if inside.any():
             inner = candidates[inside]
             cells[point] = inner[np.argmin(original[inner])]
             first[point] = original[cells[point]]
     return first, cells
+
+
+def _pulled_back(mesh: dmesh.Mesh, corners: FloatArray, place: FloatArray) -> FloatArray:
+    """The point (d,) of the reference cell for a place (d,) near the cell with corners (c, d)."""
+    try:
+        return np.asarray(mesh.geometry.cmap.pull_back(place[None], corners)[0])
+    except RuntimeError:  # Newton's method does not converge for places far off a distorted cell
+        return np.full(len(place), np.inf)

@@ -124,6 +124,13 @@ def _places(data: dict[str, Any]) -> Iterator[Place]:
     for name in tables if isinstance(tables, dict) else ():
         if isinstance(_at(data, ("tables", name, "file")), str):
             yield "tables", name, "file"
+    listed = _at(data, ("fit", "data"))
+    if isinstance(listed, str):
+        yield "fit", "data"
+    for index in range(len(listed) if isinstance(listed, list | tuple) else 0):
+        for end in ((), ("file",)):
+            if isinstance(_at(data, ("fit", "data", index, *end)), str):
+                yield ("fit", "data", index, *end)
     contact = data.get("contact")
     starts: list[Place] = [("contact",)]
     if isinstance(contact, list | tuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from contact_locking.errors import InputError
@@ -23,6 +24,7 @@ _NOT_SMOOTH = {
     "output": "changes the files",
     "study": "is no number of one solve",
     "sensitivities": "is what asks for derivatives",
+    "fit": "is what asks for a fit",
     "title": "is no number",
 }
 
@@ -41,11 +43,14 @@ def resolved(parameters: Parameters) -> Parameters:
     return Parameters.model_validate(data)
 
 
-def number_at(parameters: Parameters, key: str) -> float:
-    """The number at a dotted key.  Raises InputError for a key without a derivative."""
+def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to") -> float:
+    """The number at a dotted key, which the section ``asked`` names.
+
+    Raises InputError for a key without a derivative.
+    """
     section = key.partition(".")[0]
     if section in _NOT_SMOOTH:
-        raise InputError(f"{key} {_NOT_SMOOTH[section]}: there is no derivative by it", _TO)
+        raise InputError(f"{key} {_NOT_SMOOTH[section]}: there is no derivative by it", asked)
     value: Any = plain(parameters)
     for part in key.split("."):
         if isinstance(value, dict) and part in value:
@@ -53,17 +58,17 @@ def number_at(parameters: Parameters, key: str) -> float:
         elif isinstance(value, list) and part.isdecimal() and int(part) < len(value):
             value = value[int(part)]
         else:
-            raise InputError(f"{key} is not given in the file", _TO)
+            raise InputError(f"{key} is not given in the file", asked)
     if isinstance(value, str):
         raise InputError(
             f"{key} is {value!r}, and no number: give its numbers names in the section parameters, "
-            "as parameters: {mu0: 0.3}, and derive by parameters.mu0",
-            _TO,
+            "as parameters: {mu0: 0.3}, and take parameters.mu0",
+            asked,
         )
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{key} is no number: there is no derivative by it", _TO)
+        raise InputError(f"{key} is no number: there is no derivative by it", asked)
     if not math.isfinite(value):
-        raise InputError(f"{key} is infinite: there is no derivative by it", _TO)
+        raise InputError(f"{key} is infinite: there is no derivative by it", asked)
     return float(value)
 
 
@@ -72,16 +77,23 @@ def with_number(parameters: Parameters, key: str, value: float) -> Parameters:
 
     Raises InputError for a number that the key does not take.
     """
-    data = plain(parameters)
-    data.pop("sensitivities", None)
-    data.pop("study", None)
-    assign(data, key, value)
     try:
-        return Parameters.model_validate(data)
+        return with_values(parameters, {key: value})
     except ValueError as error:
         raise InputError(
-            f"{key} has a bound at its value, beyond which a derivative needs to look", _TO
+            f"{key} has a bound at its value, beyond which a derivative needs to look",
+            "sensitivities.to",
         ) from error
 
 
-_TO = "sensitivities.to"
+def with_values(parameters: Parameters, values: Mapping[str, Any]) -> Parameters:
+    """One solve with other values at dotted keys: without derivatives, a fit and a study.
+
+    Raises ValueError for values that the keys do not take, and KeyError for an unknown place.
+    """
+    data = plain(parameters)
+    for section in ("sensitivities", "fit", "study"):
+        data.pop(section, None)
+    for key, value in values.items():
+        assign(data, key, value)
+    return Parameters.model_validate(data)

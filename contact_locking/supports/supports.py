@@ -16,6 +16,8 @@ from petsc4py import PETSc
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.fem.facet_nodes import facet_nodes
+from contact_locking.mesh.cell_kind import CellKind
 from contact_locking.mesh.domain import Domain, Where
 from contact_locking.parallel import agree, maximum, on_every_rank
 
@@ -377,22 +379,26 @@ def _nodal_normals(
     # A ghost of a facet counts on the rank that owns the cell.
     own = cells < mesh.topology.index_map(dim).size_local
     facets, cells = facets[own], cells[own]
-    nodes = _facet_nodes(domain, space, facets, cells)
-    corners = space.tabulate_dof_coordinates()[nodes[:, :dim], :dim]
-    units, weights = _facet_normals(corners)
+    nodes, facet = facet_nodes(domain, space, facets, cells), domain.kind.facet
+    corners = space.tabulate_dof_coordinates()[nodes[:, : facet.corners], :dim]
+    units, weights = _normals_at_corners(corners, facet)
     inside = mesh.geometry.x[_compat.cell_nodes(mesh)[cells]][..., :dim].mean(axis=1)
-    units = units * np.sign(np.sum(units * (corners.mean(axis=1) - inside), axis=1))[:, None]
+    outward = corners.mean(axis=1) - inside
+    units = units * np.sign(np.sum(units * outward[:, None], axis=2))[..., None]
+    means = units.mean(axis=1, keepdims=True)
+    rest = np.repeat(means, nodes.shape[1] - facet.corners, axis=1)
+    units = np.concatenate([units, rest], axis=1)
     total = la.vector(space.dofmap.index_map, dim)
     total.array[:] = 0.0
     sums = total.array.reshape(-1, dim)
-    np.add.at(sums, nodes[:, :dim], weights[..., None] * units[:, None])
     # At the other nodes of quadratic displacements the facets count alike.
-    np.add.at(sums, nodes[:, dim:], units[:, None])
+    ones = np.ones((len(nodes), rest.shape[1]))
+    np.add.at(sums, nodes, np.concatenate([weights, ones], axis=1)[..., None] * units)
     total.scatter_reverse(la.InsertMode.add)
     total.scatter_forward()
     sizes = np.linalg.norm(sums, axis=1, keepdims=True)
-    means = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0.0)
-    cosines = np.einsum("fnd,fd->fn", means[nodes], units)
+    normals = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0.0)
+    cosines = np.einsum("fnd,fnd->fn", normals[nodes], units)
 
     def refuse_edge() -> None:
         if cosines.size and cosines.min() < _SMOOTH:
@@ -405,33 +411,30 @@ def _nodal_normals(
             )
 
     agree(domain.comm, refuse_edge)
-    return means
+    return normals
 
 
-def _facet_normals(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit normals (f, d) of facets with corners (f, d, d), and the weights (f, d) at corners."""
-    if corners.shape[1] == 2:
+def _normals_at_corners(corners: FloatArray, kind: CellKind) -> tuple[FloatArray, FloatArray]:
+    """Unit normals (f, n, d) at the corners (f, n, d) of facets of a kind, and the weights (f, n).
+
+    The normals are of either sign.
+    """
+    if kind.dim == 1:
         edges = corners[:, 1] - corners[:, 0]
         sizes = np.linalg.norm(edges, axis=1)[:, None]
-        return np.stack([edges[:, 1], -edges[:, 0]], axis=1) / sizes, np.tile(1.0 / sizes, 2)
-    # The edge opposite to each corner.
-    opposite = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
-    squares = np.sum(opposite**2, axis=2)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sizes = np.linalg.norm(normals, axis=1)[:, None]
-    # The edges from a corner are the edges opposite to the other two corners.
-    weights = sizes * squares / np.prod(squares, axis=1)[:, None]
-    return normals / sizes, weights
+        unit = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / sizes
+        return np.repeat(unit[:, None], 2, axis=1), np.tile(1.0 / sizes, 2)
+    around = [(i, *(j for j in beside if j != i)) for i, beside in _around_corners(kind)]
+    at, one, other = (corners[:, list(places)] for places in zip(*around, strict=True))
+    first, second = one - at, other - at
+    normals = np.cross(first, second)
+    sizes = np.linalg.norm(normals, axis=2)
+    squares = np.sum(first**2, axis=2) * np.sum(second**2, axis=2)
+    return normals / sizes[..., None], sizes / squares
 
 
-def _facet_nodes(
-    domain: Domain, space: fem.FunctionSpace, facets: IndexArray, cells: IndexArray
-) -> IndexArray:
-    """The local nodes (f, n) of facets with their cells, the vertices first."""
-    topology, dim = domain.mesh.topology, domain.dim
-    topology.create_connectivity(dim, dim - 1)
-    facets_of = topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)
-    place = np.argmax(facets_of[cells] == facets[:, None], axis=1)
-    layout = space.dofmap.dof_layout
-    closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(dim + 1)])
-    return np.asarray(space.dofmap.list[cells[:, None], closure[place]])
+def _around_corners(kind: CellKind) -> list[tuple[int, tuple[int, ...]]]:
+    """Each corner of a facet in space, and the corners of the simplex beside it."""
+    if kind.is_simplex:
+        return [(corner, kind.beside[0]) for corner in range(kind.corners)]
+    return list(enumerate(kind.beside))

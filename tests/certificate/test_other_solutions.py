@@ -11,7 +11,7 @@ import pytest
 import ufl
 from certified import solved
 from mpi4py import MPI
-from msh import Simplices
+from msh import MeshElements
 from small_meshes import grid, shared
 from sweep.case import Study
 
@@ -92,7 +92,7 @@ def test_a_tool_that_no_force_pushes_may_travel() -> None:
 def test_the_part_that_has_play_is_named(comm: MPI.Intracomm, tmp_path: Path) -> None:
     one, left = grid(0, 0, 1, 2)
     two, right = grid(3, 0, len(one) + 1, 2)
-    sides: dict[str, Simplices] = {
+    sides: dict[str, MeshElements] = {
         "left": [(1, 4), (4, 7)],
         "coast": [(10, 13), (13, 16)],
         "bottom": [(1, 2), (2, 3), (10, 11), (11, 12)],

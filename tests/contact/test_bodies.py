@@ -13,6 +13,7 @@ from problems import with_changes
 from small_meshes import Groups, grid, shared, side_by_side
 from two_bodies import POISSON, YOUNG, fit, lame_pressure, stack
 
+import contact_locking as cl
 from contact_locking import StudySolution, assemble, save, solve
 from contact_locking.errors import InputError
 from contact_locking.problem.body_forms import BodyForms
@@ -184,6 +185,18 @@ def test_wrong_sides_are_refused_with_words() -> None:
     with pytest.raises(ValueError, match=r"leave out one of both"):
         half = {"half_space": {"point": [0, 0], "normal": [0, 1]}}
         stack(contact={"on": "upper_bottom", "against": "lower_top", "foundation": half})
+
+
+def test_a_script_gives_a_foundation_or_another_body() -> None:
+    problem = assemble(stack(2, 0.5, friction__coefficient=1.0), MPI.COMM_WORLD)
+    tags, names = problem.domain.facet_tags, problem.domain.facet_names
+    on, against = (tags.find(names[name][0]) for name in ("upper_bottom", "lower_top"))
+    given = cl.Elasticity(young=YOUNG, poisson=POISSON)
+    plane = cl.HalfSpace((0.0, 0.0), (0.0, 1.0))
+    for more in ({"foundation": plane}, {"motion": cl.Motion((0.0, 0.0))}):
+        contact = cl.Contact(on, against=against, **more)
+        with pytest.raises(InputError, match="with a foundation, which may move, or with another"):
+            cl.ContactProblem(given, contacts=[contact], space=problem.body.space)
 
 
 def test_a_side_that_is_much_coarser_is_warned_of() -> None:

@@ -29,7 +29,7 @@ def flat(dim: int, n: int, height: float, sign: float, low: Any, high: Any) -> S
     """An irregular mesh on a part of the inclined plane, with normals up or down."""
     random = np.random.default_rng(n)
     grid = np.linspace(0.0, 1.0, n + 1)
-    at = np.stack(np.meshgrid(*[grid] * (dim - 1)), axis=-1).reshape(-1, dim - 1)
+    at: Any = np.stack(np.meshgrid(*[grid] * (dim - 1)), axis=-1).reshape(-1, dim - 1)
     inside = (at > 0.0) & (at < 1.0)
     at = at + inside * (random.random(at.shape) - 0.5) * 0.5 / n
     at = np.asarray(low) + at * np.subtract(high, low)

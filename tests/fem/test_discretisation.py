@@ -21,6 +21,7 @@ from contact_locking import study_file
 from contact_locking.errors import InputError
 from contact_locking.fem import gauss_points
 from contact_locking.fem.spaces import P1, P2, P2_GAUSS, element_of
+from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.study_file import from_mapping
 
 
@@ -50,19 +51,25 @@ def test_studies_with_one_result_have_one_fingerprint() -> None:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("dim", [2, 3])
-def test_gauss_points_are_numbered_as_the_corners_and_integrate_quadratics(dim: int) -> None:
-    shares = gauss_points.shares(dim)
-    assert np.array_equal(np.argmax(shares, axis=1), np.arange(dim + 1))
-    assert shares.sum(axis=1) == pytest.approx(np.ones(dim + 1))
-    # int lambda_i lambda_j over a simplex of volume 1.
-    wanted = (1.0 + np.eye(dim + 1)) / ((dim + 1) * (dim + 2))
-    assert shares.T @ shares / (dim + 1) == pytest.approx(wanted)
-    element = gauss_points.affine(dim)
-    points, _ = basix.make_quadrature(gauss_points.SIMPLICES[dim], 2)
+@pytest.mark.parametrize("cell", NAMED)
+def test_gauss_points_are_numbered_as_the_corners_and_integrate_quadratics(cell: str) -> None:
+    kind, shares = NAMED[cell], gauss_points.shares(cell)
+    count, dim = kind.corners, kind.dim
+    assert np.array_equal(np.argmax(shares, axis=1), np.arange(count))
+    assert shares.sum(axis=1) == pytest.approx(np.ones(count))
+    if kind.is_simplex:
+        # int lambda_i lambda_j over a simplex of volume 1.
+        wanted = (1.0 + np.eye(count)) / ((dim + 1) * (dim + 2))
+    else:
+        # int phi_i phi_j over a box of volume 1: 1/3 for each equal coordinate, 1/6 for others.
+        apart = np.abs(kind.places[:, None] - kind.places).sum(axis=2)
+        wanted = 0.5**apart / 3.0**dim
+    assert shares.T @ shares / count == pytest.approx(wanted)
+    element = gauss_points.element(cell)
+    points, _ = basix.make_quadrature(basix.CellType[cell], 2)
     values = element.tabulate(0, points)[0]
-    assert np.sort(values.reshape(dim + 1, dim + 1), axis=1)[:, -1] == pytest.approx(1.0)
-    assert np.abs(values).sum() == pytest.approx(dim + 1.0)
+    assert np.sort(values.reshape(count, count), axis=1)[:, -1] == pytest.approx(1.0)
+    assert np.abs(values).sum() == pytest.approx(float(count))
 
 
 def test_limits_at_gauss_points_are_exceeded_between_the_points_as_the_summary_says() -> None:

@@ -105,6 +105,30 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
         {"body": 2 - 4 / 3 * PI * 0.4**3, "inclusion": 4 / 3 * PI * 0.4**3}
         | {"left": 2, "right": 2, "front": 2, "back": 2, "bottom": 1, "top": 1},
     ),
+    "stack 2D": (
+        "stack",
+        {"size": [2, 1], "upper": [1, 0.5], "distance": 0.1, "h_contact": 0.05},
+        {"lower": 2, "upper": 0.5, "left": 1, "right": 1, "bottom": 2, "lower_top": 2}
+        | {"upper_left": 0.5, "upper_right": 0.5, "upper_bottom": 1, "top": 1},
+    ),
+    "stack 3D": (
+        "stack",
+        {"dim": 3, "h": 0.3, "slope": 0.75},
+        {"lower": 1, "upper": 1, "left": 0.625, "right": 1.375, "front": 1, "back": 1}
+        | {"bottom": 1, "lower_top": 1.25, "upper_left": 1.375, "upper_right": 0.625}
+        | {"upper_front": 1, "upper_back": 1, "upper_bottom": 1.25, "top": 1},
+    ),
+    "disc in a ring": (
+        "disc_in_ring",
+        {},
+        {"disc": PI, "ring": 3 * PI, "rim": 2 * PI, "inner": 2 * PI, "outer": 4 * PI},
+    ),
+    "quarter of a ring in a ring": (
+        "disc_in_ring",
+        {"radius": 1.01, "hole": 0.5, "quarter": True},
+        {"disc": PI * (1.01**2 - 0.25) / 4, "ring": 3 * PI / 4, "rim": 1.01 * PI / 2}
+        | {"hole": PI / 4, "inner": PI / 2, "outer": PI, "bottom": 1.51, "left": 1.51},
+    ),
 }
 
 
@@ -127,7 +151,7 @@ def test_groups_cover_body_and_boundary_exactly_once(case: str) -> None:
 
     # Facets inscribed in a curve of radius r leave out a share of up to 3/8 (h / r)^2, the ball's.
     radius = given.get("radius", {"annulus": 1, "inclusion": 0.25}.get(name, 1))
-    curved = name in ("disc", "ball", "annulus", "inclusion")
+    curved = name in ("disc", "ball", "annulus", "inclusion", "disc_in_ring")
     for group, simplices in (cells | facets).items():
         ratio = 4 * geometry.finest / radius if group == "contact" else geometry.h / radius
         tolerance = 0.4 * ratio**2 if curved else 1e-10

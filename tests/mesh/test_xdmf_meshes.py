@@ -210,7 +210,7 @@ BAD: dict[str, tuple[str, str, str]] = {
     "no XML": ("<Xdmf", "<Xdmf <", "is not an XML file"),
     "data elsewhere": ("body.h5:/Mesh", "../other.h5:/Mesh", "other data than those in body.h5"),
     "numbers in the file itself": ('Format="HDF"', 'Format="XML"', "numbers in the text of XDMF"),
-    "a curved cell": ('"Triangle"', '"Tri_6"', "only first-order triangles and tetrahedra"),
+    "a curved cell": ('"Triangle"', '"Tri_6"', "only these of first order"),
     "a group twice": ('Name="top"', 'Name="left"', "two grids named 'left'"),
     "a name that ends an XPath": ('Name="top"', 'Name="t\'op"', "is no name"),
     "a dataset that is not there": ("/MeshTags/1", "/MeshTags/9", "cannot be read with body.h5"),

@@ -117,6 +117,25 @@ def test_friction_remembers_the_derivatives_of_its_slips() -> None:
     assert found["derivative"] == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.slow
+def test_steps_with_a_limit_have_the_derivatives_of_differences() -> None:
+    """With the tolerances by default, where the products of the cones end far apart."""
+    process = {
+        "loads": {"displacements": [{"on": "top", "value": ["0.02*sin(3*t)", "-0.02-0.01*t"]}]},
+        "steps": {"to": 1, "count": 3},
+    }
+    sharp, of = study(**process), ["reactions.top.0", "reactions.top.1"]
+    keys = ["parameters.s0", "material.locking_limit"]
+    asked = with_changes_of(study(**process, solver={}), {"of": of, "to": keys})
+    found = solve(asked).summary["sensitivities"]
+    for key in keys:
+        at = number_at(sharp, key)
+        above, below = (solve(with_number(sharp, key, at * (1.0 + w))) for w in (1e-4, -1e-4))
+        for name in of:
+            expected = (value_of(name, above) - value_of(name, below)) / (2e-4 * at)
+            assert found[name][key]["derivative"] == pytest.approx(expected, rel=1e-3)
+
+
 def test_the_column_has_its_closed_derivatives() -> None:
     """A column between rollers that no limit stops: the compliance is proportional to 1/E."""
     parameters = with_changes_of(

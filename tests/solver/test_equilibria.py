@@ -69,8 +69,9 @@ def test_the_derivative_of_the_map_is_that_of_its_values(n: float) -> None:
     step = bounds * np.linspace(0.2, 1.0, vectors.size)
     width = 1e-3
     sides = [problem(bounds + sign * width * step) for sign in (1.0, -1.0)]
-    difference = (sides[0] - sides[1]) / (2.0 * width)
-    error = vectors.norm(difference - derivative @ step)
+    difference = np.asarray((sides[0] - sides[1]) / (2.0 * width), dtype=float)
+    wrong: FloatArray = difference - derivative @ step
+    error = vectors.norm(wrong)
     # Iterates end on the central path, whose laws are smooth where those of the problem are not.
     assert error <= 1e-3 * vectors.norm(difference)
     problem.destroy()

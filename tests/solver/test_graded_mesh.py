@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from msh import Simplices, write_msh
+from msh import MeshElements, write_msh
 
 from contact_locking.process import solving
 from contact_locking.results.solution import Solution
@@ -28,7 +28,7 @@ def layers(file: Path) -> Path:
     numbers = np.arange(1, math.prod(shape) + 1).reshape(shape)
     points = [(0.5 * i, 0.5 * j, float(z)) for i, j, z in product(range(3), range(3), HEIGHTS)]
 
-    def bricks(axes: tuple[int, ...], fixed: dict[int, int]) -> Simplices:
+    def bricks(axes: tuple[int, ...], fixed: dict[int, int]) -> MeshElements:
         """The simplices along some axes, with the other coordinates ``fixed``."""
         found = []
         for corner in product(*(range(shape[axis] - 1) for axis in axes)):

@@ -119,8 +119,10 @@ class Manufactured:
         contact: dict[str, Any] = {"on": []}
         if self.pressure is not None:
             contact = {"on": "bottom", "gap": _text(self.gap())}
+        cells = "box" if self.element.boxes else "simplex"
+        mesh = {"builder": "block", "dim": self.dim, "h": h, "structured": True, "cells": cells}
         data: dict[str, Any] = {
-            "mesh": {"builder": "block", "dim": self.dim, "h": h, "structured": True},
+            "mesh": mesh,
             "material": {
                 "elasticity": {"young": YOUNG, "poisson": POISSON},
                 "locking_limit": self.limit,
@@ -131,13 +133,13 @@ class Manufactured:
             "penalty": {"n": self.n, "epsilon": self.epsilon or None},
         }
         made = assemble(with_changes(data, **changes), comm, element=self.element)
-        mesh = made.domain.mesh
+        made_mesh = made.domain.mesh
         metadata = {"quadrature_degree": 4}
         v = ufl.TestFunction(made.u.function_space)
-        inside = ufl.Measure("dx", mesh, metadata=metadata)
+        inside = ufl.Measure("dx", made_mesh, metadata=metadata)
         bottom = made.domain.ds(("bottom",), "contact.on", quadrature_degree=4)
-        loads = ufl.inner(_ufl(self.body_force(), mesh), v) * inside
-        loads += ufl.inner(_ufl(self.contact_load(), mesh), v) * bottom
+        loads = ufl.inner(_ufl(self.body_force(), made_mesh), v) * inside
+        loads += ufl.inner(_ufl(self.contact_load(), made_mesh), v) * bottom
         made.data = dataclasses.replace(made.data, loads=loads)
         return made
 

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
-from msh import Simplices, write_msh
+from msh import MeshElements, write_msh
 
 from contact_locking.meshes import BUILDERS, Geometry
 from contact_locking.study_file.parameters import Parameters
 
 Points = list[tuple[float, ...]]
-Groups = dict[str, Simplices]
+Groups = dict[str, MeshElements]
 
 SQUARE: Points = [(0, 0), (1, 0), (1, 1), (0, 1)]
 EDGES: Groups = {"bottom": [(1, 2)], "top": [(3, 4)], "left": [(4, 1)]}
@@ -25,7 +25,7 @@ SPIRE: Points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)]
 TWO: Groups = {"left": [(1, 3, 4)], "body": [(1, 2, 3, 4), (1, 3, 2, 5)]}
 
 
-def grid(x: float, y: float, first: int, n: int) -> tuple[Points, Simplices]:
+def grid(x: float, y: float, first: int, n: int) -> tuple[Points, MeshElements]:
     """A unit square of n by n squares, two triangles each, whose points count from ``first``."""
     points: Points = [(x + i / n, y + j / n) for j in range(n + 1) for i in range(n + 1)]
     corners = [first + j * (n + 1) + i for j in range(n) for i in range(n)]

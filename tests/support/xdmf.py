@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from petsc4py import PETSc
 
-Simplices = Sequence[Sequence[int]]
+MeshElements = Sequence[Sequence[int]]
 
 _KINDS = {2: "PolyLine", 3: "Triangle", 4: "Tetrahedron"}
 _AXES = {2: "XY", 3: "XYZ"}
@@ -18,7 +18,7 @@ _AXES = {2: "XY", 3: "XYZ"}
 def write_xdmf(
     path: Path,
     points: Sequence[Sequence[float]],
-    groups: Mapping[str, Simplices],
+    groups: Mapping[str, MeshElements],
     values: Mapping[str, Sequence[int]] | None = None,
 ) -> Path:
     """Write a mesh and its groups as `dolfinx.io.XDMFFile` does; simplices name points from 1.
@@ -52,7 +52,7 @@ def write_xdmf(
         place = f"{path.with_suffix('.h5').name}:{place}"
         return f'<DataItem Dimensions="{size}"{kind} Format="HDF">{place}</DataItem>'
 
-    def topology(place: str, rows: Simplices) -> str:
+    def topology(place: str, rows: MeshElements) -> str:
         nodes = [[i - 1 for i in row] for row in rows]
         kind = f'TopologyType="{_KINDS[len(rows[0])]}" NumberOfElements="{len(rows)}"'
         data = item(place, nodes, True)

@@ -197,6 +197,8 @@ def _require_applicable(state: SolvedState) -> None:
         raise NotApplicable(_THREE_DIMENSIONS)
     if problem.domain.axisymmetric:
         raise NotApplicable("not for axisymmetric bodies, whose equilibrium has other terms")
+    if state.problem.element.boxes:
+        raise NotApplicable("the stresses in equilibrium are for triangles, not quadrilaterals")
     if not state.report.converged:
         raise NotApplicable("the solve did not converge")
     require_still_foundations(state)

@@ -14,7 +14,10 @@ from scipy.spatial import cKDTree
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.extras.pictures.snapshot import ContactMap, Snapshot, drawn_tool
 from contact_locking.fem import compiled
+from contact_locking.fem.facet_nodes import facet_places
 from contact_locking.laws.elasticity import strain
+from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.domain import Domain
 from contact_locking.results.contact_points import contact_name
 from contact_locking.results.solution import StudySolution
 
@@ -35,12 +38,13 @@ class Pieces:
     """The pieces (p, d + 1) of a cell, by the numbers of the element's nodes in a cell."""
 
     nodes: IntArray
+    of_simplex: bool = True
 
     @classmethod
-    def of(cls, dim: int, degree: int) -> Pieces:
-        """The pieces for displacements of degree 1 or 2 in d dimensions."""
-        whole = (tuple(range(dim + 1)),)
-        return cls(np.array(whole if degree == 1 else _QUADRATIC[dim], dtype=np.int64))
+    def of(cls, kind: CellKind, degree: int) -> Pieces:
+        """The pieces for displacements of degree 1 or 2 in cells of a kind."""
+        nodes = kind.simplices if degree == 1 else _QUADRATIC[kind.dim]
+        return cls(np.array(nodes, dtype=np.int64), kind.is_simplex)
 
     def facets_within(self, nodes: set[int]) -> tuple[list[int], list[IntArray]]:
         """The facets of pieces whose nodes are all among ``nodes``: the pieces, and the facets."""
@@ -56,9 +60,9 @@ class Pieces:
     def strain_norm(self, solution: StudySolution) -> FloatArray:
         """|eps(u)| (k,) at the midpoints of the pieces of owned cells; collective.
 
-        For an axisymmetric body these are the values of :meth:`at_points`.
+        For an axisymmetric body and in boxes these are the values of :meth:`at_points`.
         """
-        if len(self.nodes) == 1 or solution.domain.axisymmetric:
+        if len(self.nodes) == 1 or not self.of_simplex or solution.domain.axisymmetric:
             return self.at_points(solution.strain_norm)
         mesh, dim = solution.domain.mesh, solution.domain.dim
         space = fem.functionspace(mesh, ("DG", 1, (dim, dim)))
@@ -73,9 +77,12 @@ class Pieces:
         """The values (k,) of a scalar in the space of strains for the pieces of owned cells.
 
         A piece at a corner of the cell has the value of the point beside the corner, a piece in the
-        middle the mean of all points.
+        middle the mean of all points.  A piece of a box has the mean of the points beside its
+        corners.
         """
         values = _in_cells(function)[:, :, 0]
+        if not self.of_simplex:
+            return np.asarray(values[:, self.nodes].mean(axis=2).reshape(-1))
         corners = self.nodes.shape[1]
         if len(self.nodes) == 1:
             return np.asarray(values[:, 0])
@@ -109,8 +116,8 @@ def gather(solution: StudySolution) -> Snapshot | None:
     dim, comm, dofmap = domain.dim, domain.comm, u.function_space.dofmap
     node_map, cell_map = dofmap.index_map, domain.mesh.topology.index_map(dim)
     nodes, cells = node_map.size_local, cell_map.size_local
-    pieces = Pieces.of(dim, solution.element.degree)
-    facet_cells, facet_pieces, facet_nodes = _boundary(u.function_space, pieces)
+    pieces = Pieces.of(domain.kind, solution.element.degree)
+    facet_cells, facet_pieces, facet_nodes = _boundary(domain, u.function_space, pieces)
 
     def whole(local: Any) -> Any:
         parts = comm.gather(local)
@@ -160,26 +167,24 @@ def gather(solution: StudySolution) -> Snapshot | None:
     )
 
 
-def _boundary(space: fem.FunctionSpace, pieces: Pieces) -> tuple[IntArray, IntArray, IntArray]:
+def _boundary(
+    domain: Domain, space: fem.FunctionSpace, pieces: Pieces
+) -> tuple[IntArray, IntArray, IntArray]:
     """The pieces of owned exterior facets: cells (m,), pieces of the cell (m,), nodes (m, d).
 
     Cells and nodes have local numbers.
     """
-    topology = space.mesh.topology
-    dim = topology.dim
+    topology, dim = domain.mesh.topology, domain.dim
     topology.create_connectivity(dim - 1, dim)
-    topology.create_connectivity(dim, dim - 1)
     facets = dmesh.exterior_facet_indices(topology)
-    to_cell = topology.connectivity(dim - 1, dim)
-    cells = to_cell.array[to_cell.offsets[facets]]
-    facets_of = topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)
-    place = np.argmax(facets_of[cells] == facets[:, None], axis=1)
-    layout = space.dofmap.dof_layout
-    closure = [set(layout.entity_closure_dofs(dim - 1, i)) for i in range(dim + 1)]
+    cells = domain.owners(facets)
+    place, layout = facet_places(domain, facets, cells), space.dofmap.dof_layout
+    numbers = range(len(domain.kind.facets))
+    closure = [set(layout.entity_closure_dofs(dim - 1, i)) for i in numbers]
     outer = [pieces.facets_within(nodes) for nodes in closure]
-    numbers, nodes = (np.array(found) for found in zip(*outer, strict=True))
+    owners, nodes = (np.array(found) for found in zip(*outer, strict=True))
     local = space.dofmap.list[cells[:, None, None], nodes[place]]
-    return np.repeat(cells, nodes.shape[1]), numbers[place].reshape(-1), local.reshape(-1, dim)
+    return np.repeat(cells, nodes.shape[1]), owners[place].reshape(-1), local.reshape(-1, dim)
 
 
 def _nearest(points: FloatArray, places: FloatArray) -> IntArray:

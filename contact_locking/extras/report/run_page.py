@@ -13,6 +13,8 @@ from contact_locking.results.quantities import QUANTITIES, Quantity, look_up
 from contact_locking.results.read import RunResults
 
 from .charts import Chart
+from .derivative_charts import derivative_charts, rows_of_derivatives
+from .fit_charts import fit_chart, readable_fit
 from .pictures import frames, picture
 from .run_charts import adapt_charts, adapted, contact_charts, history_charts
 from .templates import render
@@ -73,6 +75,8 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     contact_names, contact_quantities = _by_contact(summary)
     parts, numbers = certificate(summary), _quantities(summary)
     holds = [entry["holds"] for part in parts for entry in part.judged.values()]
+    derived, fit = derivative_charts(summary), readable_fit(run.fit)
+    fit_charts = [] if fit is None else [fit_chart(fit)]
     html = render(
         "run.html.j2",
         title=shown(summary.get("title") or "Run"),
@@ -88,6 +92,11 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         history_charts=steps,
         frames=frames(run.animation),
         steps=summary.get("steps"),
+        derivatives=rows_of_derivatives(summary),
+        derivative_charts=derived,
+        trust=look_up(summary, "share_at_change.in_words"),
+        fit=fit,
+        fit_charts=fit_charts,
         adapted=adapted(summary),
         adapt=summary.get("adapt"),
         adapt_charts=adapt,
@@ -106,7 +115,8 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         stages=stages,
         stage_columns=list(dict.fromkeys(name for stage in stages for name in stage)),
     )
-    return html, [*(chart for _, drawn in charts for chart in drawn), *adapt, *steps]
+    drawn = [chart for _, group in charts for chart in group]
+    return html, [*drawn, *adapt, *steps, *derived, *fit_charts]
 
 
 def _verdict(summary: Mapping[str, Any]) -> dict[str, Any]:

@@ -41,7 +41,7 @@ def check_contiguity(
     """Raise InputError where parts touch without shared nodes, or a node hangs on a facet."""
     exterior = np.flatnonzero(facets.shared == 1)
     owner = facets.owner(exterior)
-    check_boundary(mesh, facets.nodes[exterior], owner, parts[owner], warnings, touching)
+    check_boundary(mesh, facets.ordered(exterior), owner, parts[owner], warnings, touching)
 
 
 def check_boundary(
@@ -52,13 +52,16 @@ def check_boundary(
     warnings: list[str],
     touching: Touching = (),
 ) -> None:
-    """`check_contiguity` for the boundary (f, d) of a body, as nodes of ``mesh``.
+    """`check_contiguity` for the boundary (f, n) of a body, as nodes of ``mesh``.
 
     ``owner`` (f,) are the cells of the facets and ``parts`` (f,) the parts of these cells.  Other
     cells and nodes of the mesh may be missing.
     """
     from scipy.spatial import cKDTree
 
+    facet = mesh.kind.facet
+    boundary = facet.split(boundary)
+    owner, parts = (np.repeat(values, len(facet.simplices)) for values in (owner, parts))
     size = longest_edges(mesh.points, boundary)
     nodes = np.unique(boundary)
     part = np.empty(len(mesh.points), dtype=np.int64)
@@ -158,7 +161,7 @@ def _check_hanging(
     number = mesh.cells.numbers[owner[facet[first]]]
     raise InputError(
         f"{places.node(mesh, int(node[first]))} hangs: it lies on {article} {what} of "
-        f"{places.CELL[mesh.dim]} {number} ({places.nodes(mesh, boundary[facet[first]])}), and is "
+        f"{mesh.kind.name} {number} ({places.nodes(mesh, boundary[facet[first]])}), and is "
         f"none of its corners{places.more(len(np.unique(node[hanging])))}, so that the body would "
         f"be cut there; neighbours have to share whole {what}s: {_FRAGMENT}"
     )

@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.mesh.cell_kind import KINDS, CellKind
 
 
 @dataclass(frozen=True)
-class Simplices:
-    """Simplices of one dimension with their physical groups.
+class MeshElements:
+    """Elements of one kind with their physical groups.
 
-    ``nodes`` (k, d + 1) are indices of points, ``numbers`` (k,) are the numbers of the elements in
-    the file, and ``groups`` (k,) are values of ``names``, or 0 for an element without a group.  A
-    name has several values where elements have several names.
+    ``nodes`` (k, c) are indices of points in the order of `CellKind`, ``numbers`` (k,) are the
+    numbers of the elements in the file, and ``groups`` (k,) are values of ``names``, or 0 for an
+    element without a group.  A name has several values where elements have several names.
     """
 
     nodes: IntArray
@@ -33,12 +34,12 @@ class Simplices:
         return next(name for name, values in self.names.items() if group in values)
 
     def named(self, name: str) -> BoolArray:
-        """Which simplices (k,) have a name; none if no group has the name."""
+        """Which elements (k,) have a name; none if no group has the name."""
         return np.isin(self.groups, self.names.get(name, ()))
 
-    def take(self, which: BoolArray) -> Simplices:
-        """The marked simplices; the names stay."""
-        return Simplices(self.nodes[which], self.numbers[which], self.groups[which], self.names)
+    def take(self, which: BoolArray) -> MeshElements:
+        """The marked elements; the names stay."""
+        return MeshElements(self.nodes[which], self.numbers[which], self.groups[which], self.names)
 
 
 @dataclass(frozen=True)
@@ -48,15 +49,20 @@ class MeshData:
     dim: int
     points: FloatArray
     numbers: IntArray
-    cells: Simplices
-    facets: Simplices
+    cells: MeshElements
+    facets: MeshElements
+
+    @property
+    def kind(self) -> CellKind:
+        """The kind of the cells."""
+        return KINDS[self.dim, self.cells.nodes.shape[1]]
 
     def save(self, path: Path) -> None:
         """Write a file that `load` reads, without Python's pickle."""
         names = json.dumps([self.cells.names, self.facets.names]).encode()
         arrays = {
-            f"{kind}_{part}": getattr(simplices, part)
-            for kind, simplices in (("cells", self.cells), ("facets", self.facets))
+            f"{kind}_{part}": getattr(elements, part)
+            for kind, elements in (("cells", self.cells), ("facets", self.facets))
             for part in ("nodes", "numbers", "groups")
         }
         np.savez(
@@ -74,7 +80,7 @@ class MeshData:
         with np.load(path, allow_pickle=False) as file:
             names = json.loads(file["names"].tobytes())
             cells, facets = (
-                Simplices(
+                MeshElements(
                     file[f"{k}_nodes"],
                     file[f"{k}_numbers"],
                     file[f"{k}_groups"],

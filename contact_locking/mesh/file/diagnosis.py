@@ -14,11 +14,11 @@ from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.contiguity import Touching, check_contiguity
-from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.topology import Facets, components, longest_edges, signed_measures
 
-# A cell has collapsed, or nearly collapsed, if |cell| d! over (longest edge)^d is below these
-# shares.
+# A cell has collapsed, or nearly collapsed, if its least Jacobian at a corner, |cell| d! for a
+# simplex, over (longest distance of corners)^d is below these shares.
 _COLLAPSED = 1e-12
 _NEARLY_COLLAPSED = 1e-6
 #: A mesh of more parts is one whose elements share no nodes: nobody holds so many parts one by one.
@@ -36,7 +36,7 @@ class Diagnosis:
 
     part_names: tuple[str, ...]
     parts: IntArray
-    facets: Simplices
+    facets: MeshElements
     unusable: dict[str, str]
     warnings: list[str]
 
@@ -49,7 +49,7 @@ class Diagnosis:
         named = mesh.facets.take(mesh.facets.groups != 0)
         labels: IntArray = np.zeros(len(mesh.cells), dtype=np.int64)
         if bodies > 1:
-            facets = Facets(mesh.cells.nodes, len(mesh.points))
+            facets = Facets(mesh.cells.nodes, len(mesh.points), mesh.kind)
             joined, _ = facets.pairs(np.flatnonzero(facets.shared == 2))
             bodies, labels = components(joined, len(mesh.cells))
         return Diagnosis(_part_names(mesh, bodies, labels), labels, named, {}, [])
@@ -71,7 +71,7 @@ def _diagnose(mesh: MeshData, touching: Touching) -> Diagnosis:
     check_coordinates(mesh)
     _check_groups_of_cells(mesh)
     check_cells(mesh, warnings)
-    facets = Facets(mesh.cells.nodes, len(mesh.points))
+    facets = Facets(mesh.cells.nodes, len(mesh.points), mesh.kind)
     _check_sharing(mesh, facets)
     _check_folds(mesh, facets)
     joined, _ = facets.pairs(np.flatnonzero(facets.shared >= 2))
@@ -125,7 +125,7 @@ def _check_groups_of_cells(mesh: MeshData) -> None:
 def check_cells(mesh: MeshData, warnings: list[str]) -> None:
     """Raise InputError for a cell that has collapsed or has a node twice."""
     cells = mesh.cells.nodes
-    shape = places.CELL[mesh.dim]
+    kind = mesh.kind
     corners = np.sort(cells, axis=1)
     twice = (corners[:, 1:] == corners[:, :-1]).any(axis=1)
     if twice.any():
@@ -136,8 +136,10 @@ def check_cells(mesh: MeshData, warnings: list[str]) -> None:
     length = longest_edges(mesh.points, cells)
     # A collapsed cell may have a volume from the rounding of its coordinates.
     rounding = 8 * np.finfo(float).eps * np.abs(mesh.points).max() / np.maximum(length, 1e-300)
+    beside = cells[:, np.array(kind.beside)].reshape(-1, mesh.dim + 1)
     with np.errstate(all="ignore"):
-        share = np.abs(signed_measures(mesh.points, cells)) / length**mesh.dim
+        jacobians = signed_measures(mesh.points, beside).reshape(len(cells), -1)
+        share = np.abs(jacobians).min(axis=1) / length**mesh.dim
     # The comparison is also false for NaN, from an underflow of lengths or an overflow of volumes.
     bad = ~(share > np.maximum(_COLLAPSED, rounding))
     if bad.any():
@@ -145,24 +147,31 @@ def check_cells(mesh: MeshData, warnings: list[str]) -> None:
             f"{places.cell(mesh, int(np.argmax(bad)))} has collapsed: its nodes lie on one "
             f"{'line' if mesh.dim == 2 else 'plane'}{places.more(int(bad.sum()))}"
         )
+    turned = np.sign(jacobians).min(axis=1) != np.sign(jacobians).max(axis=1)
+    if turned.any():
+        raise InputError(
+            f"{places.cell(mesh, int(np.argmax(turned)))} is folded{places.more(int(turned.sum()))}"
+            f"; the corners of a {kind.name} must be convex and in Gmsh's order"
+        )
     thin = share < _NEARLY_COLLAPSED
     if thin.any():
         warnings.append(
             f"{places.cell(mesh, int(np.argmax(thin)))} has nearly collapsed"
-            f"{places.more(int(thin.sum()))}; digits are lost where a {shape} is so thin"
+            f"{places.more(int(thin.sum()))}; digits are lost where a {kind.name} is so thin"
         )
 
 
 def _check_sharing(mesh: MeshData, facets: Facets) -> None:
     """Raise InputError for a duplicate cell and for a facet of more than two cells."""
     joined = np.flatnonzero(facets.shared >= 2)
-    both, opposite = facets.pairs(joined)
-    same = opposite[:, 0] == opposite[:, 1]
+    both, _ = facets.pairs(joined)
+    first, second = np.sort(mesh.cells.nodes, axis=1)[both.T]
+    same = (first == second).all(axis=1)
     if same.any():
-        first, second = sorted(mesh.cells.numbers[both[np.argmax(same)]])
+        one, other = sorted(mesh.cells.numbers[both[np.argmax(same)]])
         found = len(np.unique(both[same].max(axis=1)))
         raise InputError(
-            f"{places.CELL[mesh.dim]} {second} is {places.CELL[mesh.dim]} {first} once more, at "
+            f"{mesh.kind.name} {other} is {mesh.kind.name} {one} once more, at "
             f"{places.centre(mesh, mesh.cells, int(both[np.argmax(same), 0]))}: they have the same "
             f"nodes{places.more(found)}; remove the duplicates (gmsh.model.mesh."
             "removeDuplicateElements)"
@@ -172,11 +181,12 @@ def _check_sharing(mesh: MeshData, facets: Facets) -> None:
         facet = int(many[0])
         corners = facets.nodes[facet]
         *most, last = map(str, mesh.cells.numbers[facets.cells(facet)])
-        what, plural = ("edge", "triangles") if mesh.dim == 2 else ("face", "tetrahedra")
+        what = "edge" if mesh.dim == 2 else "face"
         raise InputError(
-            f"{facets.shared[facet]} {plural} share one {what} ({places.nodes(mesh, corners)} at "
-            f"{places.at(mesh.points[corners].mean(axis=0))}): {', '.join(most)} and "
-            f"{last}{places.more(len(many))}; at most two can, as cells do not overlap"
+            f"{facets.shared[facet]} {mesh.kind.plural} share one {what} "
+            f"({places.nodes(mesh, corners)} at {places.at(mesh.points[corners].mean(axis=0))}): "
+            f"{', '.join(most)} and {last}{places.more(len(many))}; at most two can, as cells do "
+            "not overlap"
         )
 
 
@@ -185,8 +195,10 @@ def _check_folds(mesh: MeshData, facets: Facets) -> None:
     joined = np.flatnonzero(facets.shared == 2)
     both, opposite = facets.pairs(joined)
     rows = facets.nodes[joined]
+    # Three corners tell the side of a face, and both cells have the same three.
+    corners = rows[:, : mesh.dim]
     sides = [
-        np.sign(signed_measures(mesh.points, np.column_stack([rows, opposite[:, i]])))
+        np.sign(signed_measures(mesh.points, np.column_stack([corners, opposite[:, i]])))
         for i in (0, 1)
     ]
     folded = sides[0] * sides[1] > 0
@@ -202,7 +214,7 @@ def _check_folds(mesh: MeshData, facets: Facets) -> None:
 
 def _named_facets(
     mesh: MeshData, facets: Facets, warnings: list[str]
-) -> tuple[Simplices, dict[str, str]]:
+) -> tuple[MeshElements, dict[str, str]]:
     """The named facets on the boundary, each once, and why every other group bounds nothing.
 
     Facets with the same names have a group together.
@@ -219,7 +231,7 @@ def _named_facets(
             what = "edge" if mesh.dim == 2 else "face"
             unusable[name] = (
                 f"{name!r} does not lie on the body: {places.facet(named, int(np.argmax(off)))} is "
-                f"no {what} of a {places.CELL[mesh.dim]} ({off.sum()} of {own.sum()} such); remove "
+                f"no {what} of a {mesh.kind.name} ({off.sum()} of {own.sum()} such); remove "
                 "what dangles, or make it part of the body's mesh (fragment)"
             )
             warnings.append(f"group {unusable[name]}")
@@ -248,4 +260,4 @@ def _named_facets(
     }
     kept = order[first]
     groups = len(together) - group.reshape(-1)
-    return Simplices(given.nodes[kept], given.numbers[kept], groups, names), unusable
+    return MeshElements(given.nodes[kept], given.numbers[kept], groups, names), unusable

@@ -12,20 +12,21 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.cell_kind import KINDS, TRIANGLE, CellKind
+from contact_locking.mesh.file.data import MeshData, MeshElements
+from contact_locking.mesh.file.places import ONE_KIND
 from contact_locking.meshes import empty_model
 
-# The numbers of the first-order simplices in Gmsh, by dimension.
-_SIMPLEX = {1: 1, 2: 2, 3: 4}
-_PLURAL = {1: "lines", 2: "triangles", 3: "tetrahedra"}
+# The kinds of elements by their numbers in Gmsh.
+_OF_GMSH = {kind.gmsh: kind for kind in KINDS.values()}
 _FLAT = 1e-12  # of the largest coordinate
 
 
 def extract(model: Any, origin: str) -> MeshData:
     """The points, the cells and the facets of a model.
 
-    Raises InputError, where ``origin`` names the mesh, unless the cells are first-order triangles
-    in the plane z = 0 or first-order tetrahedra.
+    Raises InputError, where ``origin`` names the mesh, unless the cells are of one kind and first
+    order, and those of a body in 2D in the plane z = 0.
     """
     dim = max((d for d, _ in model.getEntities()), default=0)
     if dim < 2:
@@ -36,7 +37,8 @@ def extract(model: Any, origin: str) -> MeshData:
     order = np.argsort(numbers)
     numbers = numbers[order].astype(np.int64)
     points = coordinates.reshape(-1, 3)[order]
-    cells, facets = (_simplices(model, d, numbers, origin) for d in (dim, dim - 1))
+    kind = _kind(model, dim, origin)
+    cells, facets = (_elements(model, k, numbers, origin) for k in (kind, kind.facet))
     if dim == 2:
         off = np.abs(points[:, 2]) > _FLAT * np.abs(points).max()
         if off.any():
@@ -59,8 +61,8 @@ def triangles(model: Any, origin: str) -> FloatArray:
     order = np.argsort(numbers)
     found = []
     for kind, tags, nodes in zip(*model.mesh.getElements(2), strict=True):
-        if kind != _SIMPLEX[2]:
-            raise InputError(f"{origin}: {_unsupported(model, 2, kind, tags[0])}")
+        if kind != TRIANGLE.gmsh:
+            raise InputError(f"{origin}: {_unsupported(model, TRIANGLE, kind, tags[0])}")
         rows = np.searchsorted(numbers[order], nodes)
         found.append(coordinates.reshape(-1, 3)[order][rows].reshape(-1, 3, 3))
     if not found:
@@ -68,24 +70,38 @@ def triangles(model: Any, origin: str) -> FloatArray:
     return np.concatenate(found)
 
 
-def _simplices(model: Any, dim: int, node_numbers: IntArray, origin: str) -> Simplices:
-    """The elements of one dimension: group after group, then the elements without a group.
+def _kind(model: Any, dim: int, origin: str) -> CellKind:
+    """The kind of all cells; raises InputError for cells of several kinds."""
+    found = [int(kind) for kind in model.mesh.getElementTypes(dim)]
+    if len(found) > 1:
+        names = [model.mesh.getElementProperties(kind)[0].lower() for kind in found]
+        raise InputError(f"{origin} has cells of several kinds ({', '.join(names)}); {ONE_KIND}")
+    if found[0] not in _OF_GMSH:
+        _, (tags, *_), _ = model.mesh.getElements(dim)
+        raise InputError(f"{origin}: {_unsupported(model, None, found[0], tags[0])}")
+    return _OF_GMSH[found[0]]
 
-    A facet is there once for each of its groups.
+
+def _elements(model: Any, kind: CellKind, node_numbers: IntArray, origin: str) -> MeshElements:
+    """The elements of one kind: group after group, then the elements without a group.
+
+    A facet is there once for each of its groups.  Raises InputError for elements of the dimension
+    and another kind.
     """
+    dim, order = kind.dim, list(kind.gmsh_order)
     names: dict[str, tuple[int, ...]] = {}
     owner: dict[int, str] = {}
-    nodes: list[IntArray] = [np.empty((0, dim + 1), dtype=np.int64)]
+    nodes: list[IntArray] = [np.empty((0, kind.corners), dtype=np.int64)]
     numbers: list[IntArray] = [np.empty(0, dtype=np.int64)]
     groups: list[IntArray] = [np.empty(0, dtype=np.int64)]
 
     def add(entity: int, group: int) -> None:
-        for kind, tags, corners in zip(*model.mesh.getElements(dim, entity), strict=True):
-            if kind != _SIMPLEX[dim]:
-                raise InputError(f"{origin}: {_unsupported(model, dim, kind, tags[0])}")
+        for number, tags, corners in zip(*model.mesh.getElements(dim, entity), strict=True):
+            if number != kind.gmsh:
+                raise InputError(f"{origin}: {_unsupported(model, kind, number, tags[0])}")
             numbers.append(tags.astype(np.int64))
             rows = np.searchsorted(node_numbers, corners.astype(np.int64))
-            nodes.append(rows.reshape(-1, dim + 1))
+            nodes.append(rows.reshape(-1, kind.corners)[:, order])
             groups.append(np.full(len(tags), group, dtype=np.int64))
 
     for _, tag in model.getPhysicalGroups(dim):
@@ -104,18 +120,25 @@ def _simplices(model: Any, dim: int, node_numbers: IntArray, origin: str) -> Sim
     for _, entity in model.getEntities(dim):
         if int(entity) not in owner:
             add(int(entity), 0)
-    return Simplices(np.concatenate(nodes), np.concatenate(numbers), np.concatenate(groups), names)
+    return MeshElements(
+        np.concatenate(nodes), np.concatenate(numbers), np.concatenate(groups), names
+    )
 
 
-def _unsupported(model: Any, dim: int, kind: int, number: int) -> str:
-    """Why elements of this kind are not read, and the way out if there is one."""
-    shape, _, order, _, _, corners = model.mesh.getElementProperties(kind)
+def _unsupported(model: Any, wanted: CellKind | None, kind: int, number: int) -> str:
+    """Why elements of this kind are not read, and the way out if there is one.
+
+    ``wanted`` is the kind that fits the others, None for any.
+    """
+    shape, dim, order, _, _, corners = model.mesh.getElementProperties(kind)
+    known = [wanted] if wanted else [one for one in KINDS.values() if one.dim == dim]
+    plurals = " and ".join(one.plural for one in known)
     text = (
-        f"only first-order {_PLURAL[dim]} are supported, element {number} is a {shape} in Gmsh's "
+        f"only first-order {plurals} are supported here, element {number} is a {shape} in Gmsh's "
         "words"
     )
-    if order == 1 or corners != dim + 1:
-        return text
+    if order == 1 or corners not in [one.corners for one in known]:
+        return text if order > 1 else f"{text}; {ONE_KIND}"
     # A quadratic displacement has no affine strain there, so that a limit at points says nothing
     # about the rest of the cell.
     return (

@@ -5,10 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.file.data import MeshData, MeshElements
 
-CELL = {2: "triangle", 3: "tetrahedron"}
-FACET = {2: "line", 3: "triangle"}
+#: The way out for a mesh of several kinds of cells.
+ONE_KIND = (
+    "a body needs cells of one kind: in Gmsh leave out Recombine and mesh again for simplices, or "
+    "recombine every surface and volume (Mesh.RecombineAll with Mesh.SubdivisionAlgorithm = 1 for "
+    "quadrilaterals, 2 for hexahedra)"
+)
+
+
+def of_facets(kind: CellKind) -> str:
+    """The facets of a kind of cells in words, without an article."""
+    return "line" if kind.dim == 2 else kind.facet.name
 
 
 def at(point: FloatArray) -> str:
@@ -30,17 +40,18 @@ def nodes(mesh: MeshData, indices: IntArray) -> str:
 
 def cell(mesh: MeshData, index: int) -> str:
     """A cell by its number, with its centre."""
-    return f"{CELL[mesh.dim]} {mesh.cells.numbers[index]} at {centre(mesh, mesh.cells, index)}"
+    return f"{mesh.kind.name} {mesh.cells.numbers[index]} at {centre(mesh, mesh.cells, index)}"
 
 
 def facet(mesh: MeshData, index: int) -> str:
     """A facet of a group by its number, with its centre."""
-    return f"{FACET[mesh.dim]} {mesh.facets.numbers[index]} at {centre(mesh, mesh.facets, index)}"
+    where = centre(mesh, mesh.facets, index)
+    return f"{of_facets(mesh.kind)} {mesh.facets.numbers[index]} at {where}"
 
 
-def centre(mesh: MeshData, simplices: Simplices, index: int) -> str:
-    """The centre of a simplex."""
-    return at(np.mean(mesh.points[simplices.nodes[index]], axis=0))
+def centre(mesh: MeshData, elements: MeshElements, index: int) -> str:
+    """The centre of an element."""
+    return at(np.mean(mesh.points[elements.nodes[index]], axis=0))
 
 
 def more(count: int) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact_locking.arrays import FloatArray, IntArray
+from contact_locking.mesh.cell_kind import CellKind
 
 
 def keys(rows: IntArray, count: int) -> npt.NDArray[Any]:
@@ -19,24 +20,24 @@ def keys(rows: IntArray, count: int) -> npt.NDArray[Any]:
 
 
 class Facets:
-    """Every facet of cells (k, d + 1), once, with the cells that share it.
+    """Every facet of cells (k, c) of a kind, once, with the cells that share it.
 
-    ``nodes`` (f, d) are the nodes of each facet, sorted, and ``shared`` (f,) is the number of its
+    ``nodes`` (f, n) are the nodes of each facet, sorted, and ``shared`` (f,) is the number of its
     cells.
     """
 
-    def __init__(self, cells: IntArray, num_nodes: int) -> None:
-        width = cells.shape[1]
-        corners = np.sort(cells, axis=1)
-        rows = np.concatenate([np.delete(corners, i, axis=1) for i in range(width)])
+    def __init__(self, cells: IntArray, num_nodes: int, kind: CellKind) -> None:
+        of_cells = kind.facets_of(cells)
+        rows = np.sort(of_cells, axis=1)
         self._num_nodes = num_nodes
         values = keys(rows, num_nodes)
         order = np.argsort(values, kind="stable")
         values = values[order]
         first = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
         self._first, self._keys = first, values[first]
-        self._cell = np.tile(np.arange(len(cells)), width)[order]
-        self._opposite = corners.T.ravel()[order]
+        self._cell = np.tile(np.arange(len(cells)), len(kind.facets))[order]
+        self._opposite = cells[:, kind.opposite].T.ravel()[order]
+        self._ordered = of_cells[order[first]]
         self.nodes: IntArray = rows[order[first]]
         self.shared: IntArray = np.diff(np.append(first, len(values)))
 
@@ -46,16 +47,20 @@ class Facets:
         return self._cell[start : start + self.shared[facet]]
 
     def pairs(self, facets: IntArray) -> tuple[IntArray, IntArray]:
-        """The first two cells (k, 2) of k facets, and the nodes (k, 2) opposite to the facets."""
+        """The first two cells (k, 2) of k facets, and a node (k, 2) of each off the facet."""
         both = self._first[facets][:, None] + [0, 1]
         return self._cell[both], self._opposite[both]
+
+    def ordered(self, facets: IntArray) -> IntArray:
+        """The nodes (k, n) of k facets in the order of `CellKind`."""
+        return self._ordered[facets]
 
     def owner(self, facets: IntArray) -> IntArray:
         """The first cell (k,) of k facets."""
         return self._cell[self._first[facets]]
 
     def find(self, rows: IntArray) -> IntArray:
-        """The facets (k,) with these nodes (k, d), in any order; -1 without such a facet."""
+        """The facets (k,) with these nodes (k, n), in any order; -1 without such a facet."""
         wanted = keys(np.sort(rows, axis=1), self._num_nodes)
         places = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
         return np.where(self._keys[places] == wanted, places, -1)
@@ -85,12 +90,12 @@ def signed_measures(points: FloatArray, simplices: IntArray) -> FloatArray:
     return np.einsum("ki,ki->k", a, np.cross(b, c))
 
 
-def longest_edges(points: FloatArray, simplices: IntArray) -> FloatArray:
-    """The longest edge (k,) of each simplex (k, d + 1)."""
-    width = simplices.shape[1]
-    longest = np.zeros(len(simplices))
+def longest_edges(points: FloatArray, cells: IntArray) -> FloatArray:
+    """The longest distance (k,) of two corners of each cell (k, c)."""
+    width = cells.shape[1]
+    longest = np.zeros(len(cells))
     for i in range(width):
         for j in range(i):
-            edge = points[simplices[:, i]] - points[simplices[:, j]]
+            edge = points[cells[:, i]] - points[cells[:, j]]
             np.maximum(longest, np.einsum("ki,ki->k", edge, edge), out=longest)
     return np.sqrt(longest)

@@ -11,6 +11,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from contact_locking.errors import InputError
+from contact_locking.mesh.cell_kind import INTERVAL, NAMED, CellKind
 from contact_locking.mesh.file import places
 from contact_locking.mesh.file.reader import require_file
 
@@ -22,15 +23,19 @@ _LARGEST = 1_000_000
 _WRITE = "write them to an HDF5 file, as dolfinx.io.XDMFFile does, or meshio with data_format='HDF'"
 # Where the version of the superblock of HDF5 stands, and by version the end of the file.
 _VERSION, _END = 8, {0: 40, 1: 44, 2: 28, 3: 28}
-_DIMENSIONS = {"polyline": 1, "triangle": 2, "tetrahedron": 3}
+_KINDS = {"polyline": INTERVAL, **NAMED}
 
 
 @dataclass(frozen=True)
 class Grid:
-    """The simplices of one dimension under one name."""
+    """The elements of one kind under one name."""
 
     name: str
-    dim: int
+    kind: CellKind
+
+    @property
+    def dim(self) -> int:
+        return self.kind.dim
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,7 @@ def read_grids(path: Path) -> Grids:
     """The grids of a file; for one process.
 
     The first grid is the mesh.  Every other grid has tags of cells or facets, and is a group.
-    Raises InputError for a file that is no mesh of triangles or tetrahedra.
+    Raises InputError for a file that is no mesh of cells of one kind.
     """
     require_file(path)
     if path.stat().st_size > _LARGEST:
@@ -99,10 +104,10 @@ def read_grids(path: Path) -> Grids:
     if cells.dim < 2:
         raise InputError(f"{path} is a 1D mesh; a body in 2D or 3D is needed", _KEY)
     for grid in groups:
-        if not cells.dim - 1 <= grid.dim <= cells.dim:
+        if grid.kind not in (cells.kind, cells.kind.facet):
             raise InputError(
-                f"{path}: grid {grid.name!r} has neither {places.CELL[cells.dim]}s nor "
-                f"{places.FACET[cells.dim]}s of the body",
+                f"{path}: grid {grid.name!r} has neither {cells.kind.plural} nor "
+                f"{places.of_facets(cells.kind)}s of the body",
                 _KEY,
             )
     names = [grid.name for grid in grids]
@@ -131,10 +136,15 @@ def _grid(grid: ElementTree.Element, path: Path) -> Grid:
     # Names are printed, and terminals read some characters as commands; quotes end an XPath.
     if not name or not name.isprintable() or "'" in name:
         raise InputError(f"{path}: the name of a grid is {name!a}, which is no name", _KEY)
-    if kind.lower() not in _DIMENSIONS:
+    if kind.lower() == "mixed":
         raise InputError(
-            f"{path}: grid {name!r} has the topology {kind!a}; only first-order triangles and "
-            "tetrahedra are supported, with lines and triangles as their facets",
+            f"{path}: grid {name!r} has cells of several kinds; {places.ONE_KIND}", _KEY
+        )
+    if kind.lower() not in _KINDS:
+        known = ", ".join(kind.plural for kind in NAMED.values())
+        raise InputError(
+            f"{path}: grid {name!r} has the topology {kind!a}; only these of first order are "
+            f"supported: {known}, with lines, triangles and quadrilaterals as their facets",
             _KEY,
         )
-    return Grid(name, _DIMENSIONS[kind.lower()])
+    return Grid(name, _KINDS[kind.lower()])

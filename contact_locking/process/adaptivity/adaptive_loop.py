@@ -21,7 +21,7 @@ from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray
 from contact_locking.contact.coulomb import default_radius
-from contact_locking.errors import NotRefined
+from contact_locking.errors import InputError, NotRefined
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.whole_mesh import WholeMesh, gather_cells, gather_mesh, spread
 from contact_locking.monitor import Attentive, Monitor
@@ -80,6 +80,12 @@ def solve_adaptively(
     began = time.perf_counter()
     domain = None if restart is None else checkpoint.refined_mesh(restart, comm)
     domain = domain or mesh_of(parameters, comm)
+    if not domain.kind.is_simplex:
+        raise InputError(
+            f"DOLFINx refines simplices only, and the mesh has {domain.kind.plural}; take "
+            "triangles or tetrahedra (mesh.cells: simplex), or leave out adapt",
+            "adapt",
+        )
     while True:
         solution = solving.solve(parameters, comm, monitor, petsc_options, restart, domain)
         restart = None

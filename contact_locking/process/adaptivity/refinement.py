@@ -22,10 +22,10 @@ from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.distribution import distribute
 from contact_locking.mesh.file import places
-from contact_locking.mesh.file.data import MeshData, Simplices
+from contact_locking.mesh.file.data import MeshData, MeshElements
 from contact_locking.mesh.file.diagnosis import Diagnosis
 from contact_locking.mesh.file.topology import Facets, longest_edges, signed_measures
-from contact_locking.mesh.whole_mesh import WholeMesh, simplices
+from contact_locking.mesh.whole_mesh import WholeMesh, elements
 from contact_locking.meshes.curved import Curved, rounded
 
 # A node that moves onto a curved side may take at most this share of the volume of a cell.
@@ -68,7 +68,7 @@ def refined(mesh: WholeMesh, marked: BoolArray, curved: tuple[Curved, ...] = ())
 def _bisected(mesh: WholeMesh, marked: BoolArray) -> tuple[MeshData, IntArray]:
     """The mesh with straight new edges, and the parent (k,) of each cell."""
     old, dim = mesh.data, mesh.data.dim
-    made = distribute(MPI.COMM_SELF, dim, old, mesh.diagnosis.facets, mesh.diagnosis.parts)
+    made = distribute(MPI.COMM_SELF, old.kind, old, mesh.diagnosis.facets, mesh.diagnosis.parts)
     coarse = made.mesh
     original = np.asarray(coarse.topology.original_cell_index, dtype=np.int64)
     coarse.topology.create_entities(1)
@@ -88,15 +88,15 @@ def _bisected(mesh: WholeMesh, marked: BoolArray) -> tuple[MeshData, IntArray]:
         dim,
         np.array(fine.geometry.x[:, :dim]),
         np.arange(len(fine.geometry.x)),
-        simplices(_compat.cell_nodes(fine)[order], old.cells.groups[of], old.cells.names),
+        elements(_compat.cell_nodes(fine)[order], old.cells.groups[of], old.cells.names),
         _facets(fine, dim, tags, old.facets),
     )
     return data, of
 
 
-def _facets(fine: dmesh.Mesh, dim: int, tags: dmesh.MeshTags, old: Simplices) -> Simplices:
+def _facets(fine: dmesh.Mesh, dim: int, tags: dmesh.MeshTags, old: MeshElements) -> MeshElements:
     nodes = _compat.entities_to_geometry(fine, dim - 1, tags.indices)
-    return simplices(nodes, tags.values, old.names)
+    return elements(nodes, tags.values, old.names)
 
 
 def _nodes_of(data: MeshData, name: str) -> BoolArray:
@@ -154,10 +154,10 @@ def warnings(data: MeshData) -> list[str]:
     ]
 
 
-def _bends(data: MeshData, part: Simplices) -> bool:
+def _bends(data: MeshData, part: MeshElements) -> bool:
     if len(part) < 2:
         return False
-    ridges = Facets(part.nodes, len(data.points))
+    ridges = Facets(part.nodes, len(data.points), data.kind.facet)
     pairs, _ = ridges.pairs(np.flatnonzero(ridges.shared == 2))
     normals = _normals(data.points[part.nodes])
     cosines = np.abs(np.einsum("kd,kd->k", *(normals[pairs[:, i]] for i in (0, 1))))

@@ -25,6 +25,7 @@ from .contact_sections import (
     Smoothing,
 )
 from .eigenstrain import Eigenstrain
+from .fit import Curve, FitParameters, FittedNumber
 from .material import Elasticity, MaterialParameters, Region, StrainLimit
 from .mesh import MeshParameters
 from .numerics import (
@@ -50,9 +51,12 @@ __all__ = [
     "CertificateParameters",
     "ContactParameters",
     "ContactSection",
+    "Curve",
     "DiscretisationParameters",
     "Eigenstrain",
     "Elasticity",
+    "FitParameters",
+    "FittedNumber",
     "Foundation",
     "FrictionParameters",
     "LoadParameters",
@@ -115,6 +119,9 @@ class Parameters(Section):
     )
     sensitivities: SensitivityParameters | None = entry(
         None, "derivatives of the results by numbers of the file", optional=True
+    )
+    fit: FitParameters | None = entry(
+        None, "measured curves that numbers of the file are fitted to", optional=True
     )
     study: StudyParameters | None = entry(None, "many cases with other values", optional=True)
     certificate: CertificateParameters = entry(
@@ -275,6 +282,11 @@ class Parameters(Section):
         if self.sensitivities is not None and self.sensitivities.check and self.adapt is not None:
             yield Fault(
                 ("sensitivities", "check"),
+                "does not go with adapt, whose meshes change with the numbers; leave out one",
+            )
+        if self.fit is not None and self.adapt is not None:
+            yield Fault(
+                ("fit",),
                 "does not go with adapt, whose meshes change with the numbers; leave out one",
             )
         for index, force in enumerate(self.loads.forces if self.mesh.axisymmetric else ()):

@@ -1,0 +1,1 @@
+"""Fits of numbers of a study file to measured curves."""

@@ -1,0 +1,160 @@
+"""What a fit has found, and what it has not, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from contact_locking.arrays import FloatArray
+from contact_locking.plain_text import count, per_cent
+
+from . import estimate
+from .estimate import UNDETERMINED, Combination, Estimate, Residuals, combinations
+
+# Powers below this share are left out of the name of a combination.
+_SMALL = 0.2
+# Data and model that differ by this factor have other units.
+_OTHER_UNITS = 1e3
+# Residuals change their sign so much less often than noise, in standard deviations, if the model
+# lacks something.  It tells where they are this share of the largest of the data.
+_TOO_FEW_RUNS, _NOISE = -2.6, 1e-3
+# Residuals that noise would make so rarely are no noise.
+_BY_CHANCE = 1e-3
+
+
+def combination_name(combination: Combination, keys: Sequence[str]) -> str:
+    """``young^0.71 mu^-0.70``, the largest power positive."""
+    powers = combination.powers * np.sign(combination.powers[np.argmax(np.abs(combination.powers))])
+    order = [i for i in np.argsort(-np.abs(powers)) if abs(powers[i]) >= _SMALL]
+    if len(order) == 1:
+        return keys[order[0]]
+    return " ".join(f"{keys[i]}^{powers[i]:.2f}" for i in order)
+
+
+def undetermined(found: Estimate, keys: Sequence[str]) -> list[str]:
+    """The combinations of the numbers that the data do not determine."""
+    unknown = [one for one in found.combinations if not one.error <= UNDETERMINED]
+    told = [f"{combination_name(one, keys)}: {_uncertain(one.error)}" for one in unknown]
+    return told + [
+        f"{key}: the search was stopped short of where nothing depends on it; the data may not "
+        "determine more than one bound of it"
+        for key in found.lost
+        if not found.errors[keys.index(key)] <= UNDETERMINED * abs(found.numbers[keys.index(key)])
+    ]
+
+
+def _uncertain(error: float) -> str:
+    if not np.isfinite(error):
+        return "the data do not depend on it"
+    return f"its standard error is {per_cent(error)}"
+
+
+def before(
+    at_start: Residuals, numbers: FloatArray, keys: Sequence[str], used: float | None
+) -> list[str]:
+    """What the data cannot tell, by the derivatives at the start, the ``numbers`` (n,).
+
+    ``used`` is the largest share of the strain limit.
+    """
+    if at_start.derivatives is None:
+        return ["derivatives take solver.linear: direct; here each number takes one more solve"]
+    found, by_logarithms = [], at_start.derivatives * numbers
+    idle = estimate.idle(at_start, numbers)
+    for key, is_idle in zip(keys, idle, strict=True):
+        if is_idle and key.endswith("locking_limit") and used is not None and used < 1.0:
+            found.append(
+                f"{key}: nothing locks at the start, where the strain reaches {per_cent(used)} of "
+                "the limit, so that the data do not determine it; start at a smaller limit"
+            )
+        elif is_idle:
+            found.append(f"{key}: the measured quantities do not depend on it at the start")
+    rest = np.flatnonzero(~idle)
+    if len(rest) > 1:
+        names = [keys[i] for i in rest]
+        every = combinations(by_logarithms[:, rest], 1.0)
+        least = estimate.NO_INFLUENCE * every[0].singular
+        found += [
+            f"{combination_name(one, names)}: the data do not determine it at the start"
+            for one in every
+            if one.singular <= least
+        ]
+    return found
+
+
+def about_units(column: str, data: FloatArray, model: FloatArray) -> list[str]:
+    """Whether data and model at the start have magnitudes that do not belong together."""
+    given, found = (float(np.max(np.abs(values), initial=0.0)) for values in (data, model))
+    if found == 0.0 and given > 0.0:
+        return [f"{column}: the model has 0 at the start; does the body touch?"]
+    if given > 0.0 and not 1.0 / _OTHER_UNITS < given / found < _OTHER_UNITS:
+        return [
+            f"{column}: the largest of the data is {given:.3g}, and the model has {found:.3g} at "
+            "the start; are the units the same?"
+        ]
+    return []
+
+
+def about_residuals(
+    column: str, residuals: FloatArray, data: FloatArray, sigma: FloatArray | None, free: float
+) -> list[str]:
+    """Whether the residuals (k,) are noise, with standard errors if they are known.
+
+    ``free`` is the share of the data that no fitted number has used up.
+    """
+    told = []
+    if sigma is not None:
+        total, freedom = float(np.sum((residuals / sigma) ** 2)), free * len(residuals)
+        if freedom > 0.0 and chi2.sf(total, freedom) < _BY_CHANCE:
+            told.append(
+                f"{column}: the residuals are {np.sqrt(total / freedom):.1f} times their standard "
+                "errors; the model lacks something, or the errors are larger"
+            )
+    size = float(np.sqrt(np.mean(residuals**2)))
+    z, runs, expected = runs_of(residuals)
+    if z < _TOO_FEW_RUNS and size > _NOISE * float(np.max(np.abs(data))):
+        told.append(
+            f"{column}: the residuals change their sign {runs - 1} times, noise would do so about "
+            f"{expected - 1.0:.0f} times; the model lacks something, or its steps are too coarse"
+        )
+    return told
+
+
+def runs_of(residuals: FloatArray) -> tuple[float, int, float]:
+    """The runs of one sign: by how many standard deviations noise has more, how many, and how many.
+
+    The third is what noise has.  The test of Wald and Wolfowitz.
+    """
+    signs = np.sign(residuals)
+    signs = signs[signs != 0.0]
+    above, below = float(np.sum(signs > 0.0)), float(np.sum(signs < 0.0))
+    count = above + below
+    runs = 1 + int(np.sum(signs[1:] != signs[:-1])) if count else 0
+    if count < 2.0:
+        return 0.0, runs, float(runs)
+    expected = 1.0 + 2.0 * above * below / count
+    variance = (expected - 1.0) * (expected - 2.0) / (count - 1.0)
+    # All of one sign have no variance; half a run is what a count can be wrong by.
+    spread = max(np.sqrt(max(variance, 0.0)), 0.5)
+    if above == 0.0 or below == 0.0:
+        expected, spread = 1.0 + count / 2.0, np.sqrt(count) / 2.0
+    return float((runs - expected) / spread), runs, float(expected)
+
+
+def rows(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The table of a terminal, of the content of fit.json."""
+    table: list[tuple[str, ...]] = []
+    for key, entry in found["parameters"].items():
+        error, (low, high) = entry["standard_error"], entry["interval"]
+        if error is None or not np.isfinite(error):
+            told, between = "not determined", ""
+        else:
+            told, between = f"± {error:.2g}", f"95 %: {low:.5g} to {high:.5g}"
+        bound = "at a bound" if entry["at_bound"] else ""
+        table.append((key, f"{entry['value']:.6g}", told, between, bound))
+    numbers = sum(len(curve["data"]) for curve in found["curves"])
+    told = count(found["evaluations"], "evaluation")
+    table.append(("misfit", f"{found['misfit']:.4g}", f"of {numbers} numbers", told, ""))
+    return table

@@ -1,0 +1,278 @@
+"""Fits from a study file and CSV files to fit.json, and what is refused on the way."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contact_locking import load
+from contact_locking.command import cli
+from contact_locking.errors import InputError
+from contact_locking.running.fit.curves import read_experiments
+
+pytestmark = pytest.mark.serial
+
+COLUMN = """
+mesh: {builder: block, size: [1.0, 1.0], h: 0.5}
+material: {elasticity: {young: 1.0, poisson: 0.0}}
+loads: {displacements: [{on: top, value: [0, -0.01]}]}
+contact: {on: bottom}
+penalty: {n: .inf}
+output: {directory: results, fields: false, picture: false}
+"""
+FIT = """
+fit:
+  data: curve.csv
+  quantities: {force: contact_force.1}
+  parameters: {material.elasticity.young: {start: 2.5, bounds: [0.1, 100]}}
+"""
+KEY = "loads.displacements.0.value.1"
+
+
+class Folder:
+    """A folder with a study file and its curves, in which commands run."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def write(self, study: str, **curves: str) -> None:
+        (self.path / "study.yml").write_text(study)
+        for name, text in curves.items():
+            (self.path / f"{name}.csv").write_text(text)
+
+    def fit(self, *words: str) -> int:
+        output = ["--output", str(self.path / "results")]
+        return cli.main(["fit", str(self.path / "study.yml"), "--quiet", *output, *words])
+
+    @property
+    def found(self) -> dict[str, Any]:
+        content: dict[str, Any] = json.loads((self.path / "results/fit.json").read_text())
+        return content
+
+    @property
+    def evaluations(self) -> dict[str, float]:
+        """The files of evaluations, with the times of their last change."""
+        files = (self.path / "results/evaluations").glob("*-*.json")
+        every = {*files, *(self.path / "results/evaluations").glob("[0-9a-f]*.json")}
+        return {path.name: path.stat().st_mtime for path in every if "files" not in path.name}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    return Folder(tmp_path)
+
+
+LINE = f"{KEY},force\n-0.01,0.0202\n-0.03,0.0599\n"
+
+
+def test_a_modulus_is_fitted_to_a_line(folder: Folder) -> None:
+    """A column without lateral strain: the force is E times the depth, here with E near 2."""
+    folder.write(COLUMN + FIT, curve=LINE)
+    assert folder.fit() == 0
+    found, (depths, forces) = folder.found, ([0.01, 0.03], [0.0202, 0.0599])
+    best = np.dot(depths, forces) / np.dot(depths, depths)
+    entry = found["parameters"]["material.elasticity.young"]
+    assert entry["value"] == pytest.approx(best, rel=1e-5)
+    left = best * np.array(depths) - forces
+    error = np.sqrt(left @ left / np.dot(depths, depths))
+    assert entry["standard_error"] == pytest.approx(error, rel=1e-3)
+    assert entry["interval"][0] < best < entry["interval"][1]
+    assert found["correlation"] == [[pytest.approx(1.0)]] and found["undetermined"] == []
+    assert found["curves"][0]["model"] == pytest.approx(best * np.array(depths), rel=1e-5)
+    # The folder is that of a run at the numbers that were found, here in the last row.
+    results = folder.path / "results"
+    parameters = load(results / "parameters.yaml").parameters
+    assert parameters.material.elasticity.young == pytest.approx(best, rel=1e-5)
+    assert parameters.fit is None
+    assert (results / "fit.png").read_bytes().startswith(b"\x89PNG")
+    cli.main(["report", str(results)])
+    assert "<h2>Fit</h2>" in (results / "report.html").read_text()
+
+
+def test_a_run_in_the_folder_takes_the_place_of_the_fit(folder: Folder) -> None:
+    folder.write(COLUMN + FIT, curve=LINE)
+    folder.fit()
+    output = str(folder.path / "results")
+    assert cli.main(["run", str(folder.path / "study.yml"), "--quiet", "--output", output]) == 0
+    assert not (folder.path / "results/fit.json").exists()
+
+
+def test_a_fit_finds_its_evaluations_again(folder: Folder) -> None:
+    folder.write(COLUMN + FIT, curve=LINE)
+    folder.fit()
+    before, found = folder.evaluations, folder.found
+    assert len(before) == 2 * found["evaluations"]
+    assert folder.fit() == 0
+    assert folder.evaluations == before and folder.found == found
+
+
+def test_a_fit_that_was_killed_goes_on(folder: Folder) -> None:
+    folder.write(COLUMN + FIT, curve=LINE)
+    study = str(folder.path / "study.yml")
+    command = [sys.executable, "-m", "contact_locking", "fit", study, "--output"]
+    process = subprocess.Popen([*command, str(folder.path / "results")])
+    deadline = time.monotonic() + 120.0
+    while not folder.evaluations and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    before = folder.evaluations
+    assert before and not (folder.path / "results/fit.json").exists()
+    assert folder.fit() == 0
+    assert before.items() <= folder.evaluations.items()
+
+
+def test_several_experiments_share_their_numbers(folder: Folder) -> None:
+    """The second column is half as high; its force is twice that of the same depth."""
+    several = FIT.replace(
+        "data: curve.csv",
+        "data: [high.csv, {file: low.csv, set: {mesh.size: [1.0, 0.5], contact.gap: 0.001}}]",
+    )
+    low = f"{KEY},force,note\n-0.011,0.04,1\n"
+    folder.write(COLUMN + several, high=f"{KEY},force\n-0.01,0.02\n", low=low)
+    assert folder.fit() == 0
+    entry = folder.found["parameters"]["material.elasticity.young"]
+    assert entry["value"] == pytest.approx(2.0, rel=1e-4)
+    assert [curve["file"] for curve in folder.found["curves"]] == ["high.csv", "low.csv"]
+    assert (folder.path / "results/1-low/summary.json").exists()
+
+
+def test_differences_serve_where_derivatives_are_refused(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: Any) -> None:
+        raise InputError("no derivatives", "solver.linear")
+
+    from contact_locking.process.sensitivities import Sensitivities
+
+    monkeypatch.setattr(Sensitivities, "of", refused)
+    folder.write(COLUMN + FIT, curve=LINE)
+    assert folder.fit() == 0
+    value = folder.found["parameters"]["material.elasticity.young"]["value"]
+    assert value == pytest.approx(2.0, rel=5e-3)
+    assert "takes one more solve" in folder.found["words"][0]
+
+
+STEPS = COLUMN.replace("[0, -0.01]", '[0, "-0.03*t"]') + "steps: {to: 1, count: 3}\n"
+
+
+def test_times_between_the_steps_are_interpolated(folder: Folder) -> None:
+    folder.write(STEPS + FIT, curve="t,force\n0,0\n0.2,0.012\n0.5,0.03\n1,0.06\n")
+    assert folder.fit() == 0
+    value = folder.found["parameters"]["material.elasticity.young"]["value"]
+    assert value == pytest.approx(2.0, rel=1e-5)
+    assert (folder.path / "results/history.csv").exists()
+
+
+def test_a_limit_that_nothing_reaches_is_told_before_the_search(
+    folder: Folder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    limit = "\n    material.locking_limit: {start: 0.5, bounds: [0.01, 1]}\n"
+    both = FIT.replace("parameters: {", "parameters:\n    ").replace("}}", "}")
+    folder.write(STEPS + both.rstrip() + limit, curve="t,force\n0.5,0.03\n1,0.061\n0.7,0.0415\n")
+    assert folder.fit() == 0
+    said = "material.locking_limit: nothing locks at the start, where the strain reaches 6 %"
+    assert said in folder.found["words"][0]
+    assert folder.found["undetermined"][-1].startswith("material.locking_limit: the data do not")
+    assert folder.found["parameters"]["material.locking_limit"]["standard_error"] is None
+
+
+@pytest.mark.parametrize(
+    ("curve", "said"),
+    [
+        ("t,force\n", "has no rows of numbers"),
+        ("", "has no column 'force'"),
+        ("t,Force\n1,2\n", "has no column 'force' (did you mean 'Force'?)"),
+        ("t;force\n1;2\n", "semicolons"),
+        ("t,force\n1,nan\n", "curve.csv, row 2, force: 'nan' is no finite number"),
+        ("t,force\n1,\n", "row 2, force: '' is no finite number"),
+        ("t,force,force\n1,2,3\n", "several columns 'force'"),
+        ("t,force,sigma\n1,2,0\n", "sigma must be positive"),
+        ("t,force\n0.5,2\n1000,3\n", "times from 0.5 to 1000, and the steps go from 0 to 1"),
+        ("force\n2\n", "has no column t"),
+    ],
+)
+def test_curves_that_cannot_be_used_are_refused(folder: Folder, curve: str, said: str) -> None:
+    folder.write(STEPS + FIT, curve=curve)
+    with pytest.raises(InputError, match=r"curve\.csv") as caught:
+        read_experiments(load(folder.path / "study.yml").parameters)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("curve", "said"),
+    [
+        ("t,force\n1,2\n", "has a column t, and the file has no steps"),
+        ("force\n1\n2\n", "several rows, and nothing that differs between them"),
+    ],
+)
+def test_curves_without_steps_are_refused(folder: Folder, curve: str, said: str) -> None:
+    folder.write(COLUMN + FIT, curve=curve)
+    with pytest.raises(InputError, match=said):
+        read_experiments(load(folder.path / "study.yml").parameters)
+
+
+def test_more_parameters_than_data_are_refused(folder: Folder) -> None:
+    more = FIT.replace("}}", "}, material.elasticity.poisson: {start: 0.2}}")
+    folder.write(COLUMN + more, curve="force\n1\n")
+    with pytest.raises(InputError, match="2 parameters to fit and 1 measured number"):
+        read_experiments(load(folder.path / "study.yml").parameters)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("data: nothing.csv", "there is no such file"),
+        ("parameters: {mesh.h: {start: 0.2}}", "mesh.h changes the mesh"),
+        ("parameters: {material.elasticity.poisson: {start: 0.7}}", "does not take 0.7"),
+        ("parameters: {material.young: {start: 1}}", "does not take 1"),
+        ("quantities: {force: locked_fraction}", "count of points"),
+        ("quantities: {force: reactions.botom.1}", "no quantity 'reactions.botom.1'"),
+        ("parameters: {material.elasticity.young: {bounds: [2, 1]}}", "must ascend"),
+        (
+            "parameters: {material.elasticity.young: {start: 5, bounds: [1, 2]}}",
+            "must be within the bounds, 1 to 2",
+        ),
+        ("parameters: {material.elasticity.young: {bounds: [2, 3]}}", "which its bounds exclude"),
+    ],
+)
+def test_a_fit_that_cannot_be_done_is_refused(
+    folder: Folder, capfd: pytest.CaptureFixture[str], given: str, said: str
+) -> None:
+    key = given.partition(":")[0]
+    lines = [
+        f"  {given}" if line.strip().startswith(f"{key}:") else line for line in FIT.split("\n")
+    ]
+    folder.write(COLUMN + "\n".join(lines), curve=LINE)
+    code = folder.fit()
+    told = capfd.readouterr().err
+    assert code == 2 and said in told and "study.yml" in told
+
+
+def test_units_that_are_off_are_told(folder: Folder) -> None:
+    folder.write(COLUMN + FIT, curve=f"{KEY},force\n-0.01,20200\n-0.03,59900\n")
+    folder.fit()
+    assert "are the units the same?" in folder.found["words"][0]
+
+
+def test_check_reads_the_curves(folder: Folder, capfd: pytest.CaptureFixture[str]) -> None:
+    folder.write(COLUMN + FIT, curve=LINE)
+    assert cli.main(["check", str(folder.path / "study.yml")]) == 0
+    assert "1 to 2 measured numbers" in capfd.readouterr().out
+    folder.write(COLUMN + FIT, curve="t,Force\n1,2\n")
+    assert cli.main(["check", str(folder.path / "study.yml")]) == 2
+
+
+def test_a_file_without_a_fit_is_refused(folder: Folder, capfd: pytest.CaptureFixture[str]) -> None:
+    folder.write(COLUMN)
+    assert folder.fit() == 2
+    assert "the file has no section fit" in capfd.readouterr().err

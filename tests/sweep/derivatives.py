@@ -1,0 +1,179 @@
+"""Derivatives of random problems of the sweep against central differences of two widths.
+
+    python -m sweep.derivatives 300 --first 0      from the folder tests
+
+A problem has one random number of its study, and each quantity that has a derivative.  The share of
+derivatives that are within 1e-3, and the worst of those that nothing marks, are printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import copy
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from contact_locking.errors import ContactLockingError, InputError
+from contact_locking.process.sensitivities import value_of
+from contact_locking.process.solving import solve
+from contact_locking.results.solution import StudySolution
+from contact_locking.study_file.named_numbers import number_at, with_number
+from contact_locking.study_file.parameters import Parameters
+
+from .case import Study
+
+# Widths of central differences, relative to the number; those that disagree by more tell nothing.
+WIDTHS, AGREE = (1e-4, 3e-5), 1e-3
+# A derivative is right within the first, and wrong beyond the second if nothing marks it.
+RIGHT, WRONG = 1e-3, 1e-2
+# A derivative by ``ln p`` below this share of the quantity is judged by that share.
+LEAST = 1e-2
+# Below this share of the forces of the body a force is zero by symmetry, or the multiplier of what
+# does not touch: differences of solves have no more digits.
+NOTHING = 1e-4
+# Differences show what solves leave, divided by their width.
+SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}
+_PLACES = (
+    "material.elasticity.young",
+    "material.elasticity.poisson",
+    "material.locking_limit",
+    "friction.coefficient",
+    "contact.gap",
+    "contact.foundation.cylinder.radius",
+    "contact.foundation.sphere.radius",
+    "loads.tractions.0.value.0",
+    "loads.tractions.0.value.1",
+    "loads.displacements.0.value.0",
+    "loads.displacements.0.value.1",
+    "loads.displacements.1.value.0",
+    "loads.displacements.1.value.1",
+    "loads.pressures.0.value",
+    "penalty.n",
+)
+
+
+@dataclass
+class Compared:
+    """The derivatives of a problem by one number, with errors of those that differences tell."""
+
+    key: str = ""
+    marked: bool = False
+    errors: dict[str, float] = field(default_factory=dict)
+
+    def complaint(self) -> str:
+        """The derivatives that are wrong and not marked; "" if there are none."""
+        wrong = {name: error for name, error in self.errors.items() if error > WRONG}
+        if self.marked or not wrong:
+            return ""
+        return "; ".join(
+            f"d {name}/d {self.key} is off by {error:.1e}" for name, error in wrong.items()
+        )
+
+
+def compared(study: Study, seed: int) -> Compared | None:
+    """Compare the derivatives of a study; None for one without a number, or without solutions."""
+    random = np.random.default_rng([seed, 49])
+    data = copy.deepcopy(study)
+    data["solver"] = {**data.get("solver", {}), **SHARP}
+    try:
+        parameters = Parameters.model_validate(data)
+        keys = list(_keys(parameters))
+        if not keys:
+            return None
+        key = keys[int(random.integers(len(keys)))]
+        names = _names(parameters)
+        asked = Parameters.model_validate(data | {"sensitivities": {"of": names, "to": [key]}})
+        solution = solve(asked)
+        if not solution.converged or "sensitivities" not in solution.summary:
+            return None
+        at, sides = number_at(parameters, key), []
+        for width in WIDTHS:
+            above, below = (
+                _values(with_number(parameters, key, at * (1.0 + side)), names)
+                for side in (width, -width)
+            )
+            if above is None or below is None:
+                return None
+            sides.append((above - below) / (2.0 * width))
+    except (ContactLockingError, ValidationError):
+        return None
+    wide, narrow = sides
+    shares = [v for v in solution.summary["share_at_change"].values() if isinstance(v, float)]
+    found = Compared(key, max(shares, default=0.0) > 0.0)
+    floors = _floors(solution, names)
+    for place, name in enumerate(names):
+        size = max(abs(narrow[place]), LEAST * abs(value_of(name, solution)), floors[place])
+        mine = at * solution.summary["sensitivities"][name][key]["derivative"]
+        if size > 0.0 and abs(wide[place] - narrow[place]) <= AGREE * size:
+            found.errors[name] = abs(mine - narrow[place]) / size
+    return found
+
+
+def _floors(solution: StudySolution, names: list[str]) -> list[float]:
+    """What is no derivative: forces that symmetry or a distance makes zero, and their pressures."""
+    energy = value_of("elastic_energy", solution)
+    force = energy / (float(solution.summary["displacement_max"]) or 1.0)
+    pressure = force / solution.domain.extent() ** (solution.domain.dim - 1)
+    kinds = {"compliance": energy, "elastic_energy": energy, "pressure_max": pressure}
+    return [NOTHING * kinds.get(name, force) for name in names]
+
+
+def _values(parameters: Parameters, names: list[str]) -> Any:
+    solution = solve(parameters)
+    if not solution.converged:
+        return None
+    return np.array([value_of(name, solution) for name in names])
+
+
+def _keys(parameters: Parameters) -> Iterator[str]:
+    """The keys of the study that are numbers other than zero."""
+    for key in _PLACES:
+        with contextlib.suppress(InputError):
+            if number_at(parameters, key) not in (0.0, math.inf):
+                yield key
+
+
+def _names(parameters: Parameters) -> list[str]:
+    dim = parameters.mesh.dim or 2
+    names = ["compliance", "elastic_energy"]
+    if parameters.contacts:
+        names += [f"contact_force.{dim - 1}", "friction_force.0", "pressure_max"]
+    return names
+
+
+def main() -> None:
+    """Compare random problems of all families but those of pairs, and print the shares."""
+    from .families import FAMILIES, case_of
+
+    given = argparse.ArgumentParser()
+    given.add_argument("problems", type=int)
+    given.add_argument("--first", type=int, default=0)
+    words = given.parse_args()
+    families, errors, done = list(FAMILIES), [], 0
+    for number in range(words.first, words.first + 20 * words.problems):
+        name, seed = families[number % len(families)], number // len(families)
+        case = case_of(name, seed)
+        found = None if case.verge is not None else compared(case.study, number)
+        if found is None or not found.errors:
+            continue
+        done += 1
+        errors += [(error, found.marked) for error in found.errors.values()]
+        worst = max(found.errors.values())
+        mark = "marked" if found.marked else ""
+        print(f"{done:4} {name:16} {seed:4} {found.key:32} {worst:8.1e} {mark}", flush=True)
+        if done == words.problems:
+            break
+    within = np.mean([error <= RIGHT for error, _ in errors])
+    unmarked = max((error for error, marked in errors if not marked), default=0.0)
+    print(f"{done} problems, {len(errors)} derivatives: {100.0 * within:.1f} % within {RIGHT:g}")
+    print(f"the worst that nothing marks: {unmarked:.1e}")
+
+
+if __name__ == "__main__":
+    main()
