@@ -330,11 +330,12 @@ class InteriorPoint:
         """The method that is tried before; None where it is no use.
 
         It needs direct solves, and bounds that follow the pressure alone: where they follow the
-        slip as well, it takes more tangents.
+        slip as well, it takes more tangents.  A solve that is tried again need not try it again.
         """
         bounds = self._families.bounds
         follows = self.bound_moves and all(bound.follows_pressure for bound in bounds)
-        if self._tangent.direct is None or not follows:
+        is_first = self.approach == self._tuning.approaches[0]
+        if self._tangent.direct is None or not (follows and is_first):
             return None
         return ActiveSet(self._task, self._tangent, bounds, self._judge, self._tuning)
 
