@@ -176,7 +176,7 @@ class FrictionProjection(Projection):
         self._rows = slice(1, 1 + family.nodes.dim)
         self._slides_at = 1.0
         self._along = np.zeros((family.nodes.dim, len(family.weights)))
-        self._turned = np.zeros(len(family.weights), dtype=bool)
+        self._turned: BoolArray = np.zeros(len(family.weights), dtype=bool)
 
     def recall(self, pair: Pair) -> None:
         self.family.z = pair[1].copy()
@@ -198,7 +198,7 @@ class FrictionProjection(Projection):
         size = norm(v)
         # A node that would turn round in each step sticks instead.
         turns_again = self._turned & self._turns(v)
-        self._turned = self._turns(v) & ~turns_again
+        self._turned = np.asarray(self._turns(v) & ~turns_again)
         self._sticks = np.asarray((size <= self._slides_at * bound) | turns_again)
         self._slides_at = 1.0
         self._along = v / np.maximum(size, _TINY)
