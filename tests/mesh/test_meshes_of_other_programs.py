@@ -78,16 +78,36 @@ def test_a_deck_without_sets_of_cells_is_one_region(tmp_path: Path) -> None:
     assert len(domain.facets(("SOLE",))) == 1
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_quadrilaterals_and_hexahedra_are_taken(dim: int, tmp_path: Path) -> None:
+    square = ((0, 0), (1, 0), (1, 1), (0, 1))
+    corners = [(*c, 0) for c in square] + [(*c, 1) for c in square] * (dim == 3)
+    lines = [f"{i}, {x}, {y}, {z}" for i, (x, y, z) in enumerate(corners, start=1)]
+    numbers = ", ".join(str(i) for i in range(1, len(corners) + 1))
+    sole = "1, 2" if dim == 2 else "1, 2, 5, 6"
+    kind = {2: "S4", 3: "C3D8"}[dim]
+    cells = f"*ELEMENT, TYPE={kind}\n1, {numbers}\n*NSET, NSET=SOLE\n{sole}\n*END\n"
+    domain, warnings = converted(tmp_path, "\n".join(["*NODE", *lines, cells]))
+    assert domain.dim == dim and not warnings and not domain.kind.is_simplex
+    assert len(domain.facets(("SOLE",))) == 1
+
+
 @pytest.mark.parametrize(
     ("deck", "message"),
     [
         (PLATE.replace("S3", "UNKNOWN"), "cannot be read by meshio: .*UNKNOWN"),
-        ("*NODE\n1, 0., 0.\n2, 1., 0.\n*ELEMENT, TYPE=T2D2\n1, 1, 2\n", "it has line"),
+        ("*NODE\n1, 0., 0.\n2, 1., 0.\n*ELEMENT, TYPE=T2D2\n1, 1, 2\n", "has the cells line;"),
+        (
+            PLATE.replace("*ELSET, E", "*ELEMENT, TYPE=S4\n9, 1, 2, 5, 4\n*ELSET, E"),
+            "quad, triangle;",
+        ),
+        (
+            TETRAHEDRON.replace("C3D4", "C3D10").replace("3, 4\n*N", "3, 4, 1, 2, 3, 4, 1, 2\n*N"),
+            "tetra10",
+        ),
     ],
 )
-def test_decks_without_triangles_or_tetrahedra_are_refused(
-    tmp_path: Path, deck: str, message: str
-) -> None:
+def test_decks_with_other_cells_are_refused(tmp_path: Path, deck: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         converted(tmp_path, deck)
 

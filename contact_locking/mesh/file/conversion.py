@@ -25,9 +25,15 @@ _INSTALL = "apt-get install python3-meshio, or pip install meshio"
 #: The corners of the facets of a cell, by meshio's names of the cell and of its facets.
 _FACETS: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
     "triangle": ("line", ((0, 1), (1, 2), (2, 0))),
+    "quad": ("line", ((0, 1), (1, 2), (2, 3), (3, 0))),
     "tetra": ("triangle", ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3))),
+    "hexahedron": (
+        "quad",
+        ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+    ),
 }
-_DIMENSION = {"triangle": 2, "tetra": 3}
+# The names of all cells with that many dimensions begin so, of any order.
+_CELLS = {3: ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron"), 2: ("triangle", "quad")}
 
 
 def convert(source: Path, target: Path) -> list[str]:
@@ -37,13 +43,11 @@ def convert(source: Path, target: Path) -> list[str]:
     those that are in no other set, which are else the region "body".  A set of nodes is the part of
     the boundary whose facets have all their nodes in the set.
 
-    Raises InputError for a file that meshio cannot read, and that has no triangles or tetrahedra.
+    Raises InputError for a file that meshio cannot read, and for cells that are not of one kind and
+    of first order.
     """
     mesh = _read(source)
-    kind = next((kind for kind in ("tetra", "triangle") if kind in mesh.cells_dict), None)
-    if kind is None:
-        there = ", ".join(sorted(mesh.cells_dict)) or "nothing"
-        raise InputError(f"{source} has neither triangles nor tetrahedra; it has {there}")
+    dim, kind = _kind(sorted(mesh.cells_dict), source)
     blocks = [(i, block.data) for i, block in enumerate(mesh.cells) if block.type == kind]
     cells: IntArray = np.concatenate([data for _, data in blocks]).astype(np.int64)
     others = sorted(set(mesh.cells_dict) - {kind})
@@ -60,8 +64,22 @@ def convert(source: Path, target: Path) -> list[str]:
             parts[str(name)] = found
         else:
             warnings.append(f"{source}: the set {name} of nodes has no facet on the boundary")
-    _write(target, mesh.points, (kind, cells, regions, names), (facet, parts))
+    _write(target, mesh.points, dim, (kind, cells, regions, names), (facet, parts))
     return warnings
+
+
+def _kind(there: list[str], source: Path) -> tuple[int, str]:
+    """The dimension of the body and meshio's name of its cells."""
+    for dim, begins in _CELLS.items():
+        cells = [name for name in there if name.startswith(begins)]
+        if len(cells) == 1 and cells[0] in _FACETS:
+            return dim, cells[0]
+        if cells:
+            break
+    raise InputError(
+        f"{source} has the cells {', '.join(there) or 'none'}; a body has cells of one kind, "
+        f"{', '.join(_FACETS)}, of first order"
+    )
 
 
 def _read(source: Path) -> Any:
@@ -114,6 +132,7 @@ def _boundary(cells: IntArray, kind: str) -> tuple[str, IntArray]:
 def _write(
     target: Path,
     points: Any,
+    dim: int,
     body: tuple[str, IntArray, IntArray, list[str]],
     boundary: tuple[str, Mapping[str, IntArray]],
 ) -> None:
@@ -121,7 +140,6 @@ def _write(
 
     kind, cells, regions, names = body
     facet, parts = boundary
-    dim = _DIMENSION[kind]
     blocks, tags = [(kind, cells)], [regions]
     fields = {name: np.array([number, dim]) for number, name in enumerate(names, start=1)}
     for number, (name, facets) in enumerate(parts.items(), start=len(names) + 1):
