@@ -12,6 +12,7 @@ from mpi4py import MPI
 from msh import msh, write_msh
 from small_meshes import (
     BODY,
+    EDGES,
     FAR,
     LOOSE,
     REFUSED,
@@ -90,6 +91,15 @@ def test_a_facet_that_is_there_twice_counts_once(comm: MPI.Intracomm, tmp_path: 
     facts = check(study(shared(comm, tmp_path, SQUARE, named)), comm)
     (bottom,) = [group for group in facts["groups"] if group.name == "bottom"]
     assert bottom.count == 1 and bottom.measure == pytest.approx(1.0)
+
+
+def test_cells_without_any_group_are_one_region(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    """Also in another plane than z = 0, as programs export them."""
+    raised = [(*point, 2.0) for point in SQUARE]
+    file = shared(comm, tmp_path, raised, {**EDGES, "": [(1, 2, 3), (1, 3, 4)]})
+    domain = from_file(file, comm)
+    assert list(domain.cell_names) == ["body"] and domain.dim == 2
+    assert comm.allreduce(len(domain.cells("body"))) == 2
 
 
 def test_a_crack_is_a_warning(comm: MPI.Intracomm, tmp_path: Path) -> None:

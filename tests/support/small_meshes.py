@@ -131,11 +131,10 @@ REFUSED: dict[str, tuple[Points, Groups, list[str]]] = {
         {**EDGES, "body": [(1, 2, 3)], "": [(1, 3, 4)]},
         ["cells outside every physical group", "triangle 5 at (0.333333, 0.666667)"],
     ),
-    "no group of cells": (SQUARE, {**EDGES, "": [(1, 2, 3), (1, 3, 4)]}, ["no physical group"]),
     "a node above the plane": (
         [(0, 0, 0), (1, 0, 0), (1, 1, 0.5), (0, 1, 0)],
         BODY,
-        ["a surface in space", "node 3 has z = 0.5"],
+        ["a surface in space", "node 1 has z = 0, node 3 z = 0.5"],
     ),
     "a name with commands for the terminal": (
         SQUARE,

@@ -111,8 +111,6 @@ def check_coordinates(mesh: MeshData) -> None:
 
 
 def _check_groups_of_cells(mesh: MeshData) -> None:
-    if not mesh.cells.names:
-        raise InputError("it has no physical group of cells; name the body's regions")
     bare = mesh.cells.groups == 0
     if bare.any():
         raise InputError(

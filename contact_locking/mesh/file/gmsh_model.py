@@ -20,13 +20,15 @@ from contact_locking.meshes import empty_model
 # The kinds of elements by their numbers in Gmsh.
 _OF_GMSH = {kind.gmsh: kind for kind in KINDS.values()}
 _FLAT = 1e-12  # of the largest coordinate
+# The name of all cells where none has a group.
+_WHOLE = "body"
 
 
 def extract(model: Any, origin: str) -> MeshData:
     """The points, the cells and the facets of a model.
 
     Raises InputError, where ``origin`` names the mesh, unless the cells are of one kind and first
-    order, and those of a body in 2D in the plane z = 0.
+    order, and those of a body in 2D in a plane z = constant.  Cells without any group are one.
     """
     dim = max((d for d, _ in model.getEntities()), default=0)
     if dim < 2:
@@ -40,15 +42,19 @@ def extract(model: Any, origin: str) -> MeshData:
     kind = _kind(model, dim, origin)
     cells, facets = (_elements(model, k, numbers, origin) for k in (kind, kind.facet))
     if dim == 2:
-        off = np.abs(points[:, 2]) > _FLAT * np.abs(points).max()
+        height = points[0, 2]
+        off = np.abs(points[:, 2] - height) > _FLAT * np.abs(points).max()
         if off.any():
             first = int(np.argmax(off))
             raise InputError(
-                f"{origin} is a surface in space; a 2D body lies in z = 0, and node "
-                f"{numbers[first]} has z = {points[first, 2]:g}"
+                f"{origin} is a surface in space; a 2D body lies in a plane z = constant, and node "
+                f"{numbers[0]} has z = {height:g}, node {numbers[first]} z = {points[first, 2]:g}"
             )
     if facets.names.keys() & {""} or cells.names.keys() & {""}:
         raise InputError(f"{origin} has a physical group with an empty name")
+    if not cells.names:
+        ones = np.ones_like(cells.groups)
+        cells = MeshElements(cells.nodes, cells.numbers, ones, {_WHOLE: (1,)})
     return MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
 
 
